@@ -8,9 +8,12 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define PATIENCE_S 10        // kneadd answers in milliseconds, or builds an object first
-#define ANSWER_MAX (1 << 20) // bytes
+// Seconds to wait for an answer. kneadd answers in milliseconds, unless a request makes it build an object first.
+#define PATIENCE_S 10
+// Longest answer, bytes.
+#define ANSWER_MAX (1 << 20)
 
+// Connect to the control socket. Return the descriptor, or -1 with errno set.
 static int dial(const char *path, int flags)
 {
     struct sockaddr_un at = {.sun_family = AF_UNIX};
@@ -24,11 +27,12 @@ static int dial(const char *path, int flags)
     return -1;
 }
 
+// Send the request as one line. Return false if not all bytes were sent.
 static bool send_line(int fd, const json_t *request, int flags)
 {
     char *text = json_dumps(request, JSON_COMPACT);
     size_t size = text ? strlen(text) : 0;
-    if (text) text[size++] = '\n'; // in the NUL's place
+    if (text) text[size++] = '\n'; // replace the terminating NUL
     bool sent = text && send(fd, text, size, MSG_NOSIGNAL | flags) == (ssize_t)size;
     free(text);
     return sent;
@@ -52,16 +56,19 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
         tell_absence(path, error, error_size);
         return NULL;
     }
+    // Do not wait for ever: a server that hangs must not hang the client.
     struct timeval patience = {.tv_sec = PATIENCE_S};
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     char *text = malloc(ANSWER_MAX);
     size_t size = 0;
+    // Read until the newline that ends the answer, an error, or the end of the connection.
     ssize_t got = text && send_line(fd, request, 0) ? 1 : -1;
     while (got > 0 && size < ANSWER_MAX && !(size > 0 && text[size - 1] == '\n')) {
         got = recv(fd, text + size, ANSWER_MAX - size, 0);
         if (got > 0) size += (size_t)got;
     }
     json_t *answer = got >= 0 ? kn_ask_read(text, size) : NULL;
+    // Distinguish a program that is not kneadd, a server that does not answer, and a server that closes the connection.
     if (!answer)
         snprintf(error, error_size, "%s: %s", path,
                  size > 0                                               ? "what answers there is no kneadd"

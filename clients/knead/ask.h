@@ -1,20 +1,21 @@
 #ifndef KN_CLIENTS_ASK_H
 #define KN_CLIENTS_ASK_H
-// A request to a running kneadd over its control socket (server/control.h), and its answer.
+// Requests to a running kneadd over its control socket (server/control.h), and the answers.
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_ASK_PATH "/run/knead/control" // where kneadd.service has it
+#define KN_ASK_PATH "/run/knead/control" // path that kneadd.service uses
 
-// Sends, and waits for the answer: a new reference. NULL and one line in error: nobody serves there, or nobody answers.
+// Send a request and wait for the answer. Return the answer as a new reference. Return NULL with one line in error if
+// no server listens at `path`, or if no answer arrives.
 json_t *kn_ask(const char *path, const json_t *request, char *error, size_t error_size);
 
-// The same for whoever may not wait. A socket that the request has gone out on, which does not block and is the caller's;
-// -1 and one line in error. What comes back on it until the first newline is the answer.
+// Send a request without waiting. Return a non-blocking socket that the caller owns, or -1 with one line in error. The
+// answer is the text received on the socket up to the first newline.
 int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size);
 
-// What came, NULL where it is no answer: a new reference.
+// Parse the received text. Return a new reference, or NULL if the text is not a complete answer.
 json_t *kn_ask_read(const char *text, size_t size);
 
 #endif

@@ -15,10 +15,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#define COARSE 0.25 // time-step error from which on a cell is told to be coarse
+// Time-step error above which a cell is reported as coarse.
+#define COARSE 0.25
 
 static int cells_of(const kn_atlas *a) { return a->first[a->maps]; }
 
+// Find the map, column and row of a cell number.
 static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
 {
     *map = 0;
@@ -29,11 +31,12 @@ static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
 
 // --- survey ---------------------------------------------------------------------------------------------------------
 
-typedef struct progress { // shared with the processes
+typedef struct progress { // shared by all processes
     atomic_int next, done;
-    atomic_int at[KN_ATLAS_JOBS_MAX]; // the cell that each is at, -1: none
+    atomic_int at[KN_ATLAS_JOBS_MAX]; // cell that each process is working on; -1: none
 } progress;
 
+// Take cells from the shared counter and try each one, until none is left. Return 1 if memory runs out.
 static int work(const kn_atlas *a, progress *p, int job)
 {
     for (int cell; (cell = atomic_fetch_add(&p->next, 1)) < cells_of(a); atomic_fetch_add(&p->done, 1)) {
@@ -50,6 +53,7 @@ static int work(const kn_atlas *a, progress *p, int job)
     return 0;
 }
 
+// Fork a process that works on cells. Return its id, or -1.
 static pid_t start(const kn_atlas *a, progress *p, int job)
 {
     atomic_store(&p->at[job], -1);
@@ -58,24 +62,27 @@ static pid_t start(const kn_atlas *a, progress *p, int job)
     return child;
 }
 
-// Says of the cell that a process died at why.
+// Record that the process that was working on a cell died, and the reason.
 static void bury(const kn_atlas *a, progress *p, int cell, int status)
 {
     for (int w = 0; w < KN_WAYS; w++) {
         kn_score *s = &a->cell[cell].score[w];
-        s->verdict = KN_TRIAL_DIED; // what other ways had made of it, too: nobody has compared them
+        // Discard the results of the other solvers, too: nothing has been compared yet.
+        s->verdict = KN_TRIAL_DIED;
         if (WIFSIGNALED(status)) snprintf(s->reason, sizeof s->reason, "%s", strsignal(WTERMSIG(status)));
         else snprintf(s->reason, sizeof s->reason, "out of memory");
     }
     atomic_fetch_add(&p->done, 1);
 }
 
-// Takes care of the processes until the last one has ended. One that dies leaves its cell behind and another follows.
+// Watch the processes until the last one has ended. If a process dies, record the death in its cell and start a new
+// process for the remaining cells.
 static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
 {
     int status;
     kn_progress bar = kn_progress_open("stability", cells_of(a));
     for (int running = jobs; running > 0;) {
+        // Poll only if there is a progress bar to redraw; otherwise block.
         pid_t ended = waitpid(-1, &status, bar.terminal ? WNOHANG : 0);
         if (ended == 0) {
             kn_progress_step(&bar, atomic_load(&p->done));
@@ -84,6 +91,7 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
         if (ended < 0 && errno != EINTR) break;
         for (int j = 0; j < jobs && ended > 0; j++) {
             if (child[j] != ended) continue;
+            // The cell is -1 if the process ended because no cells are left. No replacement is needed.
             int cell = atomic_load(&p->at[j]);
             if (cell >= 0) bury(a, p, cell, status), child[j] = start(a, p, j);
             if (cell < 0 || child[j] < 0) running--;
@@ -92,18 +100,21 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
     kn_progress_close(&bar);
 }
 
+// Try all cells with the given number of processes.
 static int share_out(const kn_atlas *a, progress *p, int jobs)
 {
     pid_t child[KN_ATLAS_JOBS_MAX];
     int started = 0;
+    // Empty the output buffer before forking. Otherwise each child would print it again.
     fflush(stdout);
     while (started < jobs && (child[started] = start(a, p, started)) > 0) started++;
     wait_for(a, p, child, started);
-    return work(a, p, 0); // what is left, no process to be had
+    return work(a, p, 0); // cells left over if no process could be started
 }
 
 int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
 {
+    // Keep the maps of `family` and number their cells consecutively.
     int all = kn_maps(a->map, quick);
     a->maps = a->first[0] = 0;
     for (int m = 0; m < all; m++) {
@@ -112,10 +123,12 @@ int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
         a->first[a->maps + 1] = a->first[a->maps] + a->map[m].columns * a->map[m].rows;
         a->maps++;
     }
+    // Share results and progress with the processes.
     size_t bytes = (size_t)cells_of(a) * sizeof *a->cell;
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a->cell == MAP_FAILED || p == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
+    // A cell keeps this verdict if the process that tries it dies.
     for (int c = 0; c < cells_of(a); c++)
         for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_TRIAL_DIED;
     struct timespec begin, end;
@@ -135,11 +148,12 @@ void kn_atlas_free(kn_atlas *a) { munmap(a->cell, (size_t)cells_of(a) * sizeof *
 
 // --- print ----------------------------------------------------------------------------------------------------------
 
+// Character printed for each judgement, in the order of kn_judgement.
 static const char mark[KN_JUDGEMENTS + 1] = ".r~x!D";
 
 static bool bad(kn_judgement v) { return v != KN_TRIAL_RIGHT && v != KN_TRIAL_REFUSED; }
 
-// Maps of one family from m on; the first that is not.
+// Return the first map after m that belongs to another family.
 static int family_end(const kn_atlas *a, int m)
 {
     int end = m;
@@ -147,10 +161,12 @@ static int family_end(const kn_atlas *a, int m)
     return end;
 }
 
+// Print one row per solver with the number of cells of each judgement, and add the rows to the JSON result.
 static void print_counts(const kn_atlas *a, const char *name, int from, int to)
 {
     int coarse = 0, loose = 0;
-    double most = 0; // of what is right
+    double most = 0; // largest error of the cells that are right
+    // Summarise the errors of the default solver only. `coarse` and `loose` concern the reference solution.
     for (int c = from; c < to; c++) {
         const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
         if (s->verdict == KN_TRIAL_RIGHT) most = fmax(most, fmax(s->force, s->shape));
@@ -184,12 +200,14 @@ static void print_table(const kn_atlas *a)
         end = family_end(a, m);
         print_counts(a, a->map[m].family, a->first[m], a->first[end]);
     }
+    // Print the total only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
     printf("\ncoarse: the step itself, whoever solves it, costs more than %g %%; loose: its answer is not converged in "
            "every step\n",
            100 * COARSE);
 }
 
+// Print the names of the solvers as column headings above the maps.
 static void print_ticks(const kn_map *m)
 {
     printf("%-16s", "");
@@ -197,6 +215,7 @@ static void print_ticks(const kn_map *m)
     printf("\n");
 }
 
+// Print a map: one block of characters per solver, side by side.
 static void print_map(const kn_atlas *a, int map)
 {
     const kn_map *m = &a->map[map];
@@ -216,11 +235,13 @@ static void print_map(const kn_atlas *a, int map)
     }
 }
 
+// Print each reason for which the default solver refused a scene, with the number of cells.
 static void print_reasons(const kn_atlas *a)
 {
     bool title = false;
     for (int c = 0; c < cells_of(a); c++) {
         const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
+        // Count the cells with the same reason. Print the reason only at its first cell.
         int count = 0, before = 0;
         for (int d = 0; d < cells_of(a) && s->verdict == KN_TRIAL_REFUSED; d++) {
             const kn_score *other = &a->cell[d].score[KN_WAY_DEFAULT];
@@ -235,6 +256,7 @@ static void print_reasons(const kn_atlas *a)
     }
 }
 
+// Print each cell in which the default solver is not right. Return their number.
 static int print_bad(const kn_atlas *a)
 {
     int count = 0;
@@ -299,16 +321,20 @@ int kn_atlas_write(const kn_atlas *a, const char *path)
     return kn_complain("stability", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
 }
 
+// Colours of the judgements in the drawing, RRGGBB.
 static const char *const colour[KN_JUDGEMENTS] = {"56b4e9", "d0d0d0", "e69f00", "d55e00", "000000", "000000"};
 
+// Write the gnuplot commands that draw one map.
 static void draw_map(FILE *f, const kn_atlas *a, int map)
 {
     const kn_map *m = &a->map[map];
+    // Write the data block: column, row from the bottom, judgement.
     fprintf(f, "$map%d << END\n", map);
     for (int j = 0; j < m->rows; j++)
         for (int i = 0; i < m->columns; i++)
             fprintf(f, "%d %d %d\n", i, m->rows - 1 - j,
                     (int)a->cell[a->first[map] + j * m->columns + i].score[KN_WAY_DEFAULT].verdict);
+    // Label the axes with the parameters of the map.
     fprintf(f, "END\nset xtics (");
     for (int i = 0; i < m->columns; i++) fprintf(f, "%s'%.3g' %d", i ? "," : "", m->x[i], i);
     fprintf(f, ") rotate by 45 right\nset ytics (");
@@ -326,13 +352,14 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
     fprintf(f, "\nset title ");
     kn_plot_quote(f, m->title);
     fprintf(f, "\nplot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
-    for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++) // for eyes and printers without colours
+    // Mark the cells that are not right with a letter, because not all readers and printers distinguish the colours.
+    for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++)
         fprintf(f, ", $map%d using 1:($3 == %d ? $2 : NaN):('%c') with labels font 'sans,12' tc rgb '%s' notitle", map,
                 v, mark[v], v < KN_TRIAL_DIVERGED ? "black" : "white");
     fprintf(f, "\n");
 }
 
-// What the colours are, below the maps, and the marks that stand in the cells of all that is not right.
+// Write the legend below the maps: the colours, and the letters in the cells that are not right.
 static void write_legend(FILE *f, int columns, int high)
 {
     fprintf(f,
@@ -348,6 +375,7 @@ static void write_legend(FILE *f, int columns, int high)
 
 int kn_atlas_draw(const kn_atlas *a, const char *path)
 {
+    // Place at most 4 maps side by side. Leave 60 pixels for the title above and 60 pixels for the legend below.
     int code = KN_EXIT_OK, columns = a->maps < 4 ? a->maps : 4, rows = (a->maps + columns - 1) / columns;
     const int wide = 420 * columns < 840 ? 840 : 420 * columns, high = 320 * rows + 120;
     FILE *f = kn_plot_open("stability", path, wide, high, &code);

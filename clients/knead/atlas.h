@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_ATLAS_H
 #define KN_CLIENTS_ATLAS_H
-// All maps of the extremes with what came of every cell: surveyed by processes side by side, printed, written, drawn.
-// The same text and files whatever the number of processes.
+// The maps of `knead stability` (extremes.h) with the outcome of every cell. A cell is one trial of the solvers on a
+// small scene (trial.h). Several processes try the cells in parallel. Afterwards the maps are printed, written to a
+// file and drawn. Text and files do not depend on the number of processes.
 #include "clients/knead/extremes.h"
 
 #define KN_ATLAS_JOBS_MAX 256
@@ -9,16 +10,22 @@
 typedef struct kn_atlas {
     kn_map map[KN_MAPS_MAX];
     int maps;
-    int first[KN_MAPS_MAX + 1]; // cell of each map's first; the last: their number. Rows run from left to right
-    kn_outcome *cell;           // shared with the processes
-    double seconds;             // that the survey took
+    // Number of the first cell of each map, followed by the number of all cells. Cells are numbered row by row, from
+    // left to right.
+    int first[KN_MAPS_MAX + 1];
+    kn_outcome *cell; // in memory that all processes share
+    double seconds;   // duration of the survey
 } kn_atlas;
 
-// All functions that return int return an exit code and complain in one line. family NULL: all.
+// Functions that return int return an exit code. On failure they print one line on stderr.
+//
+// Try all cells with `jobs` processes. `quick`: fewer cells in each map. If `family` is NULL, all families of maps are
+// included.
 int kn_atlas_survey(kn_atlas *atlas, bool quick, const char *family, int jobs);
 void kn_atlas_free(kn_atlas *atlas);
 
-// Table, maps, what is to be said of single cells. Whether the default solver is right or refuses everywhere.
+// Print the table, the maps and remarks on single cells. Return true if the default solver is right or refuses the
+// scene in every cell.
 bool kn_atlas_print(const kn_atlas *atlas);
 
 int kn_atlas_write(const kn_atlas *atlas, const char *path); // CSV

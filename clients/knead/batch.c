@@ -13,7 +13,8 @@ static bool fail(const char *path, const char *why, char *error, size_t size)
     return false;
 }
 
-// 1 empty, 0 not, -1 neither a folder nor nothing.
+// Return 1 if the path does not exist or is an empty folder, 0 if the folder is not empty, -1 if the path is not a
+// folder.
 static int empty(const char *path)
 {
     struct stat there;
@@ -33,8 +34,9 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
     if (*taken)
         return fail(path, empty(path) < 0 ? "is no folder, expected a new one" : "is not empty, expected a new folder",
                     error, size);
+    // Put the temporary folder beside the path, so that a rename can move it there.
     size_t length = strlen(path);
-    while (length > 1 && path[length - 1] == '/') length--; // the name beside it
+    while (length > 1 && path[length - 1] == '/') length--; // ignore slashes at the end
     if (length == 0 || length + 8 > sizeof b->folder)
         return fail(path, "expected a path of 1 to 3800 bytes", error, size);
     snprintf(b->path, sizeof b->path, "%.*s", (int)length, path);
@@ -45,14 +47,16 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
     }
     mode_t mask = umask(0);
     umask(mask);
-    chmod(b->folder, 0777 & ~mask); // mkdtemp's 0700 is for secrets
+    // mkdtemp makes the folder private (0700). Set the permissions of an ordinary new folder instead.
+    chmod(b->folder, 0777 & ~mask);
     return true;
 }
 
 bool kn_batch_keep(kn_batch *b, char *error, size_t size)
 {
     if (!b->folder[0]) return true;
-    if (rename(b->folder, b->path) == 0) { // over an empty folder, too
+    // A rename also replaces an empty folder.
+    if (rename(b->folder, b->path) == 0) {
         b->folder[0] = 0;
         return true;
     }
@@ -65,6 +69,7 @@ void kn_batch_drop(kn_batch *b)
 {
     DIR *stream = b->folder[0] ? opendir(b->folder) : NULL;
     if (!stream) return;
+    // A batch holds plain files only, so one level is enough.
     for (struct dirent *e; (e = readdir(stream));)
         if (strcmp(e->d_name, ".") && strcmp(e->d_name, "..")) unlinkat(dirfd(stream), e->d_name, 0);
     closedir(stream);

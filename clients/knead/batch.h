@@ -1,8 +1,9 @@
 #ifndef KN_CLIENTS_BATCH_H
 #define KN_CLIENTS_BATCH_H
-// A folder of files that appears whole: filled beside its path under a name that nobody has, then renamed.
+// A folder of files that appears only when it is complete. The folder is filled under a temporary name in the same
+// parent folder and then renamed to its final path.
 //
-//     kn_batch_open -> write files into .folder -> kn_batch_keep, or kn_batch_drop
+//     kn_batch_open -> write files into batch.folder -> kn_batch_keep, or kn_batch_drop
 #include <limits.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -11,12 +12,14 @@ typedef struct kn_batch {
     char path[PATH_MAX - 256], folder[PATH_MAX - 256];
 } kn_batch;
 
-// One that is there must be an empty folder: nothing of anybody's is replaced. False and one sentence in error; *taken
-// then says whether it is that.
+// Create the temporary folder. If the path exists, it must be an empty folder: existing files are never replaced. On
+// failure return false with one sentence in error. `*taken` becomes true if something else exists at the path.
 bool kn_batch_open(kn_batch *batch, const char *path, bool *taken, char *error, size_t error_size);
 
-// Either one ends it; of one that is not open (all 0) nothing happens. False: one sentence in error, and it is gone.
+// Rename the folder to its final path and end the batch. On failure remove the folder and return false with one
+// sentence in error. Do nothing and return true if the batch is not open (all zero).
 bool kn_batch_keep(kn_batch *batch, char *error, size_t error_size);
-void kn_batch_drop(kn_batch *batch); // with the files in it
+// Remove the folder with its files and end the batch. Do nothing if the batch is not open (all zero).
+void kn_batch_drop(kn_batch *batch);
 
 #endif

@@ -10,11 +10,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- what the specimen is
+// ---- the specimen
 
+// Beginning of the error that kn_element_parse reports for an unknown name.
 static const char missing[] = "EXPR:1:1: unknown element";
 
-// A scene with the specimen's material, NULL with a complaint in error; *other: it is neither a file nor a material.
+// Return a scene with the specimen's material, or NULL with a complaint in error. `*other` becomes true if the specimen
+// is neither a file nor a material.
 static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error[512])
 {
     const char *dot = strrchr(opt->specimen, '.');
@@ -24,6 +26,7 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
     *other = !file && !kn_library_find(opt->specimen, &variant);
     if (*other) return NULL;
     if (file) return kn_scene_load(opt->specimen, opt->sets, opt->set_count, error, 512);
+    // A named material gets a minimal scene around it.
     int size = snprintf(text, sizeof text,
                         "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
                         "support: frictionless\ndevice: bench\n",
@@ -33,12 +36,14 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
 
 // ---- parameters of an expression
 
-// A modulus per strain, or per length of the specimen times its height.
+// Read a modulus. The text gives the modulus per strain or per length of the specimen. A modulus per length is
+// multiplied by the specimen's height.
 static bool read_modulus(const char *text, const char *unit_text, double *value, char why[160])
 {
     kn_unit unit;
     kn_quantity q;
     if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
+    // A unit with one power of metre less means "per length".
     kn_unit per_height = unit;
     per_height.m--;
     bool per = !q.bare && kn_unit_same_dimension(&q.unit, &per_height);
@@ -50,6 +55,7 @@ static bool read_modulus(const char *text, const char *unit_text, double *value,
     return true;
 }
 
+// Read a quantity that must have the given unit.
 static bool read_plain(const char *text, const char *unit_text, double *value, char why[160])
 {
     kn_unit unit;
@@ -63,7 +69,7 @@ static bool read_plain(const char *text, const char *unit_text, double *value, c
     return true;
 }
 
-// "exp(alpha, beta, p0, p1)"
+// Read the damper "exp(alpha, beta, p0, p1)".
 static bool read_exponential(const char *text, kn_part *part, char why[160])
 {
     char field[4][64];
@@ -79,8 +85,9 @@ static bool read_exponential(const char *text, kn_part *part, char why[160])
            read_plain(field[3], "Pa", &part->p1_pa, why);
 }
 
-static const char *const example[2] = {"245 kPa*s", "46 kPa"}; // [is a spring]
+static const char *const example[2] = {"245 kPa*s", "46 kPa"}; // example values for messages; [part is a spring]
 
+// Apply one --param PART=VALUE to the part of that name.
 static int read_param(kn_bench *b, const char *text, bool *given)
 {
     const char *subcommand = b->opt->subcommand, *equals = strchr(text, '=');
@@ -100,6 +107,7 @@ static int read_param(kn_bench *b, const char *text, bool *given)
     return kn_complain(subcommand, KN_EXIT_USAGE, "--param %s: expected PART=VALUE with a part of %s", text, parts);
 }
 
+// Build the specimen from an expression and its parameters.
 static int take_expression(kn_bench *b)
 {
     const kn_bench_options *opt = b->opt;
@@ -110,6 +118,7 @@ static int take_expression(kn_bench *b)
         return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                            "--set %s: %s is an expression, expected --param, or a scene", opt->sets[0], opt->specimen);
     if (!kn_element_parse(&b->net.element, opt->specimen, error, sizeof error)) {
+        // An unknown name may be a misspelt material: list the materials as well.
         bool unknown = strncmp(error, missing, sizeof missing - 1) == 0;
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s%s%s%s", error, unknown ? "; or a material: " : "",
                            unknown ? kn_library_names(names) : "", unknown ? "; or the file of a scene" : "");
@@ -119,6 +128,7 @@ static int take_expression(kn_bench *b)
         int code = read_param(b, opt->params[i], given);
         if (code != KN_EXIT_OK) return code;
     }
+    // Every part needs a value: there is no default for a material constant.
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
         if (!given[i])
             return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,
@@ -130,13 +140,14 @@ static int take_expression(kn_bench *b)
     return KN_EXIT_OK;
 }
 
-// ---- the lattice: the scene's law on N x N x N cells of the cube
+// ---- the lattice: N x N x N cells of the cube with the scene's law
 
 static int build_lattice(kn_bench *b, const kn_model_def *scene)
 {
     const kn_bench_options *opt = b->opt;
     kn_model_def def = scene ? *scene : kn_model_def_default();
     char error[256], text[KN_ELEMENT_TEXT];
+    // A lattice edge can have three elements only, so an arbitrary expression may not fit.
     if (!scene && !kn_network_material(&b->net, &def.material)) {
         kn_element normal = b->net.element;
         kn_element_normalize(&normal);
@@ -148,26 +159,30 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
             "series; without --lattice any element runs",
             text, name ? " (" : "", name ? name : "", name ? ")" : "");
     }
-    if (def.mesh) { // of an object that is no block only the material goes on the bench
+    // If the object is not a block, use only its material.
+    if (def.mesh) {
         def.mesh = NULL;
         def.diagonal_stiffness = 1;
         def.thickness_m = 0;
     }
+    // Replace the object by a cube of the bench's height with the given number of cells.
     def.spacing_m = KN_BENCH_HEIGHT_M / opt->lattice[2];
     for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
-    if (def.thickness_m > 0) { // a flat object stays flat
+    if (def.thickness_m > 0) { // keep a flat object flat
         def.nodes[1] = 1;
         def.thickness_m = def.spacing_m * opt->lattice[1];
     }
+    // Set the conditions of the bench: no gravity, a frictionless table, and one plate above the whole specimen.
     def.gravity_m_s2 = 0;
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE};
     for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 3 * def.spacing_m * opt->lattice[k];
+    // Solve accurately: the bench is an experiment, not a real-time loop.
     def.solver.kind = KN_SOLVER_IMPLICIT;
     def.solver.precision = KN_PRECISION_F64;
     def.solver.linearization = KN_LINEARIZATION_BLEND;
-    def.solver.dt_s = 1e-2; // creep takes seconds
+    def.solver.dt_s = 1e-2; // s; coarse, since creep takes seconds
     def.solver.iterations_max = 100;
     def.solver.tolerance = 1e-4;
     if (!(b->model = kn_model_build(&def, error, sizeof error)))
@@ -176,14 +191,15 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
     return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
-// S0: that of the cube, or of the block that has its height
+// Return the undeformed section S0, m^2, of the cube, or of a block that has the cube's height.
 static double area_m2(const kn_bench *b)
 {
     const int *n = b->opt->lattice;
     return n[0] ? KN_BENCH_AREA_M2 * n[0] * n[1] / (n[2] * n[2]) : KN_BENCH_AREA_M2;
 }
 
-// Height of the top face, the mean of its nodes by their share of it.
+// Return the compression of the lattice from the height of its top face. The height is the mean over the nodes,
+// weighted by their share of the face.
 static double lattice_strain(const kn_bench *b)
 {
     double sum = 0, x[3];
@@ -201,6 +217,7 @@ int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
     char error[512];
     int code = KN_EXIT_OK;
     bool other;
+    // A specimen that is neither a file nor a material is an expression.
     kn_scene *scene = load_scene(opt, &other, error);
     if (other) {
         code = take_expression(b);
@@ -239,6 +256,7 @@ void kn_bench_fresh(kn_bench *b)
 
 static double grown(const kn_bench *b) { return b->opt->constant_area ? 1 : 1 - b->strain; } // S0/S
 
+// Copy the readings from the one-dimensional element.
 static void read_element(kn_bench *b)
 {
     b->time_s = b->now.time_s;
@@ -247,6 +265,8 @@ static void read_element(kn_bench *b)
     b->force_n = b->stress_pa * area_m2(b) / grown(b);
 }
 
+// Start a new drive, which is a prescribed load or strain, at the present time. Complain if the drive needs an infinite
+// stress.
 static int take_drive(kn_bench *b, kn_drive drive)
 {
     drive.start_s = b->time_s;
@@ -254,7 +274,7 @@ static int take_drive(kn_bench *b, kn_drive drive)
     if (b->model && drive.kind == KN_DRIVE_STRAIN && fabs(drive.value - b->strain) > 1e-3)
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
                            "--lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%%/s");
-    if (b->model) return KN_EXIT_OK; // follows with the next step
+    if (b->model) return KN_EXIT_OK; // the lattice follows in the next step
     if (!kn_network_jump(&b->net, &b->now, &drive))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
                            "%s: answers at once with a dashpot, so a step of strain needs an infinite stress, expected "
@@ -280,7 +300,7 @@ int kn_bench_swing(kn_bench *b, double amplitude, double omega)
     return take_drive(b, (kn_drive){.kind = KN_DRIVE_STRAIN, .amplitude = amplitude, .omega = omega});
 }
 
-// What one step of the lattice is told: a weight on its top, or where the plate is and how fast.
+// Return the input for one lattice step: a load on the top face, or position and velocity of the plate.
 static kn_input lattice_input(const kn_bench *b)
 {
     const kn_drive *d = &b->drive;
@@ -293,7 +313,9 @@ static kn_input lattice_input(const kn_bench *b)
     return in;
 }
 
-// Over S0 the weight W h/h0 is the stress W h/(S0 h0) of the element's bench (equation 4).
+// Advance the lattice by one step and read the instrument. A constant weight W acts as the load W h/h0 on the
+// undeformed section S0. This gives the same stress W h/(S0 h0) as in the one-dimensional element (first paper,
+// equation 4).
 static int step_lattice(kn_bench *b)
 {
     kn_input in = lattice_input(b);
@@ -305,6 +327,7 @@ static int step_lattice(kn_bench *b)
     b->step++;
     b->time_s = (double)b->step * b->model->def.solver.dt_s;
     b->strain = lattice_strain(b);
+    // The plate carries the contact force; without a plate the top carries the load.
     double carried = in.probe[0].attached ? out.probe[0].force_n[2] : in.top_load_n;
     b->stress_pa = carried / area_m2(b);
     b->force_n = b->stress_pa * area_m2(b) / grown(b);
@@ -315,6 +338,7 @@ int kn_bench_advance(kn_bench *b, double until_s)
 {
     int code = KN_EXIT_OK;
     if (b->model) {
+        // Stop at the step nearest to until_s. Half a step of margin absorbs rounding.
         while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) {
             code = step_lattice(b);
             kn_progress_step(&b->bar, (double)b->stepped++);
@@ -349,6 +373,7 @@ void kn_bench_print(const kn_bench *b)
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
         const kn_part *p = &b->net.part[i];
         printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
+        // Print the range of a stress-dependent damper and the stroke, if the part has them.
         if (kn_part_thins(p))
             printf(" at no stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
                    kn_part_modulus(&b->net, i, p->p1_pa));

@@ -1,33 +1,35 @@
 #ifndef KN_CLIENTS_BENCH_H
 #define KN_CLIENTS_BENCH_H
-// The virtual rheometer: what creep, relax, sweep and tpa have in common. A specimen, 1 cm cube, on the bench:
+// The virtual rheometer: the common part of creep, relax, sweep and tpa. The specimen is a 1 cm cube on a bench:
 //
-//          load or plate            one element in one dimension (core/network.h), any expression; or with --lattice
-//         +---+---+---+            a block of N x N x N cells of a scene's law through core/step.h, as it is served
-//         |   1 cm    |
-//         +---+---+---+            stress P over strain; force = P S, and S grows as the height falls (S h = S0 h0,
-//         ///////////// table       first paper, equation 4) unless --area constant
+//          load or plate            The specimen is one element in one dimension (core/network.h), any expression. With
+//         +---+---+---+             --lattice it is a block of N x N x N cells with a scene's law. The block is stepped
+//         |   1 cm    |             by core/step.h, as in the server.
+//         +---+---+---+             Force = P S with stress P and section S. S grows as the height h falls, S h = S0 h0
+//         ///////////// table       (first paper, equation 4), unless --area constant is given.
 //
-// Compression is positive. SI inside; gf and cm are for reading.
+// Compression is positive. All values are in SI units. The units gf and cm appear only in input and output.
 #include "clients/knead/progress.h"
 #include "clients/knead/table.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 
-#define KN_BENCH_HEIGHT_M 0.01 // of the papers' specimen; S0 = 1 cm^2
+// Height of the papers' specimen; its section S0 is 1 cm^2.
+#define KN_BENCH_HEIGHT_M 0.01
 #define KN_BENCH_AREA_M2 1e-4
-#define KN_BENCH_TOLERANCE 1e-9 // of core/network.h
+// Tolerance of kn_network_advance: local error of a step, relative to the largest strain of a part.
+#define KN_BENCH_TOLERANCE 1e-9
 #define KN_GF_N 0.00980665
 #define KN_GF_CM2_PA 98.0665
 #define KN_BENCH_LOADS 16
 
 typedef struct kn_bench_options {
     const char *subcommand, *specimen;
-    const char **params, **sets; // of --param, --set
+    const char **params, **sets; // values of --param and --set
     int param_count, set_count;
     bool constant_area;
-    int lattice[3]; // cells; 0: one element
+    int lattice[3]; // cells along x, y, z; 0: one element
     const char *csv, *png;
     double load_n[KN_BENCH_LOADS];
     int loads;
@@ -37,44 +39,47 @@ typedef struct kn_bench_options {
 
 typedef struct kn_bench {
     const kn_bench_options *opt;
-    char title[400]; // what it is, one line
-    kn_network net;  // the element; with a lattice the one whose law its edges have
+    char title[400]; // the specimen in one line
+    kn_network net;  // the element; with --lattice, the law of the lattice's edges
     kn_network_state now;
     kn_drive drive;
     kn_model *model; // NULL: one element
     kn_state *lattice;
     int64_t step;
-    double time_s, strain, stress_pa, force_n; // what the instrument reads
-    kn_progress bar;                           // of steps of the lattice, while one is open
-    int64_t stepped;                           // since it was
+    double time_s, strain, stress_pa, force_n; // readings of the instrument
+    kn_progress bar;                           // progress in lattice steps, while a bar is open
+    int64_t stepped;                           // steps since the bar was opened
 } kn_bench;
 
-// Reads the options that the subcommand has: letters of which option belongs to whom stand in one table. *done after
-// --help, which prints `help`. Returns an exit code; free with kn_bench_options_free in every case.
+// Read the options of a subcommand. One table says which options belong to which subcommand. `*done` becomes true after
+// --help, which prints `help`. Return an exit code. Call kn_bench_options_free in every case.
 int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const char *help, int argc, char **argv,
                            bool *done);
 void kn_bench_options_free(kn_bench_options *opt);
 
-// Finds out what the specimen is, a material (by name, or that of a scene's file) or an expression, and builds it.
+// Build the specimen: a material (by name, or from the file of a scene) or an expression.
 int kn_bench_open(kn_bench *b, const kn_bench_options *opt);
 void kn_bench_close(kn_bench *b);
-void kn_bench_fresh(kn_bench *b); // an untouched specimen at time 0
+void kn_bench_fresh(kn_bench *b); // put an untouched specimen on the bench at time 0
 
-// A load (its weight, N) or a strain with its rate takes over now; afterwards the readings are those just after. An
-// exit code: a step of strain is impossible where a dashpot answers at once.
+// Apply a load (weight `load_n`), a strain that starts at `from` and changes at a constant rate, or an oscillating
+// strain, from the present time on. Afterwards the readings are those just after the change. Return an exit code. A
+// sudden step of strain fails if the element responds to it with a dashpot, because the stress would be infinite.
 int kn_bench_load(kn_bench *b, double load_n);
 int kn_bench_strain(kn_bench *b, double from, double rate_per_s);
 int kn_bench_swing(kn_bench *b, double amplitude, double omega);
+// Advance the specimen to the time until_s.
 int kn_bench_advance(kn_bench *b, double until_s);
 
-// A bar for that many seconds of a lattice, which take their time, and its end; of an element it is none.
+// Open a progress bar for a number of simulated seconds, and close it. Only a lattice takes long enough to need a bar.
+// For an element both functions do nothing.
 void kn_bench_bar(kn_bench *b, double seconds);
 void kn_bench_bar_end(kn_bench *b);
 
-void kn_bench_print(const kn_bench *b); // the lines that begin every report
+void kn_bench_print(const kn_bench *b); // print the heading that all reports share
 
-// An experiment as a subcommand, from its command line to its exit code: run measures, prints and fills the table,
-// finish writes what --csv and --png ask for. opt: the defaults.
+// An experiment as a subcommand, from its command line to its exit code. `run` measures, prints and fills the table.
+// `finish` writes the files that --csv and --png ask for. `opt` holds the default options.
 typedef struct kn_experiment {
     const char *name, *help;
     const char *const *columns;
@@ -83,7 +88,7 @@ typedef struct kn_experiment {
 } kn_experiment;
 int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int argc, char **argv);
 
-// The common end of the report's help, the same for all four.
+// Help text on the specimen, shared by all four experiments.
 #define KN_BENCH_HELP                                                                                                  \
     "the specimen, a 1 cm cube:\n"                                                                                     \
     "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, as they are or with -rheological,\n"        \
@@ -95,7 +100,7 @@ int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int arg
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
     "                    alpha exp(-beta P) between the stresses P0 and P1, constant outside\n"
 
-// Of the three whose stress depends on it.
+// Help text for the three experiments whose stress depends on the section.
 #define KN_BENCH_AREA_HELP                                                                                             \
     "  --area constant   stress = force/S0; else the section grows as the height falls, S h = S0 h0\n"
 

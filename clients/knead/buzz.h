@@ -1,28 +1,30 @@
 #ifndef KN_CLIENTS_BUZZ_H
 #define KN_CLIENTS_BUZZ_H
-// What a fingertip feels as buzz: the root mean square of a signal above 10 Hz. A second-order Butterworth high-pass
-// (bilinear, at the sampling rate given), squares summed since the last reset. Judge on force: position hides a chatter
-// of 500 Hz, which is an amplitude of micrometres.
+// Root mean square of a signal above 10 Hz: the buzz that a fingertip feels. The filter is a second-order Butterworth
+// high-pass (bilinear transform, at the given sampling rate). The sum of squares starts at the last reset. Apply the
+// filter to the force and not to the position: a chatter at 500 Hz has an amplitude of micrometres only.
 #define KN_BUZZ_HZ 10.0
 
-typedef struct kn_buzz { // read only but through the functions
+typedef struct kn_buzz { // use the functions; read only
     double b, a1, a2;    // y = b (x - 2 x1 + x2) - a1 y1 - a2 y2
     double x1, x2, y1, y2;
     double sum;
     long count;
 } kn_buzz;
 
-// first: the signal up to now, so that a constant is silence from the beginning.
+// Start the filter. `first` is the value of the signal up to now, so that a constant signal counts as no buzz.
 void kn_buzz_init(kn_buzz *buzz, double period_s, double first);
 void kn_buzz_add(kn_buzz *buzz, double value);
-void kn_buzz_reset(kn_buzz *buzz);       // the sum, not the filter
-double kn_buzz_rms(const kn_buzz *buzz); // 0 of nothing
+// Clear the sum and keep the filter's state.
+void kn_buzz_reset(kn_buzz *buzz);
+// Return the root mean square since the last reset, or 0 if nothing was added.
+double kn_buzz_rms(const kn_buzz *buzz);
 
-// How often a signal turns round by more than a hysteresis: what a step or stroke leaves at one or two and a buzz does
-// not. A signal that turns 20 times in a second swings with 10 Hz.
+// Number of times that a signal turns round by more than a hysteresis. A step or a stroke gives one or two turns; a
+// buzz gives many. A signal that turns 20 times a second oscillates at 10 Hz.
 typedef struct kn_turns {
-    double hysteresis, extreme; // > 0; since the last turn
-    int up;                     // which way it goes; 0: not known yet
+    double hysteresis, extreme; // hysteresis > 0; extreme since the last turn
+    int up;                     // direction of motion, 1 or -1; 0: not known yet
     int count;
 } kn_turns;
 void kn_turns_add(kn_turns *turns, double value);

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// kn_cell numbers corners in binary, VTK goes round them.
+// Append one cell. kn_cell numbers its corners in binary order, and VTK numbers them around each face.
 static void add(kn_cells *c, const kn_cell *cell, uint8_t type, int count, int node)
 {
     static const int round[8] = {0, 1, 3, 2, 4, 5, 7, 6};
@@ -12,12 +12,14 @@ static void add(kn_cells *c, const kn_cell *cell, uint8_t type, int count, int n
     int32_t at = c->count > 0 ? c->end[c->count - 1] : 0;
     for (int i = 0; i < count; i++) {
         const int corner = cell->corner[square ? round[i] : i] + node;
+        // Parts of a composite share nodes: use the master node.
         c->corner[at++] = c->model->composite ? kn_composite_master(c->model, corner) : corner;
     }
     c->type[c->count] = type;
     c->end[c->count++] = at;
 }
 
+// Append all cells of a grid. `node` is the number of the grid's first node.
 static bool add_grid(kn_cells *c, const kn_grid *grid, int node)
 {
     const int count = kn_grid_cells(grid, NULL);
@@ -40,6 +42,7 @@ static void add_mesh(kn_cells *c, const kn_simplices *mesh)
     }
 }
 
+// Return the number of cells of a mesh, a grid, or all parts of a composite.
 static int count_of(const kn_model *m)
 {
     int count = 0;
@@ -49,13 +52,14 @@ static int count_of(const kn_model *m)
     return count;
 }
 
-// state NULL: at rest.
+// Return the volume of a cell in a state, or at rest if state is NULL.
 static double volume(const kn_cells *c, const kn_state *state, int number)
 {
     static const int binary[8] = {0, 1, 3, 2, 4, 5, 7, 6};
     const kn_model *m = c->model;
     const int first = number > 0 ? c->end[number - 1] : 0, corners = c->end[number] - first;
     double x[8][3], gradient[8][3];
+    // Undo the VTK order of the corners: the volume functions expect the binary order.
     for (int i = 0; i < corners; i++) {
         double *to = x[m->def.mesh ? i : binary[i]];
         const int node = c->corner[first + i];
@@ -74,6 +78,7 @@ bool kn_cells_list(kn_cells *c, const kn_model *m)
     c->end = malloc(count * sizeof *c->end);
     c->type = malloc(count);
     c->rest = malloc(count * sizeof *c->rest);
+    // The object is a mesh, a grid, or a composite of grids.
     bool fits = c->corner && c->end && c->type && c->rest;
     if (fits && m->def.mesh) add_mesh(c, m->def.mesh);
     else if (fits && !m->composite) fits = add_grid(c, &m->grid, 0);

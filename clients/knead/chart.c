@@ -14,12 +14,14 @@ static void print_head(void)
            "lag ms", "mm deep", "N/ms", "TV/pk");
 }
 
+// Print a share as a percentage, or "-" if it is unknown.
 static void put_percent(double share, int width, int digits)
 {
     if (isfinite(share)) printf(" %*.*f", width, digits, 100 * share);
     else printf(" %*s", width, "-");
 }
 
+// Name a lattice by its spacing. A mesh has no spacing.
 static const char *lattice_of(const kn_run *run, char text[16])
 {
     if (run->spacing_m > 0) snprintf(text, 16, "%.4g mm", 1e3 * run->spacing_m);
@@ -49,16 +51,19 @@ static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN]
     if (r->chatters) printf("  chatters");
     if (r->latched) printf("  latched");
     if (run->own) printf("  scene");
+    // Print the names that this point was given: fast, balanced, accurate.
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (named[q] == r) printf("  %s", kn_quality_name(q));
     putchar('\n');
 }
 
+// Print the heading above the points of one lattice.
 static void print_lattice(const kn_front *front, const kn_row *r)
 {
     char lattice[16];
     printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
+    // Without a lattice error, this lattice is itself the finest.
     if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
     else
@@ -70,6 +75,7 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
 {
     print_head();
     for (int i = 0; i < front->count; i++) {
+        // Points are sorted by lattice, so a change in the number of nodes starts a new group.
         const kn_row *r = &front->row[i];
         if (i == 0 || r->run->nodes != r[-1].run->nodes) print_lattice(front, r);
         print_row(r, named);
@@ -84,9 +90,10 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
 
 // ---- the picture
 
+// Largest number of lattices with a colour of their own.
 enum { LATTICES = 6 };
 
-typedef struct marker { // what a point looks like, by what it is
+typedef struct marker { // symbol of a point, by solver and precision
     int type;
     const char *name;
 } marker;
@@ -95,6 +102,7 @@ static const marker markers[] = {{7, "blend"}, {9, "secant"}, {11, "tangent"},
                                  {15, "rk4"},  {5, "f64"},    {13, "smaller step"}};
 enum { MARKERS = sizeof markers / sizeof *markers };
 
+// Return the index in markers. The first three have the order of kn_method.
 static int marker_of(const kn_row *r, const kn_plan *plan)
 {
     if (r->run->method == KN_METHOD_RK4) return 3;
@@ -105,6 +113,8 @@ static int marker_of(const kn_row *r, const kn_plan *plan)
 
 static bool usable(const kn_row *r) { return !r->chatters && !r->latched; }
 
+// A panel of the picture. The panel shows the error of the shape or of the force. It shows the total error or the
+// solver's error alone, with or without the named points.
 typedef struct panel {
     const char *title;
     bool shape, all, named;
@@ -123,12 +133,14 @@ typedef struct picture {
     bool used[LATTICES][MARKERS], any_bad;
 } picture;
 
+// Return the error that a panel shows, %.
 static double height(const panel *p, const kn_row *r)
 {
     const kn_errors *e = p->shape ? &r->shape : &r->force;
     return 100 * (p->all ? e->all : e->solver);
 }
 
+// Return the number of a point's lattice in the picture. The last number stands for all lattices that do not fit.
 static int lattice_number(const picture *pic, const kn_row *r)
 {
     int l = 0;
@@ -136,12 +148,14 @@ static int lattice_number(const picture *pic, const kn_row *r)
     return l;
 }
 
-// A front as a staircase from left to right: of a lattice, or (lattice < 0) of all.
+// Write a Pareto front as a staircase from left to right: the front of one lattice, or of all lattices if `lattice` <
+// 0.
 static void write_front(FILE *f, const picture *pic, int panel_number, int lattice)
 {
     const panel *p = &panels[panel_number];
     fprintf(f, "$front%d_%d << END\n", panel_number, lattice + 1);
     for (double us = -1, least = INFINITY;;) {
+        // Find the fastest usable point that is slower than the last one and has a smaller error.
         const kn_row *next = NULL;
         for (int i = 0; i < pic->front->count; i++) {
             const kn_row *r = &pic->front->row[i];
@@ -157,7 +171,8 @@ static void write_front(FILE *f, const picture *pic, int panel_number, int latti
     fprintf(f, "END\n");
 }
 
-// us, %, lattice, marker, whether it may not be used, us of p90
+// Write one line per point: median time, us; error, %; lattice; marker; 1 if the point chatters or is latched, else 0;
+// p90, us.
 static void write_points(FILE *f, const picture *pic, int panel_number)
 {
     fprintf(f, "$points%d << END\n", panel_number);
@@ -169,7 +184,7 @@ static void write_points(FILE *f, const picture *pic, int panel_number)
     fprintf(f, "END\n");
 }
 
-// Round numbers on logarithmic axes, and a little air.
+// Set the ranges of the axes with a small margin, and ticks at round numbers of a logarithmic axis.
 static void write_ranges(FILE *f, const picture *pic, const panel *p)
 {
     double us[2] = {INFINITY, 0}, error[2] = {INFINITY, 0};
@@ -186,6 +201,7 @@ static void write_ranges(FILE *f, const picture *pic, const panel *p)
     fprintf(f, ")\n");
 }
 
+// Write a ring around each named point, with the names beside it.
 static void write_names(FILE *f, const picture *pic, const panel *p)
 {
     static const char *const place[KN_QUALITY_OWN] = {"right offset -1.4,-0.6", "center offset 0,-1.3",
@@ -193,11 +209,14 @@ static void write_names(FILE *f, const picture *pic, const panel *p)
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
         const kn_row *r = pic->named[q];
         char words[64] = "";
+        // Skip a point that the previous name has already marked.
         if (!r || !p->named || (q > 0 && r == pic->named[q - 1])) continue;
-        for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++) // one may have all names
+        // One point may have several names: put them in one label.
+        for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++)
             snprintf(words + strlen(words), sizeof words - strlen(words), "%s%s", same > q ? ", " : "",
                      kn_quality_name(same));
-        if (p->shape) words[0] = '\0'; // the ring says it: names stand in the first panel
+        // Only the first panel has the names. The panel of the shape has the ring alone.
+        if (p->shape) words[0] = '\0';
         fprintf(f, "set label %d '%s' at %g,%g %s point pt 6 ps 2.2 lw 2 lc rgb 'black' front\n", (int)q + 1, words,
                 r->median_us, height(p, r), strchr(words, ',') ? "left offset -0.8,-1.4" : place[q]);
     }
@@ -212,14 +231,17 @@ static void write_panel(FILE *f, const picture *pic, int number)
     write_ranges(f, pic, p);
     write_names(f, pic, p);
     fprintf(f, "plot ");
+    // Draw the Pareto fronts: one of all lattices, or one for each lattice.
     for (int l = p->all ? -1 : 0; l < (p->all ? 0 : pic->lattices); l++)
         fprintf(f, "$front%d_%d using 1:2 with steps lw 2.5 lc rgb '#90%s' notitle, ", number, l + 1,
                 l < 0 ? "000000" : kn_plot_colour[l]);
+    // Draw a thin line from each point's median to its p90.
     for (int l = 0; l < pic->lattices && !p->all; l++)
         fprintf(f,
                 "$points%d using ($3==%d ? $1 : NaN):2:($6-$1):(0) with vectors nohead lw 1.2 lc rgb '#b0%s' "
                 "notitle, ",
                 number, l, kn_plot_colour[l]);
+    // Draw the points, with one plot for each lattice and marker that occur together.
     for (int l = 0; l < pic->lattices; l++)
         for (int m = 0; m < MARKERS; m++)
             if (pic->used[l][m])
@@ -227,13 +249,14 @@ static void write_panel(FILE *f, const picture *pic, int number)
                         "$points%d using ($3==%d && $4==%d ? $1 : NaN):2 with points pt %d ps 1.2 "
                         "lc rgb '#%s' notitle, ",
                         number, l, m, markers[m].type, kn_plot_colour[l]);
+    // Draw a red cross on each point that chatters or is latched.
     if (pic->any_bad)
         fprintf(f, "$points%d using ($5==1 ? $1 : NaN):2 with points pt 2 ps 1.8 lw 2 lc rgb '#cc0000' notitle, ",
                 number);
     fprintf(f, "NaN notitle\n");
 }
 
-// Below the panels, of a plot without axes.
+// Write the legend below the panels, as the key of a plot without axes.
 static void write_legend(FILE *f, const picture *pic)
 {
     fprintf(f, "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
@@ -243,6 +266,7 @@ static void write_legend(FILE *f, const picture *pic)
     for (int l = 0; l < pic->lattices; l++) {
         const kn_row *r = pic->front->row;
         char text[100] = "", off[48] = "";
+        // Find any point of the lattice. All its points have the same spacing and error of the lattice.
         while (r->run->nodes != pic->nodes[l]) r++;
         if (r->run->spacing_m > 0) snprintf(text, sizeof text, "%.3g mm, ", 1e3 * r->run->spacing_m);
         if (r->force.lattice > 0)
@@ -265,6 +289,7 @@ static void write_legend(FILE *f, const picture *pic)
 static void write_script(FILE *f, const picture *pic)
 {
     char title[200];
+    // Write the data blocks first, because the plots below refer to them.
     for (int p = 0; p < PANELS; p++) {
         for (int l = -1; l < pic->lattices; l++) write_front(f, pic, p, l);
         write_points(f, pic, p);
@@ -284,6 +309,7 @@ int kn_chart_draw(const kn_front *front, const kn_plan *plan, const kn_row *cons
 {
     int code;
     picture pic = {.front = front, .plan = plan, .named = named};
+    // Collect the lattices and the markers that occur.
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
         bool begins = i == 0 || r->run->nodes != r[-1].run->nodes;

@@ -1,12 +1,13 @@
 #ifndef KN_CLIENTS_CHART_H
 #define KN_CLIENTS_CHART_H
-// A front for people: the table on a terminal, the picture.
+// Table and picture of the Pareto front of a sweep (front.h), for people.
 #include "clients/knead/front.h"
 
 void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
-// Time of a tick against the error of force and of shape that the solver leaves, with each lattice's front, and against
-// the error of force with step and lattice, with the front of all; by gnuplot. An exit code.
+// Draw the time of a tick against three errors by gnuplot: the solver's error of force, the solver's error of shape,
+// and the total error of force, which includes time step and lattice. The first two panels show the Pareto front of
+// each lattice. The third panel shows the Pareto front of all lattices. Return an exit code.
 int kn_chart_draw(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN],
                   const char *path);
 

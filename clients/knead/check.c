@@ -1,4 +1,4 @@
-// knead check: reads a scene as everything else does and says what it is, what it costs and what to watch for.
+// knead check: reads a scene as the server does and reports its properties, its cost and its problems.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/cost.h"
@@ -31,7 +31,7 @@ static const char usage[] =
     "\n"
     "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
 
-// A line, and one of the list `warnings`.
+// Print a warning and add it to the JSON list `warnings`.
 __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
 {
     char text[300];
@@ -43,12 +43,14 @@ __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
     kn_result_text(kn_result_add("warnings"), "text", text);
 }
 
-// A net's own elastic constants, measured when it was built: what the springs make of the material.
+// Print a mesh and its elastic constants. The constants were measured when the model was built. They show how the
+// network of springs differs from the material.
 static void print_net(const kn_model *model)
 {
     const kn_simplices *mesh = model->def.mesh;
     const kn_net_moduli *own = &model->moduli;
     bool flat = mesh->dimension == 2;
+    // The shear modulus is printed relative to that of an isotropic body, E/2(1 + nu).
     double extent_m[3], isotropic = 1 / (2 * (1 + own->poisson));
     kn_model_def_extent(&model->def, extent_m);
     printf("object    %g x %g x %g mm, mean edge %.3g mm: %d nodes, %d %s, %d edges, %.4g kg\n", 1e3 * extent_m[0],
@@ -63,11 +65,13 @@ static void print_net(const kn_model *model)
                "a press is a third stiffer\n",
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
+    // Warn about properties that the mesh's geometry causes.
     if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
     if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
     if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
 }
 
+// Print the fine box of a lattice with two resolutions, or the reason why the lattice is uniform.
 static void print_composite(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &model->def;
@@ -77,6 +81,7 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
     }
     printf("accuracy  %g %% of the force: spacing in a box", 100 * scene->accuracy);
     for (int k = 0; k < 3; k++) {
+        // The scene's origin is at the centre of the base, but node numbers start at a corner.
         double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
         printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
     }
@@ -120,8 +125,9 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     printf("; gravity %g m/s^2 along -z\n", def->gravity_m_s2);
 }
 
-// Second paper, equations 6 and 8: two dampers in series are one, c = c1 c2/(c1 + c2), and c1 hardly counts where it is
-// much the larger. c/c2 - 1 = -c2/(c1 + c2) is largest where c2 is, at rest.
+// Print how a material without a spring acts. The damper c1 of the Voigt element and the force-dependent damper c2 are
+// in series and act as one damper c = c1 c2/(c1 + c2) (second paper, equations 6 and 8). If c1 is much larger than c2,
+// c1 hardly matters. The difference c/c2 - 1 = -c2/(c1 + c2) is largest where c2 is largest, that is at rest.
 static void print_plastic(const kn_material *m)
 {
     double c2 = kn_material_c2(m, 0), share = m->c1_pa_s / (m->c1_pa_s + c2), off = 1 - share;
@@ -140,6 +146,7 @@ static void print_material(const kn_model *model)
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
+    // A damper whose two stops coincide cannot move, so no deformation stays.
     double in, out;
     bool rigid = kn_material_stroke(m, &in, &out);
     if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
@@ -159,6 +166,7 @@ static void print_material(const kn_model *model)
            model->kappa_m, model->gamma);
 }
 
+// Return the size of the model with its tables, bytes.
 static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
@@ -166,6 +174,7 @@ static size_t model_bytes(const kn_model *model)
     return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model);
 }
 
+// Print the predicted time of a tick, part by part, then as a whole.
 static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
@@ -177,29 +186,36 @@ static void print_cost(const kn_model *model)
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
+    // The scene's own solver settings, without a named quality.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
     double us = kn_cost_us(model, &own, false);
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
+    // A blow is a sudden change of the forces, for which the step is repeated (core/impact.h). Its time is printed
+    // separately.
     double blow = kn_cost_blow_us(model, &own);
     if (blow > 0) printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
     if (kn_cost_newton(model)) warn("each edge solves its damper by itself, at some 40 times the time");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
 
-// What of its height an object loses to its own weight: the mean of its column, the base carrying rho g H and the top
-// nothing, times what a bonded base holds back (0.85, with gas 0.58: both measured on the block of dough).
+// Print how much of its height the object loses under its own weight. The stress is the mean over a column: rho g H at
+// the base, zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58 with gas. Both factors were measured
+// on the block of dough.
 static void print_sag(const kn_model_def *def)
 {
     static const double seconds = 300, earth_m_s2 = 9.81;
+    // If the scene has no gravity, predict the sag under the earth's gravity.
     double g = def->gravity_m_s2 > 0 ? def->gravity_m_s2 : earth_m_s2, base = 1;
     if (def->support == KN_SUPPORT_BONDED) base = def->pressure == KN_PRESSURE_NONE ? 0.85 : 0.58;
     double extent_m[3];
     kn_model_def_extent(def, extent_m);
     double weight_pa = def->density_kg_m3 * g * extent_m[2];
     double sag = base * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
-    if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return;      // it falls
-    double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1); // what it goes on losing
+    // A lattice without diagonals collapses and an object without support falls, so there is no sag to predict.
+    if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return;
+    // `flown` is the share of the height that the object loses after the first second.
+    double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1);
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
            100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", which this scene leaves out");
     if (flown > 0.02 && def->gravity_m_s2 > 0)
@@ -230,18 +246,21 @@ static void print_solver(const kn_model *model)
         print_cost(model);
         if (model->isa == KN_ISA_BASE) warn("no fused multiply-add: the same bits in software, far from real time");
     }
+    // State and model together must fit into memory.
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
         warn("more than this machine's memory");
 }
 
-// The worst tick, played here: the prediction knows what a part costs, not how often a blow takes it.
+// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is played on
+// this machine, because the prediction does not know how often a blow repeats a part of the step.
 static void print_deadline(const kn_scene *scene, const kn_model *model)
 {
     kn_backend b;
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT || model->def.probe_count == 0 || !kn_backend_cpu(&b, model))
         return;
+    // Compare the worst tick under the deadline with the worst tick without one.
     const int64_t units = kn_served_deadline(&b, model, scene->budget_s);
     const double by_ms = 1e-6 * (double)kn_served_worst(&b, model, units),
                  free_ms = 1e-6 * (double)kn_served_worst(&b, model, 0);
@@ -256,7 +275,7 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     if (by_ms > 1) warn("the shortest step takes longer than 1 ms here: kneadd takes every force to zero");
 }
 
-// The points of speed against accuracy that the scene names.
+// Print the named points of speed and accuracy that the scene defines.
 static void print_quality(const kn_scene *scene, const kn_model *model)
 {
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
@@ -270,10 +289,12 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
     }
 }
 
-// Of the hand's side: the coupling, and what the object's force is to it.
+// Print the virtual coupling on the hand's side, the scale between the object's force and the hand's, and warn above
+// the stability bound.
 static void print_coupling(const kn_scene *scene)
 {
     const kn_device_def *d = &scene->device;
+    // Stability bound of the coupling for this device at 1 kHz with its delay.
     double bound = kn_coupling_delayed(d->damping_n_s_m, 1e-3, d->round_trip_s, d->hand.damping_n_s_m);
     printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m, d->hand.damping_n_s_m,
            1e3 * d->round_trip_s);
@@ -295,6 +316,7 @@ static void print_device(const kn_scene *scene)
     printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
+    // Indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};
     printf("mesh      %g Hz: places%s\n", scene->mesh_hz, told[scene->mesh_measures]);
 }
@@ -306,6 +328,7 @@ static void print_field(const kn_field *f)
            1e3 * (f->box_m[1][2] - f->box_m[0][2]), 1e3 * f->cell_m, 4e-6 * f->n[0] * f->n[1] * f->n[2]);
 }
 
+// Print the shape and size of a tool.
 static void print_size(const kn_probe_def *p)
 {
     const double *size = p->size_m, r = 1e3 * p->radius_m, l = 1e3 * p->length_m;
@@ -325,6 +348,7 @@ static void print_size(const kn_probe_def *p)
     }
 }
 
+// Print the contact parameters of a tool.
 static void print_touch(const kn_probe_def *p)
 {
     printf(", foundation %g N/m^3", p->foundation_n_m3);
@@ -337,7 +361,8 @@ static void print_touch(const kn_probe_def *p)
     else printf(", follows its pose");
 }
 
-// Largest radius of what is round of it, of a file's surface of the ball inside; infinite: it has a flat face.
+// Return the largest radius among the round parts of a tool. For a tool from a file the radius of its largest inner
+// ball counts. A flat face returns infinity.
 static double roundest_m(const kn_shape *shape)
 {
     double most_m = 0;
@@ -359,14 +384,17 @@ static void print_probe(const kn_model *model, int index)
     print_size(p);
     if (p->shape != KN_PROBE_PLATE) print_touch(p);
     printf("\n");
+    // A tool that is too narrow may pass between nodes. With a ball that is too small the hand feels single cells.
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
         warn("%s is narrower than the spacing: it may pass between nodes", p->name);
     else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
         warn("%s is smaller than 1.5 spacings (%g mm): it feels the cells", p->name, 1.5e3 * h);
 }
 
-// Sides and gas alone let cells lean; rounding decides which way, and how far depends on it (measured: nodes moved by 2
-// % of the spacing halve the bulge of a press below 0.003, and from 0.01 on do not matter).
+// Warn about a lattice that does not resist shear. If only the sides of the cells and gas carry the load, the cells
+// lean. Rounding decides the direction in which the cells lean, and the shape depends on this direction. Measured:
+// moving nodes by 2 % of the spacing halves the bulge of a press below a diagonal_stiffness of 0.003. From 0.01 on it
+// makes no difference.
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
@@ -377,10 +405,12 @@ static void print_shear(const kn_model_def *def)
         warn("one pressure for the object does not keep single cells from turning inside out");
 }
 
+// Fill the JSON result.
 static void tell_result(const kn_scene *scene, const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
+    // Times are predicted for the implicit solver only.
     const bool stepped = s->kind == KN_SOLVER_IMPLICIT;
     json_t *to = kn_result();
     char hash[24];
@@ -390,6 +420,7 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_text(to, "scene", scene->name);
     kn_result_text(to, "hash", hash);
     for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
+    // Nodes that follow other nodes are not counted.
     kn_result_integer(to, "nodes", model->node_count - (model->composite ? kn_composite_tied(model) : 0));
     kn_result_integer(to, "edges",
                       model->def.mesh    ? model->edge_count
@@ -433,6 +464,8 @@ static int check(const char *path, const char *const *sets, int count, bool text
     char error[512];
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
+    // If the model cannot be built, the message names the line of the solver in the scene, because no better place is
+    // known.
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
     if (!model) kn_complain("check", KN_EXIT_USAGE, "%s:%d:%d: %s", path, scene->solver_line, scene->solver_col, error);
     else if (text) fputs(scene->text, stdout);
@@ -449,11 +482,13 @@ int kn_check_main(int argc, char **argv)
         {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
         {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
         {"json", no_argument, NULL, 'j'},          {0}};
-    const char **sets = calloc((size_t)argc + 1, sizeof *sets); // and one of ours
+    // kn_like_uniform needs one more entry than the command line can give.
+    const char **sets = calloc((size_t)argc + 1, sizeof *sets);
     int count = 0, status = -1;
     const char *log = NULL;
     bool text = false, json = false;
     if (!sets) return KN_EXIT_INTERNAL;
+    // Each --set and --quality is one setting of the scene.
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
@@ -468,7 +503,7 @@ int kn_check_main(int argc, char **argv)
         } else if (c == 'k') {
             for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
             status = KN_EXIT_OK;
-        } else status = KN_EXIT_USAGE; // getopt has said what
+        } else status = KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (status < 0 && argc - optind != 1)
         status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");

@@ -1,11 +1,12 @@
 #ifndef KN_CLIENTS_COMMANDS_H
 #define KN_CLIENTS_COMMANDS_H
-// `knead SUBCOMMAND ...`: one line here is all that a subcommand needs besides its file, kn_<name>_main in <name>.c.
+// The subcommands of `knead SUBCOMMAND ...`. A new subcommand needs one line here and a file <name>.c with
+// kn_<name>_main.
 //
-//     X(name, "what it does, as `knead --help` says it")
+//     X(name, "summary, as `knead --help` prints it")
 //
-// argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself, on stdout, exit 0;
-// `knead NAME --version` is answered here. Results go to stdout, complaints to stderr, one line each.
+// argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself: on stdout, with exit code 0.
+// `knead NAME --version` is answered in main.c. Results go to stdout; complaints go to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(completion, "prints what bash or zsh completes knead, kneadd and knead-simdev by")                               \
@@ -33,10 +34,10 @@
 
 enum { // exit codes of every program of this project
     KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,   // the check that was asked for failed: --verify, a stated contract
+    KN_EXIT_FAILED = 1,   // a requested check failed: --verify, a stated contract
     KN_EXIT_USAGE = 2,    // bad input: an option, a scene, a log
-    KN_EXIT_DEVICE = 3,   // device, transport or environment
-    KN_EXIT_INTERNAL = 70 // our own fault
+    KN_EXIT_DEVICE = 3,   // device, transport or environment failed
+    KN_EXIT_INTERNAL = 70 // error in the program itself
 };
 
 #define KN_COMMAND(name, summary) int kn_##name##_main(int argc, char **argv);

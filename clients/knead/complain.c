@@ -4,11 +4,12 @@
 #include <stdio.h>
 #include <string.h>
 
-// ":14:9: ", with a file's name before it
+// Return true if the text contains a place in a file, like "scene.yaml:14:9: ".
 static bool has_place(const char *text)
 {
     for (const char *at = text; (at = strchr(at, ':')); at++) {
         int length = 0;
+        // sscanf sets length only if the whole pattern matched.
         if (sscanf(at, ":%*[0-9]:%*[0-9]:%n", &length) == 0 && length > 0 && at[length] == ' ') return true;
     }
     return false;
@@ -21,6 +22,7 @@ int kn_complain(const char *subcommand, int code, const char *format, ...)
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
+    // Keep a place at the beginning of the line.
     if (has_place(text)) fprintf(stderr, "%s\n", text);
     else fprintf(stderr, "knead %s: %s\n", subcommand, text);
     return code;

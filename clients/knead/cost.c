@@ -8,28 +8,30 @@
 #include <math.h>
 #include <stdio.h>
 
-// ns per lane of the padded lattice, by instruction set (base, avx2, avx512) and precision: edges once, a CG iteration.
-// Measured on one core of a Sapphire Rapids; without fused operations in the processor they run in software.
+// Times per lane of the padded lattice, ns, by instruction set (base, avx2, avx512) and precision (f32, f64). once_ns
+// is the time of all edges per linearisation, iteration_ns the time per iteration of conjugate gradients (CG). Both
+// were measured on one core of a Sapphire Rapids. A processor without fused multiply-add (base) computes it in
+// software.
 static const double once_ns[3][2] = {{1200, 2700}, {66, 150}, {34, 78}};
 static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 
-// A net's, per edge; with gas an element is worth two edges.
+// Times of a mesh, per edge. With gas an element takes as much time as two edges.
 #define EDGE_NS 35.0
 #define EDGE_ITERATION_NS 5.0
 
-// A node of a composite that follows others.
+// Times per node that follows other nodes, in a composite (a lattice with two resolutions).
 #define TIE_NS 50.0
 #define TIE_ITERATION_NS 15.0
 
-// A lane's edges when each takes Newton by itself.
+// Time of the edges of one lane when each edge is solved separately by Newton's method.
 #define NEWTON_NS 1700.0
 
-// Share of the edges' time that a law needs, and what gas adds per lane (by kn_pressure).
+// Share of the edges' time that each law needs, and the time that gas adds per lane (indexed by kn_pressure).
 static const double law_share[] = {
     [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
-// Operations and reals moved per edge and per node, counted in core/kernel*.[ch].
+// Floating-point operations and reals moved, per edge and per node. Counted in core/kernel*.[ch].
 enum {
     EDGE_FLOPS = 95,
     LAW_FLOPS = 27,
@@ -51,8 +53,10 @@ bool kn_cost_newton(const kn_model *model)
     return model->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&model->law));
 }
 
+// Index of the instruction set in the tables above.
 static int isa_of(const kn_model *m) { return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0; }
 
+// Return the cost of all edges and nodes of the lattice or mesh.
 static kn_cost_part edges(const kn_model *m)
 {
     static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper exactly"};
@@ -60,12 +64,16 @@ static kn_cost_part edges(const kn_model *m)
     bool f64 = m->def.solver.precision == KN_PRECISION_F64, table = m->law.kind >= KN_LAW_TABLE;
     double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
     snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
+    // Work once per linearisation: the law of every edge and the right-hand side of every node.
     p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
     const int kept = kn_work_edge(m);
     p.once.bytes = size * (edges * (kept + (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS)) + nodes * NODE_REALS);
+    // Work per CG iteration: the product with the matrix and the vectors. If only one real number is kept per edge, the
+    // direction of the edge is computed again.
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
     if (kept == 1) p.iteration.flops += edges * DIRECTION_FLOPS;
     p.iteration.bytes = size * (edges * kept + nodes * NODE_ITERATION_REALS);
+    // Meshes are measured per edge, lattices per lane.
     if (m->def.mesh) {
         p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
         p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
@@ -73,15 +81,18 @@ static kn_cost_part edges(const kn_model *m)
         p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
         if (kn_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
         p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
+        // Nodes that follow others have to be interpolated in every product.
         p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
         p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
     }
     return p;
 }
 
+// Return the cost of the gas in all cells, or in the whole object.
 static kn_cost_part gas(const kn_model *m)
 {
     bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
+    // gas_ns was measured with avx512 in f32. Scale it for other cases by the ratio of the edges' times.
     double slower = once_ns[isa_of(m)][f64] / once_ns[2][0], nodes = (double)kn_model_field(m, 1);
     double count = m->def.mesh ? m->def.mesh->element_count : nodes;
     kn_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
@@ -90,6 +101,7 @@ static kn_cost_part gas(const kn_model *m)
                             .flops = count * GAS_ITERATION_FLOPS,
                             .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
     p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
+    // An element with gas takes the time of two edges.
     if (m->def.mesh) {
         p.once.us = 2e-3 * count * EDGE_NS;
         p.iteration.us = 2e-3 * count * EDGE_ITERATION_NS;
@@ -97,8 +109,8 @@ static kn_cost_part gas(const kn_model *m)
     return p;
 }
 
-// Of the skin that a tool touches: a ball or fingertip pressed in by half its radius, a union with half of the rectangle
-// around it, the others with all of their face.
+// Return the area of the skin that a tool touches, m^2. A ball or fingertip is pressed in by half its radius. A union
+// or mesh touches half of the rectangle around it. The other shapes touch with their whole face.
 static double touched_m2(const kn_probe_def *probe)
 {
     const double r = probe->radius_m, *size = probe->size_m;
@@ -112,8 +124,9 @@ static double touched_m2(const kn_probe_def *probe)
     }
 }
 
-// A plate costs what finding its nodes does, and the second law of the edges on them; any other shape its samples. Each
-// looks for its cone where there is friction, and twice where its tool is coupled.
+// Return the cost of one tool's contact. A plate has to find its nodes and solves a second law for the edges on these
+// nodes. For any other shape the cost is per sample. Friction adds the same cost again, because each sample searches
+// for its friction cone. A coupled tool adds the same cost once more.
 static kn_cost_part contact(const kn_model *m, int index)
 {
     static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};
@@ -125,6 +138,7 @@ static kn_cost_part contact(const kn_model *m, int index)
         p.once = (kn_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
         return p;
     }
+    // Samples per spacing and direction: 2 for a coarse tool, 4 for a fine one.
     double per = m->shape[index].fine_m > 4 * h ? 2 : 4, more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);
@@ -144,14 +158,15 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
     return count;
 }
 
-// Of one line through the law with that many iterations.
+// Return the time of one linearisation with the given number of CG iterations, us.
 static double line_us(const kn_model *model, double iterations)
 {
     kn_cost_part part[KN_COST_PARTS];
     double us = 0, dearest = 0;
+    // All parts add up, but only the most expensive contact counts.
     for (int i = kn_cost_parts(model, part) - 1; i >= 0; i--) {
         double own = part[i].once.us + iterations * part[i].iteration.us;
-        if (part[i].contact) dearest = fmax(dearest, own); // probes seldom press all at once
+        if (part[i].contact) dearest = fmax(dearest, own); // probes seldom press at the same time
         else us += own;
     }
     return us + dearest;
@@ -160,13 +175,14 @@ static double line_us(const kn_model *model, double iterations)
 double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    int lines = kn_impact_lines(model); // that the law asks for whatever the scene says
+    int lines = kn_impact_lines(model); // least number of linearisations that the law needs, whatever the scene says
     return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
 }
 
 double kn_cost_blow_us(const kn_model *model, const kn_effort *effort)
 {
     int lines = kn_impact_lines(model) > effort->passes ? kn_impact_lines(model) : effort->passes;
+    // No step is repeated if the law is linear, or if every step already has the largest number of linearisations.
     if (isinf(kn_impact_power(model)) || lines >= KN_IMPACT_PASSES) return 0;
     return KN_IMPACT_PASSES * line_us(model, effort->iterations_max);
 }

@@ -1,4 +1,5 @@
-// knead creep: a weight on a specimen, for a time, and then not; the first paper's section 4 as a bench.
+// knead creep: puts a weight on a specimen for a time and takes the weight off. This is the experiment of the first
+// paper, section 4.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -29,7 +30,7 @@ static const char help[] =
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
 
 typedef struct reading {
-    double stress_pa, strain, residual; // at release; at the end
+    double stress_pa, strain, residual; // stress and strain at release; strain at the end
 } reading;
 
 static void add(kn_table *t, const kn_bench *b, double load_n)
@@ -37,6 +38,7 @@ static void add(kn_table *t, const kn_bench *b, double load_n)
     kn_table_add(t, (double[]){load_n, b->time_s, b->strain, KN_BENCH_HEIGHT_M * (1 - b->strain), b->stress_pa});
 }
 
+// Advance to until_s and add SAMPLES equally spaced rows to the table.
 static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
 {
     enum { SAMPLES = 300 };
@@ -49,25 +51,30 @@ static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
     return code;
 }
 
+// Run the experiment with one load: load, hold, release, rest.
 static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
 {
     const kn_bench_options *opt = b->opt;
     char label[40];
     snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->model ? ", lattice" : "");
     kn_bench_fresh(b);
+    // Two rows at time 0: before and after the elastic jump.
     kn_table_series(t, label);
     add(t, b, load_n);
     int code = kn_bench_load(b, load_n);
     if (code == KN_EXIT_OK) add(t, b, load_n);
     if (code == KN_EXIT_OK) code = watch(b, t, load_n, opt->hold_s);
+    // Read the instrument before the weight is taken off.
     r->stress_pa = b->stress_pa;
     r->strain = b->strain;
+    // Take the weight off and watch the recovery.
     if (code == KN_EXIT_OK) code = kn_bench_load(b, 0);
     if (code == KN_EXIT_OK && opt->rest_s > 0) code = watch(b, t, load_n, opt->hold_s + opt->rest_s);
     r->residual = b->strain;
     return code;
 }
 
+// Print one load's result and add it to the JSON list `loads`.
 static void print_row(const char *name, double load_n, const reading *r)
 {
     json_t *row = kn_result_add("loads");
@@ -91,10 +98,11 @@ static int run(kn_bench *b, kn_table *t)
     kn_bench_print(b);
     printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
            "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");
+    // Each load is tested on the element, and with --lattice on the lattice, too.
     for (int i = 0; i < opt->loads; i++) {
         reading r;
         for (int lattice = 0; lattice <= (model != NULL); lattice++) {
-            b->model = lattice ? model : NULL; // the element first, to compare with
+            b->model = lattice ? model : NULL; // NULL selects the element, which comes first for comparison
             kn_bench_bar(b, opt->hold_s + opt->rest_s);
             int code = creep(b, t, opt->load_n[i], &r);
             kn_bench_bar_end(b);
@@ -107,6 +115,7 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
+// Write the table and draw displacement and stress against time.
 static int finish(const kn_bench *b, const kn_table *t)
 {
     static const kn_axes axes[] = {

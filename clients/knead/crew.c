@@ -15,7 +15,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define UNSTEADY 1.15 // ratio of a point's two times: above, the machine had other work
+// If the two times of a point differ by more than this factor, the machine is considered to have done other work.
+#define UNSTEADY 1.15
 
 static volatile sig_atomic_t stopped;
 
@@ -28,17 +29,19 @@ static const char *in_folder(const kn_crew *c, const char *name, const char *end
 
 // ---- the folder
 
-// Whether a run must still be played: for its trace, or (times) for its times.
+// Return true if a run must still be played because it has no trace, or, if `times` is set, no valid times.
 static bool is_missing(const kn_crew *c, const kn_run *run, bool times)
 {
     char path[PATH_MAX];
     kn_trace t;
     bool missing = kn_trace_load(&t, in_folder(c, run->id, ".trace", path), c->program) != KN_TRACE_FOUND;
+    // A point that was played in parallel has no valid times, and its `sitting` is 0.
     missing |= times && run->role == KN_ROLE_POINT && t.sitting == 0;
     kn_trace_free(&t);
     return missing;
 }
 
+// Write a small text file into the folder.
 static bool write_file(const kn_crew *c, const char *name, const char *ending, const char *text)
 {
     char path[PATH_MAX];
@@ -47,10 +50,11 @@ static bool write_file(const kn_crew *c, const char *name, const char *ending, c
     return f && fclose(f) == 0 && ok;
 }
 
-// What is wrong with the log is told before anything is said or played.
+// Check the log before anything is printed or played.
 static int try_log(const kn_crew *c)
 {
     char scene[PATH_MAX], error[512];
+    // The check can use any run. Take the first one.
     kn_run_sets sets;
     kn_run_sets_make(&sets, &c->plan->run[0]);
     kn_replay_def def = {.log_path = c->plan->log_path,
@@ -59,7 +63,8 @@ static int try_log(const kn_crew *c)
                          .set_count = sets.count,
                          .afresh = true};
     bool fit = kn_origin_check(&def, c->plan->scene_path, c->plan->scene, error, sizeof error);
-    static const char ours[] = "scene.yaml: "; // to whom the command was given the scene has another name
+    // The user gave the scene another name. Put that name into the message.
+    static const char ours[] = "scene.yaml: ";
     if (fit) return KN_EXIT_OK;
     if (strncmp(error, ours, sizeof ours - 1) != 0) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
     return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: %s", c->plan->scene_path, error + sizeof ours - 1);
@@ -73,24 +78,28 @@ int kn_crew_open(kn_crew *c)
     c->folder = (kn_folder){.lock = -1};
     clock_gettime(CLOCK_REALTIME, &now_s);
     c->sitting = 1000000000 * (int64_t)now_s.tv_sec + now_s.tv_nsec;
+    // Hash program, plan and log: traces of another sweep must not be used.
     if (!kn_trace_hash(kn_job_program, &now[0]))
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", kn_job_program, strerror(errno));
     now[1] = kn_hash_bytes(KN_HASH_SEED, c->plan->text, strlen(c->plan->text));
     if (!kn_trace_hash(c->plan->log_path, &now[2]))
         return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: %s, expected a log", c->plan->log_path, strerror(errno));
     c->program = now[0];
+    // Signals only set a flag, so that the folder is closed in order.
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGHUP, &action, NULL);
+    // From here on the folder must be closed, even after a failure.
     int code = kn_folder_open(&c->folder, c->resume, now);
     if (code == KN_EXIT_OK && !write_file(c, "scene", ".yaml", c->plan->text))
         code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->folder.path, strerror(errno));
     if (code == KN_EXIT_OK) code = try_log(c);
+    // Count the runs that an earlier call of the same sweep has finished.
     for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i], false);
     return code;
 }
 
-// Dies of the signal that came, if one did: whoever started us sees what ended us.
+// Close the folder. If a signal came, end this process by the same signal, so that the parent process sees the cause.
 void kn_crew_close(kn_crew *c)
 {
     kn_folder_close(&c->folder);
@@ -102,6 +111,7 @@ void kn_crew_close(kn_crew *c)
 
 // ---- one at a time
 
+// Replay one run in this process.
 static int play_here(kn_crew *c, const kn_run *run, kn_trace *t)
 {
     char scene[PATH_MAX], error[512];
@@ -118,6 +128,7 @@ static int play_here(kn_crew *c, const kn_run *run, kn_trace *t)
     return KN_EXIT_OK;
 }
 
+// Save the trace of a run.
 static int keep(const kn_crew *c, const kn_run *run, const kn_trace *t)
 {
     char path[PATH_MAX];
@@ -125,7 +136,7 @@ static int keep(const kn_crew *c, const kn_run *run, const kn_trace *t)
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
 }
 
-// A point once more, minutes after its first time: of every tick the better time counts.
+// Replay a point a second time, minutes after the first. The shorter time of each tick counts.
 static int play_again(kn_crew *c, const kn_run *run)
 {
     char path[PATH_MAX];
@@ -134,6 +145,7 @@ static int play_again(kn_crew *c, const kn_run *run)
     bool timed = found == KN_TRACE_FOUND && first.sitting == c->sitting && run->role == KN_ROLE_POINT;
     int code = timed ? play_here(c, run, &second) : KN_EXIT_OK;
     if (timed && code == KN_EXIT_OK) {
+        // Count the point as unsteady if its two times show that the machine was busy with other work.
         double ratio = second.median_us / first.median_us;
         c->timed++;
         c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
@@ -145,11 +157,12 @@ static int play_again(kn_crew *c, const kn_run *run)
     return code;
 }
 
+// Play all missing runs one at a time in a first pass. Time every point a second time in a second pass.
 static int play_serially(kn_crew *c)
 {
     const kn_plan *plan = c->plan;
     int code = KN_EXIT_OK;
-    kn_progress bar = kn_progress_open("tradeoff", 2 * plan->count); // both rounds
+    kn_progress bar = kn_progress_open("tradeoff", 2 * plan->count); // both passes
     for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
         kn_trace t = {0};
         if (!is_missing(c, &plan->run[i], true)) continue;
@@ -168,6 +181,7 @@ static int play_serially(kn_crew *c)
 
 // ---- by GNU parallel
 
+// Copy the log into the folder, from where GNU parallel sends the log to the hosts.
 static bool copy_log(const kn_crew *c)
 {
     static char bytes[1 << 16];
@@ -180,13 +194,15 @@ static bool copy_log(const kn_crew *c)
     return to && fclose(to) == 0 && ok;
 }
 
-// Job files of what is missing, the longest first; how many, -1: the disk is full.
+// Write a job file for each missing run, the longest run first. Return their number, or -1 if the disk is full.
 static int write_jobs(const kn_crew *c)
 {
     char log[PATH_MAX] = "log.lcmlog", path[PATH_MAX];
     int jobs = 0;
+    // Hosts find a copy of the log beside the job. A local process reads the log at its own path.
     bool ok = c->hosts ? copy_log(c) : realpath(c->plan->log_path, log) != NULL;
     FILE *list = fopen(in_folder(c, "jobs", "", path), "w");
+    // Finer lattices and smaller steps take longer and are last in the plan, so go backwards.
     for (int role = KN_ROLE_FINE; list && role >= KN_ROLE_POINT; role--)
         for (int i = c->plan->count - 1; i >= 0; i--) {
             const kn_run *run = &c->plan->run[i];
@@ -198,14 +214,15 @@ static int write_jobs(const kn_crew *c)
     return list && fclose(list) == 0 && ok ? jobs : -1;
 }
 
-// Of a sweep on another host, in the home there. No other sweep has it, from whatever machine: it goes with all it has.
+// Name the sweep's folder in the home directory of another host. No other sweep on any machine uses this name, so the
+// folder can be deleted with its contents.
 static const char *folder_there(const kn_crew *c, char name[40])
 {
     snprintf(name, 40, "knead-sweep-%llx", (unsigned long long)c->sitting);
     return name;
 }
 
-// In the child: parallel ends with us.
+// Turn this child process into GNU parallel. The child ends when its parent ends, and its output is discarded.
 static void become(const kn_crew *c, const char *const *argv)
 {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
@@ -216,15 +233,18 @@ static void become(const kn_crew *c, const char *const *argv)
     _exit(127);
 }
 
+// Build the command line of GNU parallel and run the command.
 static void become_parallel(const kn_crew *c)
 {
-    char jobs[16], folder[40], program[PATH_MAX] = "knead"; // of a host: what its PATH has
+    char jobs[16], folder[40], program[PATH_MAX] = "knead"; // for hosts: knead in their PATH
     const char *argv[40] = {"parallel", "--plain", "--will-cite", "--quote", "--halt", "now,fail=1"};
     int n = 6;
+    // Local jobs run the same program file as this process.
     ssize_t length = c->hosts ? 0 : readlink(kn_job_program, program, sizeof program - 1);
     if (length > 0) program[length] = '\0';
     snprintf(jobs, sizeof jobs, "%d", c->jobs);
     if (c->jobs > 0) argv[n++] = "--jobs", argv[n++] = jobs;
+    // Hosts get scene, log and job by ssh, and send back the trace.
     if (c->hosts) {
         static const char *const transfer[] = {"--basefile", "scene.yaml", "--basefile", "log.lcmlog", "--transferfile",
                                                "{}",         "--return",   "{.}.trace",  "--cleanup"};
@@ -237,7 +257,8 @@ static void become_parallel(const kn_crew *c)
     become(c, argv);
 }
 
-// parallel's own --cleanup leaves everything where a job failed or was interrupted. A host may be gone: 20 s.
+// Delete the sweep's folder on every host. parallel's own --cleanup leaves everything if a job failed or was
+// interrupted. A host may be unreachable, hence a timeout of 20 s.
 static void clean_hosts(const kn_crew *c)
 {
     char folder[40];
@@ -246,12 +267,13 @@ static void clean_hosts(const kn_crew *c)
         "rm",       "-rf",     folder_there(c, folder), NULL};
     pid_t child = fork();
     if (child == 0) {
-        dup2(open("/dev/null", O_WRONLY), STDERR_FILENO); // what is wrong with a host has been said
+        dup2(open("/dev/null", O_WRONLY), STDERR_FILENO); // parallel has already reported the error of a host
         become(c, argv);
     }
     while (child > 0 && waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
 }
 
+// Return the number of traces in the folder.
 static int count_traces(const kn_crew *c)
 {
     char path[PATH_MAX];
@@ -261,13 +283,15 @@ static int count_traces(const kn_crew *c)
     return count;
 }
 
+// Wait for GNU parallel and draw the progress bar. Return its exit code.
 static int attend(const kn_crew *c, pid_t child)
 {
     static const struct timespec pause = {0, 200000000};
     int status = 0, asked = 0;
     kn_progress bar = kn_progress_open(c->hosts ? "tradeoff on hosts" : "tradeoff by parallel", c->plan->count);
     while (waitpid(child, &status, WNOHANG) == 0) {
-        if (stopped && asked++ < 2) kill(child, SIGTERM); // the first one lets running jobs end, the second does not
+        // The first SIGTERM lets running jobs end, the second stops them.
+        if (stopped && asked++ < 2) kill(child, SIGTERM);
         if (bar.terminal) kn_progress_step(&bar, count_traces(c));
         nanosleep(&pause, NULL);
     }
@@ -275,6 +299,7 @@ static int attend(const kn_crew *c, pid_t child)
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 
+// Return true if the scene refers to files other than the log.
 static bool has_files(const kn_scene *scene)
 {
     bool any = scene->mesh != NULL;
@@ -282,6 +307,7 @@ static bool has_files(const kn_scene *scene)
     return any;
 }
 
+// Play the missing runs by GNU parallel.
 static int play_in_parallel(kn_crew *c)
 {
     if (c->hosts && has_files(c->plan->scene))
@@ -299,6 +325,7 @@ static int play_in_parallel(kn_crew *c)
         return kn_complain("tradeoff", KN_EXIT_DEVICE,
                            "GNU parallel cannot be run (package parallel); without --jobs and "
                            "--hosts runs are played one at a time");
+    // Do not rely on the exit code alone: count the traces that are usable.
     int missing = 0, foreign = 0;
     char path[PATH_MAX];
     for (int i = 0; i < c->plan->count; i++) {
@@ -321,6 +348,8 @@ static int play_in_parallel(kn_crew *c)
 int kn_crew_play(kn_crew *c)
 {
     int code = KN_EXIT_OK;
+    // After GNU parallel, play serially the runs that have no trace or no valid times: times count only in this
+    // process.
     if (c->jobs != 1 || c->hosts) code = play_in_parallel(c);
     return code == KN_EXIT_OK ? play_serially(c) : code;
 }

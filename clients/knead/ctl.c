@@ -1,4 +1,4 @@
-// knead ctl: an operator's word to a running kneadd, over its control socket.
+// knead ctl: sends a control command to a running kneadd over its control socket.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/ask.h"
@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#define PATIENCE_S 20 // for a server that builds its object anew
+#define PATIENCE_S 20 // seconds to wait for a server that builds its object anew
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
@@ -48,7 +48,7 @@ static int parse(options *o, int argc, char **argv)
         if (option == 'c') o->path = optarg;
         else if (option == 'j') o->json = true;
         else if (option == 'h') o->help = true;
-        else return KN_EXIT_USAGE; // getopt has said which
+        else return KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
     return kn_complain("ctl", KN_EXIT_USAGE,
@@ -67,7 +67,7 @@ static bool ends_in(const char *name, const char *end)
     return size >= tail && strcmp(name + size - tail, end) == 0;
 }
 
-// Whether it is for programs alone, or 0 where most numbers are.
+// Return true for a member that is not printed: the member is for programs only, or it is nested and 0.
 static bool is_quiet(bool inner, const char *name, const json_t *value)
 {
     const char *key;
@@ -77,6 +77,7 @@ static bool is_quiet(bool inner, const char *name, const json_t *value)
     return ends_in(name, "_hist") || strcmp(name, "monotonic_us") == 0 || (inner && (all_zero || is_zero(value)));
 }
 
+// Print a wall-clock time, microseconds since 1970, as UTC.
 static void print_time(double us)
 {
     char text[32];
@@ -86,7 +87,7 @@ static void print_time(double us)
     fputs(text, stdout);
 }
 
-// "mean 999.8, max 1012"; what is 0 is left out.
+// Print a value. An object is printed as "mean 999.8, max 1012"; members that are 0 are left out.
 static void print_value(const char *name, const json_t *value)
 {
     const char *key, *between = "";
@@ -99,6 +100,7 @@ static void print_value(const char *name, const json_t *value)
     else if (json_is_real(value)) printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
     else if (json_is_boolean(value)) fputs(json_is_true(value) ? "yes" : "no", stdout);
     else if (json_is_array(value) && json_array_size(value) == 0) fputs("none", stdout);
+    // List the elements of an array; numbers are separated by spaces only.
     json_array_foreach(value, i, member)
     {
         if (i > 0) fputs(json_is_number(member) ? " " : ", ", stdout);
@@ -113,7 +115,7 @@ static void print_value(const char *name, const json_t *value)
     }
 }
 
-// A line; of an object a line each; of an array of objects each by its name.
+// Print a value on one line, an object with one line per member, and an array of objects one by one under their names.
 static void show(const char *indent, const char *name, json_t *value)
 {
     const char *key;
@@ -126,6 +128,7 @@ static void show(const char *indent, const char *name, json_t *value)
     } else if (json_is_object(json_array_get(value, 0))) {
         json_array_foreach(value, i, member)
         {
+            // The name becomes the heading, so remove it from the members.
             json_t *of = json_incref(json_object_get(member, "name"));
             json_object_del(member, "name");
             printf("probe ");
@@ -139,6 +142,7 @@ static void show(const char *indent, const char *name, json_t *value)
     }
 }
 
+// Print the answer to a command. Return the exit code.
 static int tell(const options *o, const char *command, json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error")), *key;
@@ -153,9 +157,11 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (strcmp(command, "status") == 0) {
         json_object_del(answer, "ok");
         json_object_foreach(answer, key, value) show("", key, value);
+        // The answer to snapshot or restore has a generation.
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));
+        // The command has changed the object: print the stored energy before and after.
     } else if (stored) {
         printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
                (int64_t)json_integer_value(tick), 1e3 * json_real_value(stored),
@@ -168,16 +174,17 @@ static int tell(const options *o, const char *command, json_t *answer)
     return error ? KN_EXIT_USAGE : KN_EXIT_OK;
 }
 
-// By whatever name this program and that one know the file.
+// Make a path absolute: the server may run in another working directory.
 static json_t *absolute(const char *path)
 {
-    char *whole = realpath(path, NULL); // NULL: the server says what is wrong with it
+    // realpath returns NULL if the file does not exist. In that case the server reports the error.
+    char *whole = realpath(path, NULL);
     json_t *text = json_string(whole ? whole : path);
     free(whole);
     return text;
 }
 
-// Where it does not belong it is refused there.
+// Add the argument of load, restore or quality. The server refuses an argument that the command does not take.
 static void add_argument(json_t *request, const char *command, const char *argument)
 {
     long long number;
@@ -189,6 +196,7 @@ static void add_argument(json_t *request, const char *command, const char *argum
     else json_object_set_new(request, "generation", json_string(argument));
 }
 
+// Add the values of set.
 static int add_values(json_t *request, char **values)
 {
     json_t *list = json_array();
@@ -199,7 +207,7 @@ static int add_values(json_t *request, char **values)
     return KN_EXIT_OK;
 }
 
-// It ends and starts again; whoever goes on then has the new one.
+// Wait until kneadd has restarted with the new scene. Otherwise the next command might still reach the old server.
 static int await_next(const options *o, double since_us)
 {
     char error[256];
@@ -208,6 +216,7 @@ static int await_next(const options *o, double since_us)
     for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
         json_t *status = kn_ask(o->path, request, error, sizeof error);
+        // The answering server is the new one if it started after the command was sent.
         double up_s = json_real_value(json_object_get(status, "uptime_s"));
         next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
         json_decref(status);
@@ -227,6 +236,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return code;
     const char *command = argv[optind], *argument = argv[optind + 1];
     bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
+    // Only `set` takes more than one argument.
     if (argument && argv[optind + 2] && !set)
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
@@ -235,6 +245,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
+    // The command `load` ends the server's process, so wait for the process that replaces it.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);

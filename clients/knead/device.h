@@ -1,20 +1,21 @@
 #ifndef KN_CLIENTS_DEVICE_H
 #define KN_CLIENTS_DEVICE_H
-// The virtual device: a real-time thread that asks a hand every millisecond where the tool is, publishes that pose and
-// gives the hand the newest force. Whose hand it is (a path's, a pointer's) it does not know.
+// The virtual device: a real-time thread that asks a hand every millisecond for the pose of the tool. The thread
+// publishes the pose and gives the newest force to the hand. The thread does not depend on the kind of hand, which may
+// be a path or a pointer.
 #include "clients/knead/hand.h"
 #include "clients/knead/join.h"
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 
-// One millisecond of the hand `self`, in the device's thread. force: the newest since the last call, NULL when there
-// was none; elapsed_ms: 1 + cycles that this thread came too late for.
+// Play one millisecond of the hand `self`, in the device's thread. `force` is the newest force since the last call, or
+// NULL if there was none. `elapsed_ms` is 1 + the number of cycles that this thread missed.
 typedef kn_hand_out kn_device_hand(void *self, const kn_hand_force *force, int elapsed_ms);
 
 typedef struct kn_device {
-    _Atomic(int) missed; // cycles this thread came too late for
-    atomic_bool done;    // the hand has said so, and the thread has ended
+    _Atomic(int) missed; // cycles that this thread missed
+    atomic_bool done;    // the hand has ended, and so has the thread
     // private
     kn_device_hand *hand;
     void *self;
@@ -23,7 +24,7 @@ typedef struct kn_device {
     size_t error_size;
     int priority_error;
     kn_hand_force force;
-    kn_hand_out last; // that was sent
+    kn_hand_out last; // last pose sent
     bool fresh;
     kn_join *bus;
     atomic_bool stop;
@@ -31,15 +32,17 @@ typedef struct kn_device {
     pthread_t thread;
 } kn_device;
 
-// Joins the bus and starts moving. False and one line in error. device must be zeroed and stays where it is.
+// Join the bus and start the thread. On failure return false with one line in error. `device` must be zeroed and must
+// not move in memory.
 bool kn_device_start(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe,
                      char *error, size_t error_size);
-// 0, or why there is no SCHED_FIFO (errno).
+// Return 0, or the errno for which SCHED_FIFO was refused.
 int kn_device_priority_error(const kn_device *device);
-void kn_device_stop(kn_device *device); // and joins; the tool stops where it is, its session ends
+// Stop and join the thread. The tool stays where it is, and its session ends.
+void kn_device_stop(kn_device *device);
 
-// The same without a thread of its own: the caller calls tick every ms, elapsed_ms after the last one, until that is
-// false.
+// Join the bus, play and leave without a thread. The caller calls kn_device_tick every millisecond until kn_device_tick
+// returns false. `elapsed_ms` is the time since the last call.
 bool kn_device_join(kn_device *device, kn_device_hand *hand, void *self, const char *url, const char *probe,
                     char *error, size_t error_size);
 bool kn_device_tick(kn_device *device, int elapsed_ms);

@@ -1,4 +1,5 @@
-// knead export: an object through time as files for other programs: ParaView and VTK, MeshLab and Open3D, tables.
+// knead export: writes the states of an object over time to files for other programs: ParaView and VTK, MeshLab and
+// Open3D, tables.
 #include "clients/knead/batch.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -19,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOMENTS_MAX 100000 // five digits of a name
+#define MOMENTS_MAX 100000 // a file name has five digits for the number
 
 static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        a recording, stepped through the daemon's own servo\n"
@@ -47,11 +48,11 @@ static const char help[] =
 
 typedef struct options {
     const char *log, *scene, *snapshot, *vtk, *ply, *csv;
-    double from_s, to_s, every_s, at_s; // to_s INFINITY: end; at_s NAN: a series, INFINITY: end
-    bool spaced;                        // --from, --to or --every
+    double from_s, to_s, every_s, at_s; // to_s: INFINITY is the end; at_s: NAN is a series, INFINITY the end
+    bool spaced;                        // --from, --to or --every was given
     int measure;
     const char *top;
-    double top_si; // 0: what is needed
+    double top_si; // end of the colour scale; 0: chosen by the values in the file
     bool help;
 } options;
 
@@ -61,9 +62,9 @@ typedef struct run {
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
-    int gauged; // of which model, see kn_moment
+    int gauged; // number of the model that gauge belongs to, see kn_moment
     int moments;
-    double first_s, last_s; // of them
+    double first_s, last_s; // times of the first and the last moment
 } run;
 
 #define REFUSE(...) return kn_complain("export", KN_EXIT_USAGE, __VA_ARGS__)
@@ -71,7 +72,8 @@ typedef struct run {
 
 // ---- options
 
-static const char *take(options *o, int option, const char *text) // NULL, or what was expected
+// Take one option. Return NULL, or a description of what was expected.
+static const char *take(options *o, int option, const char *text)
 {
     o->spaced |= option == 'f' || option == 't' || option == 'e';
     switch (option) {
@@ -93,8 +95,10 @@ static const char *take(options *o, int option, const char *text) // NULL, or wh
     }
 }
 
+// Check that no output replaces an input or lies inside another output.
 static int check_outputs(const options *o)
 {
+    // PLY is one file for one moment, else a folder of files.
     const bool one = !isnan(o->at_s) || o->scene;
     const char *files[] = {o->csv, one ? o->ply : NULL};
     for (int i = 0; i < 2; i++)
@@ -106,10 +110,12 @@ static int check_outputs(const options *o)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
                 REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
+    // A series needs a fixed colour scale: a colour must mean the same in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
 }
 
+// Check that the options fit together.
 static int check(options *o)
 {
     if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; knead export --help tells the rest");
@@ -134,7 +140,7 @@ static int parse(int argc, char **argv, options *o)
                                           {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
     int option, which = 0;
-    opterr = 0; // our own words
+    opterr = 0; // errors are reported here in this program's own words
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
         const char *word = argv[optind - 1];
         if (option == ':') REFUSE("%s: expected a value", word);
@@ -151,6 +157,7 @@ static int parse(int argc, char **argv, options *o)
 
 // ---- outputs
 
+// Create a folder that appears only when it is complete. Do nothing if `path` is NULL.
 static int open_folder(kn_batch *batch, const char *path)
 {
     char error[PATH_MAX];
@@ -159,6 +166,7 @@ static int open_folder(kn_batch *batch, const char *path)
     return kn_complain("export", taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
 }
 
+// Open all outputs under temporary names.
 static int open_outputs(run *r)
 {
     const options *o = r->o;
@@ -174,13 +182,14 @@ static int open_outputs(run *r)
     return KN_EXIT_OK;
 }
 
+// Give all outputs their final names.
 static int keep_outputs(run *r)
 {
     char error[PATH_MAX];
     kn_paraview *paraview = r->paraview;
     r->paraview = NULL;
     if (paraview && !kn_paraview_close(paraview, error, sizeof error)) FAIL("%s", error);
-    // a disk that is full is told before the first of them appears
+    // Flush first: a full disk is reported before the first file appears.
     if ((r->csv.file && fflush(r->csv.file) != 0) || (r->ply.file && fflush(r->ply.file) != 0))
         FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
     if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
@@ -190,7 +199,8 @@ static int keep_outputs(run *r)
     return KN_EXIT_OK;
 }
 
-static void drop_outputs(run *r) // those that were not kept
+// Remove the outputs that were not kept.
+static void drop_outputs(run *r)
 {
     char error[1];
     if (r->paraview) kn_paraview_close(r->paraview, error, 0);
@@ -203,6 +213,7 @@ static void drop_outputs(run *r) // those that were not kept
 
 // ---- moments
 
+// Return false if a node's position is not finite.
 static bool whole(const kn_moment *m)
 {
     for (int i = 0; i < m->model->node_count; i++) {
@@ -213,7 +224,8 @@ static bool whole(const kn_moment *m)
     return true;
 }
 
-// A name may hold anything, a line of a PLY's head only words.
+// Describe a moment in words for the head of a PLY file. A scene's name may contain any character, but the head must
+// contain printable characters only.
 static void say_of(const char *scene, double time_s, char *about, size_t size)
 {
     snprintf(about, size, "%s at %.3f s", scene, time_s);
@@ -226,6 +238,7 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
     const kn_measure what = (kn_measure)r->o->measure;
     kn_still still = {0};
     char about[128];
+    // The gauge belongs to a model; a `set` command in the recording may have changed the model.
     if (!r->gauge || r->gauged != m->models) {
         kn_gauge_destroy(r->gauge);
         r->gauge = kn_gauge_create(m->model);
@@ -239,6 +252,7 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
     return ok;
 }
 
+// Write the surface at one moment, into the single file or as a new file of the folder.
 static int add_surface(run *r, const kn_moment *m, const char *scene)
 {
     char path[PATH_MAX], error[PATH_MAX];
@@ -255,9 +269,11 @@ static int add_surface(run *r, const kn_moment *m, const char *scene)
     return KN_EXIT_OK;
 }
 
+// Write one moment to all outputs.
 static int add_moment(run *r, const kn_moment *m, const char *scene)
 {
     char error[PATH_MAX];
+    // A diverged object cannot be drawn.
     if (!whole(m))
         REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
                m->time_s);
@@ -269,6 +285,7 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     return code;
 }
 
+// Make a moment from the replay's present state and the tools' forces.
 static kn_moment moment_of(kn_replay *r)
 {
     kn_moment m = {
@@ -289,27 +306,32 @@ static kn_moment moment_of(kn_replay *r)
 
 // ---- a recording, a scene
 
+// Add a table row for each live probe.
 static void add_rows(run *r, const kn_replay *replay)
 {
     for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
         if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
 }
 
+// Handle one tick of the recording: write table rows at every tick, and a moment at each tick for which a moment is
+// due.
 static int take_tick(run *r, kn_replay *replay, double *next_s)
 {
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
+    // Half a tick of margin absorbs rounding of the times.
     if (t < (one ? o->at_s : o->from_s) - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     add_rows(r, replay);
     if (t < *next_s - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
+    // Find the next due time. Gaps in the recording may skip several.
     const double due_s = t + KN_REPLAY_HALF_TICK_S;
     while (!one && *next_s <= due_s) *next_s += o->every_s * fmax(1, floor((due_s - *next_s) / o->every_s));
     const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
 }
 
-// Before the first of them.
+// Check the number of moments before the first one is written.
 static int check_moments(const options *o, const kn_replay *replay)
 {
     const double end_s = kn_replay_end_s(replay), begin_s = end_s - 1e-3 * (double)(replay->tally.ticks_total - 1);
@@ -320,6 +342,7 @@ static int check_moments(const options *o, const kn_replay *replay)
            moments);
 }
 
+// Step through the recording and write the moments.
 static int step_through(run *r, kn_replay *replay)
 {
     const options *o = r->o;
@@ -330,7 +353,9 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress bar = kn_progress_open("export", fmin((double)replay->tally.ticks_total, fmax(1, 1e3 * end_s)));
     while (code == KN_EXIT_OK && !kn_interrupted && last_s < end_s - KN_REPLAY_HALF_TICK_S && kn_replay_step(replay)) {
         last_s = replay->tick.time_s;
-        if (!one && last_s > end_s + KN_REPLAY_HALF_TICK_S) break; // ticks are missing there; of one the next will do
+        // Stop at a tick beyond the end, after missing ticks. A single moment uses that tick instead of the missing
+        // one.
+        if (!one && last_s > end_s + KN_REPLAY_HALF_TICK_S) break;
         code = take_tick(r, replay, &next_s);
         kn_progress_step(&bar, (double)replay->tally.ticks);
     }
@@ -338,7 +363,8 @@ static int step_through(run *r, kn_replay *replay)
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
     if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
-    if (one && isinf(end_s)) { // its end is known now
+    // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
+    if (one && isinf(end_s)) {
         add_rows(r, replay);
         const kn_moment m = moment_of(replay);
         return add_moment(r, &m, replay->scene->name);
@@ -348,6 +374,7 @@ static int step_through(run *r, kn_replay *replay)
     return KN_EXIT_OK;
 }
 
+// Export a recording.
 static int of_log(run *r)
 {
     char error[512];
@@ -358,12 +385,14 @@ static int of_log(run *r)
     int code = check_moments(o, replay);
     if (code == KN_EXIT_OK) code = open_outputs(r);
     if (code == KN_EXIT_OK) code = step_through(r, replay);
+    // A damaged log is used up to the damage. A message reports the damage.
     if (code == KN_EXIT_OK && replay->damage[0])
         kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
     kn_replay_destroy(replay);
     return code;
 }
 
+// Export the object of a scene at rest.
 static int of_scene(run *r)
 {
     char error[512];
@@ -402,6 +431,7 @@ int kn_export_main(int argc, char **argv)
     if (code == KN_EXIT_OK) code = keep_outputs(&r);
     if (code == KN_EXIT_OK) tell(&r);
     drop_outputs(&r);
-    if (code != KN_EXIT_OK) kn_interrupt_die(); // what was whole before it came is there
+    // If the outputs were complete before the interruption, keep them and ignore the signal.
+    if (code != KN_EXIT_OK) kn_interrupt_die();
     return code;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Number of steps of a trial.
 #define STEPS 160
 
 // --- scenes ---------------------------------------------------------------------------------------------------------
@@ -19,7 +20,7 @@ static kn_probe_def ball(double radius_m)
     return (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = radius_m};
 }
 
-// 3 x 2 x 2 cm of dough under a plate of 1 cm, pressed 3 mm down.
+// Return the standard trial: a plate of 1 cm is pressed 3 mm into a block of dough, 3 x 2 x 2 cm.
 static kn_trial block(double dt_s)
 {
     kn_trial t = {.def = kn_model_def_default(), .steps = STEPS, .depth_m = 0.003, .strain = 0.05, .squeezed = 1};
@@ -30,6 +31,7 @@ static kn_trial block(double dt_s)
     return t;
 }
 
+// Scale the force-dependent damper c2. A material may define c2 by several parameters, so scale all of them.
 static void scale_c2(kn_material *m, double by)
 {
     m->c2_pa_s *= by;
@@ -41,6 +43,7 @@ static void scale_c2(kn_material *m, double by)
 enum { K1, C1, C2, MASS, PARAMETERS };
 static const char *const parameter_name[] = {"k1", "c1", "c2", "mass"};
 
+// Scale one parameter of the model.
 static void scale(kn_model_def *def, int parameter, double by)
 {
     if (parameter == K1) def->material.k1_pa *= by;
@@ -55,11 +58,12 @@ static void constant_c2(kn_material *m, double c2_pa_s)
     m->c2_pa_s = c2_pa_s;
 }
 
-typedef struct kind { // of material
+typedef struct kind { // a change of material
     const char *name;
-    void (*of)(kn_material *m); // from dough
+    void (*of)(kn_material *m); // applied to dough
 } kind;
 
+// Functions for three whole materials, and for dough with one or two parameters at a limit.
 static void dough(kn_material *m) { (void)m; }
 static void jelly(kn_material *m) { *m = (kn_material){.k1_pa = 1e4, .c1_pa_s = 500}; }
 static void clay(kn_material *m)
@@ -75,7 +79,8 @@ static void no_c1_no_flow(kn_material *m) { m->c1_pa_s = 0, m->damper = KN_DAMPE
 static void no_k1_no_flow(kn_material *m) { m->k1_pa = 0, m->damper = KN_DAMPER_NONE; }
 static void no_c1_no_beta(kn_material *m) { m->c1_pa_s = 0, m->beta_per_pa = 0; }
 static void no_p0(kn_material *m) { m->p0_pa = 0; }
-static void ramp(kn_material *m) // between the same ends
+// Replace the exponential damper by a ramp between its values at p0 and p1.
+static void ramp(kn_material *m)
 {
     m->c_max_pa_s = kn_material_c2(m, m->p0_pa);
     m->c_min_pa_s = kn_material_c2(m, m->p1_pa);
@@ -99,6 +104,7 @@ static const kind common[] = {{"dough", dough}, {"jelly", jelly}, {"clay", clay}
 
 // --- families -------------------------------------------------------------------------------------------------------
 
+// Make a trial with one parameter scaled by x, at the time step y. `variant` selects the parameter, and plate or ball.
 static bool make_scale(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -107,6 +113,7 @@ static bool make_scale(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
+// Make a trial with two parameters scaled independently, by x and y, under a plate.
 static bool make_pair(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(1e-3);
@@ -115,6 +122,7 @@ static bool make_pair(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
+// Make a trial of a material with parameters at a limit, under a plate, a ball or a dead load. x is the time step.
 static bool make_limit(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->x[i]);
@@ -124,7 +132,8 @@ static bool make_limit(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// One edge upright, its base held; or one node alone, which falls, or which a plate carries down.
+// Make a trial of one upright edge whose base is held, or of one node. The single node falls, or a plate moves the node
+// down.
 static bool make_bar(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->x[i]);
@@ -141,7 +150,8 @@ static bool make_bar(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// Six tetrahedra to each cell of 3 x 3 x 2, all alike; sides stretched along z by an aspect at a constant volume.
+// Create a mesh of 3 x 3 x 2 equal cells. Each cell is divided into six tetrahedra of the same shape (Kuhn's division).
+// The cells are stretched along z by `aspect` at a constant volume.
 static kn_simplices *kuhn(double aspect)
 {
     static const int n[3] = {3, 3, 2}, turn[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
@@ -154,17 +164,20 @@ static kn_simplices *kuhn(double aspect)
         s->x_m[i][1] = across * (i % z / y);
         s->x_m[i][2] = up * (i / z);
     }
+    // Each tetrahedron follows one order of the three axes from a cell's corner to the opposite corner.
     for (int e = 0; e < s->element_count; e++) {
         int cell = e / 6, at = cell % n[0] * x + cell / n[0] % n[1] * y + cell / (n[0] * n[1]) * z;
         const int *way = turn[e % 6];
         int a = at + step[way[0]], b = a + step[way[1]], far = at + x + y + z;
-        bool even = e % 6 < 3; // of the permutation: else it turns the other way
+        // An odd order of the axes gives the opposite orientation, so swap two corners.
+        bool even = e % 6 < 3;
         memcpy(s->element[e], (int[]){at, even ? a : b, even ? b : a, far}, sizeof s->element[e]);
         s->tag[e] = e + 1;
     }
     return s;
 }
 
+// Put the mesh into the trial, and fit plate and depth to the size of the mesh. Return false if out of memory.
 static bool on_mesh(kn_trial *t, kn_simplices *mesh)
 {
     t->mesh = mesh;
@@ -180,6 +193,7 @@ static bool on_mesh(kn_trial *t, kn_simplices *mesh)
     return true;
 }
 
+// Make a trial of dough, jelly or clay on stretched or flattened tetrahedra.
 static bool make_aspect(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -187,7 +201,8 @@ static bool make_aspect(const kn_map *c, int i, int j, kn_trial *t)
     return on_mesh(t, kuhn(c->x[i]));
 }
 
-// An inner node goes towards the plane of a face opposite to it until that little of the flattest element is left.
+// Make a trial on a mesh with a nearly flat element. An inner node is moved towards the plane of an opposite face,
+// until the share x of the flattest element's volume is left.
 static bool make_sliver(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -197,6 +212,7 @@ static bool make_sliver(const kn_map *c, int i, int j, kn_trial *t)
     return on_mesh(t, s);
 }
 
+// Make a trial that compresses the whole block by the share x of its height, with or without gas.
 static bool make_squash(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -207,6 +223,8 @@ static bool make_squash(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
+// Make a trial with gas in cells, or in the whole object. The topmost cells start at x times their volume at rest, and
+// the gas has the pressure y. No tool touches the object.
 static bool make_gas(const kn_map *c, int i, int j, kn_trial *t)
 {
     static const double dt[3] = {1e-4, 1e-3, 1e-2};
@@ -219,6 +237,7 @@ static bool make_gas(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
+// Make a trial with a tool whose pose jumps by x: down, up or sideways.
 static bool make_jump(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -228,7 +247,7 @@ static bool make_jump(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// A number from 0 up to 1 that depends on its arguments alone (SplitMix64).
+// Return a pseudo-random number in [0, 1) that depends only on the arguments (SplitMix64).
 static double dice(int seed, int which)
 {
     uint64_t z = 0x9e3779b97f4a7c15u * (uint64_t)(1 + seed * 16 + which);
@@ -237,7 +256,7 @@ static double dice(int seed, int which)
     return (double)((z ^ z >> 31) >> 11) * 0x1p-53;
 }
 
-// Every parameter somewhere in ten decades about its common value, each on its own.
+// Make a trial with random parameters. Draw each parameter independently within ten decades around its common value.
 static bool make_mixed(const kn_map *c, int i, int j, kn_trial *t)
 {
     int seed = (int)(c->x[i] + 100 * c->y[j]) + 10000 * c->variant;
@@ -255,7 +274,7 @@ static bool make_mixed(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// Larger blocks: information crosses one cell an iteration.
+// Make a trial of a larger block. Information crosses one cell per iteration, so larger blocks need more iterations.
 static bool make_size(const kn_map *c, int i, int j, kn_trial *t)
 {
     int cells = (int)c->x[i];
@@ -309,6 +328,7 @@ static const double half_scales[7] = {1e-6, 1e-4, 1e-2, 1, 1e2, 1e4, 1e6}, few_s
 static const double all_steps[9] = {1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1};
 static const double decades[5] = {1e-5, 1e-4, 1e-3, 1e-2, 1e-1}, few_steps[3] = {1e-5, 1e-3, 1e-1};
 
+// Append a map to the list.
 static kn_map *add(list *l, int f, int variant, const char *title, const char *across, const char *down)
 {
     kn_map *c = &l->map[l->count++];
@@ -332,12 +352,14 @@ static void set_y(kn_map *c, const double *y, int count)
 #define X(map, list) set_x(map, list, COUNT(list))
 #define Y(map, list) set_y(map, list, COUNT(list))
 
+// Make the rows materials instead of numbers.
 static void set_kinds(kn_map *c, const kind *k, int count)
 {
     c->rows = count;
     for (int i = 0; i < count; i++) c->y[i] = i, c->y_text[i] = k[i].name;
 }
 
+// Add maps of each parameter's scale against the time step, under a plate and a ball.
 static void add_scales(list *l)
 {
     for (int p = 0; p < PARAMETERS; p++)
@@ -350,6 +372,7 @@ static void add_scales(list *l)
         }
 }
 
+// Add one map for each pair of parameters.
 static void add_pairs(list *l)
 {
     for (int p = 0; p < PARAMETERS; p++)
@@ -363,6 +386,7 @@ static void add_pairs(list *l)
         }
 }
 
+// Add maps of materials at their limits, then of single edges and nodes.
 static void add_materials(list *l)
 {
     static const char *const who[] = {"under a plate", "under a ball", "under a dead load"};
@@ -384,6 +408,7 @@ static void add_materials(list *l)
     }
 }
 
+// Add maps of meshes of stretched tetrahedra, then of meshes with one nearly flat element.
 static void add_meshes(list *l)
 {
     static const double aspects[] = {1e-3, 1e-2, 0.1, 0.3, 1, 3, 10, 30, 100, 1000};
@@ -405,6 +430,7 @@ static void add_meshes(list *l)
     }
 }
 
+// Add maps of violent motions: deep compression, collapsed gas cells, jumping tools.
 static void add_violence(list *l)
 {
     static const double deep[] = {0.3, 0.5, 0.7, 0.8, 0.9, 0.95}, few_deep[] = {0.5, 0.9, 0.95};
@@ -413,6 +439,7 @@ static void add_violence(list *l)
     static const double far[] = {1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1}, few_far[] = {1e-3, 1e-2, 1e-1};
     static const char *const jumps[] = {"plate, down", "ball, down",   "plate, up",
                                         "ball, up",    "plate, along", "ball, along"};
+    // The quick survey leaves out variants and columns; the families stay complete.
     for (int v = 0; v < 6; v += l->quick ? 3 : 1) {
         char title[80];
         snprintf(title, sizeof title, "%s%s, height lost under a plate", common[v % 3].name, v >= 3 ? " with gas" : "");
@@ -439,6 +466,7 @@ static void add_violence(list *l)
     }
 }
 
+// Add maps of random parameters, then of larger blocks.
 static void add_rest(list *l)
 {
     double seeds[KN_MAP_SIDE];

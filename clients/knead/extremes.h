@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_EXTREMES_H
 #define KN_CLIENTS_EXTREMES_H
-// What is tried at the extremes: maps of trials, one trial a cell, grouped in families. The scenes are small, some
-// fifty nodes of dough at their common point, so that thousands take minutes; a family of its own makes them larger.
+// Trials of the solvers with extreme parameters (trial.h), for `knead stability`. The trials are arranged in maps, one
+// trial per cell, and the maps are grouped in families. The scenes are small: some fifty nodes of dough with common
+// parameters, so that thousands of trials take minutes. Only the family "size" has larger scenes.
 #include "clients/knead/trial.h"
 
 #define KN_MAP_SIDE 16
@@ -13,17 +14,19 @@ typedef struct kn_map {
     const char *across, *down; // what changes along x, and from row to row
     int columns, rows;
     double x[KN_MAP_SIDE], y[KN_MAP_SIDE];
-    const char *y_text[KN_MAP_SIDE]; // in place of the numbers where they are choices
+    const char *y_text[KN_MAP_SIDE]; // labels of rows that are choices instead of numbers
     int variant;
 } kn_map;
 
-extern const char *const kn_families[];  // names, NULL-terminated, in the order of the maps
-const char *kn_family_about(int family); // one line
+// Names of the families, NULL-terminated, in the order of the maps.
+extern const char *const kn_families[];
+// Return a description of a family in one line.
+const char *kn_family_about(int family);
 
-// Fills the maps; returns their number. quick: fewer cells of each.
+// Fill the maps and return their number. If `quick` is true, each map has fewer cells.
 int kn_maps(kn_map maps[KN_MAPS_MAX], bool quick);
 
-// The trial of a cell; free with kn_trial_free. False: memory is short.
+// Make the trial of a cell. Free it with kn_trial_free. Return false if out of memory.
 bool kn_map_trial(const kn_map *map, int column, int row, kn_trial *trial);
 
 #endif

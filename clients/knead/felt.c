@@ -3,8 +3,9 @@
 #include <math.h>
 
 #define TICK_S 1e-3
-#define BAND_HZ 8.0 // from here
+#define BAND_HZ 8.0 // lower end of the band around 10 Hz
 #define BAND_WIDTH_HZ 4.0
+// Least share of the sum of squared force that the band must have. Below this share no lag is computed.
 #define BAND_FLOOR 1e-6
 enum { BAND_POINTS = 17 };
 
@@ -15,6 +16,7 @@ static double squared_distance(const double a[3], const double b[3])
     return squares((double[3]){a[0] - b[0], a[1] - b[1], a[2] - b[2]});
 }
 
+// Return the relative Euclidean distance, NAN if there is nothing to compare with.
 static double ratio(double difference, double size) { return size > 0 ? sqrt(difference / size) : NAN; }
 
 double kn_felt_force(const kn_trace *a, const kn_trace *b)
@@ -30,7 +32,8 @@ double kn_felt_force(const kn_trace *a, const kn_trace *b)
 
 // ---- shape
 
-// The cell along one axis that place (of n nodes, in spacings from the first) lies in, and how far in it.
+// Find the cell along one axis that contains `place`, a coordinate in spacings from the first of n nodes. `*in` becomes
+// the position within the cell, 0 to 1.
 static int64_t cell_of(double place, int64_t n, double *in)
 {
     int64_t cell = (int64_t)floor(place);
@@ -40,13 +43,15 @@ static int64_t cell_of(double place, int64_t n, double *in)
     return cell;
 }
 
-// Displacement of a block where a node of another one is: trilinear.
+// Interpolate the displacement of `b` (trilinear) at the place of one node of `a`.
 static void interpolate(const kn_trace *b, const kn_trace *a, const int64_t node[3], double u_m[3])
 {
     int64_t cell[3];
     double in[3];
+    // Find the cell of `b` that contains the node.
     for (int k = 0; k < 3; k++) cell[k] = cell_of((double)node[k] * a->spacing_m / b->spacing_m, b->grid[k], &in[k]);
     u_m[0] = u_m[1] = u_m[2] = 0;
+    // Sum over the cell's corners. A lattice that is one node wide has a single layer.
     for (int corner = 0; corner < 8; corner++) {
         int64_t at[3];
         double weight = 1;
@@ -60,6 +65,7 @@ static void interpolate(const kn_trace *b, const kn_trace *a, const int64_t node
     }
 }
 
+// Compare the shapes of blocks with different lattices at the nodes of `a`.
 static double shape_between(const kn_trace *a, const kn_trace *b)
 {
     double difference = 0, size = 0, u_m[3];
@@ -78,6 +84,7 @@ double kn_felt_shape(const kn_trace *a, const kn_trace *b)
 {
     bool same = a->nodes == b->nodes;
     for (int k = 0; k < 3; k++) same &= a->grid[k] == b->grid[k];
+    // Meshes with different nodes cannot be compared; blocks can.
     if (!same) return a->grid[0] && b->grid[0] ? shape_between(a, b) : NAN;
     double difference = 0, size = 0;
     for (int64_t i = 0; i < a->nodes; i++) {
@@ -87,7 +94,7 @@ double kn_felt_shape(const kn_trace *a, const kn_trace *b)
     return ratio(difference, size);
 }
 
-// ---- what a hand would notice
+// ---- differences that a hand would notice
 
 double kn_felt_peak(const kn_trace *t)
 {
@@ -119,7 +126,8 @@ double kn_felt_depth(const kn_trace *t)
     return deepest;
 }
 
-// One component of one tool's force at a frequency, by a turning phasor: one exp per call.
+// Return the Fourier transform of one component of one tool's force at a frequency. A phasor is turned at each tick, so
+// that only one exponential is computed.
 static double complex spectrum(const kn_trace *t, int64_t first, int component, double hz)
 {
     double complex sum = 0, phasor = 1, turn = cexp(-2 * M_PI * I * hz * TICK_S);
@@ -135,6 +143,7 @@ double kn_felt_lag(const kn_trace *a, const kn_trace *b)
     double complex cross = 0;
     double energy = 0, mean_hz = 0, all = 0;
     if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
+    // Sum the cross spectrum over frequencies, tools and components. Large components count more.
     for (int f = 0; f < BAND_POINTS; f++)
         for (int64_t c = 0; c < 3 * b->probes; c++) {
             double hz = BAND_HZ + BAND_WIDTH_HZ * f / (BAND_POINTS - 1);
@@ -145,7 +154,7 @@ double kn_felt_lag(const kn_trace *a, const kn_trace *b)
             mean_hz += hz * size;
         }
     for (int64_t i = 0; i < b->ticks * b->probes; i++) all += squares(b->force_n[i]);
-    // no frequency has more than ticks * all, by Cauchy and Schwarz
+    // By the Cauchy-Schwarz inequality the energy at one frequency is at most ticks * all.
     if (!(energy > BAND_FLOOR * all * (double)b->ticks)) return NAN;
     return -carg(cross) / (2 * M_PI * mean_hz / energy);
 }

@@ -9,21 +9,26 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 }; // a servo beside it comes first
+// Largest number of arguments of ffmpeg. Niceness of ffmpeg, so that a servo loop on this machine comes first. Exit
+// code of the child if ffmpeg is not installed.
+enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 };
 
 struct kn_film {
     kn_beside out;
-    FILE *said;   // its stderr, a file without a name: a pipe that nobody reads would stop it
-    pid_t ffmpeg; // 0: it has ended
+    // Output of ffmpeg, in a file without a name. A pipe would fill up and stop ffmpeg, because nobody reads the output
+    // before the end.
+    FILE *said;
+    pid_t ffmpeg; // 0: ffmpeg has ended
     int pipe, status;
-    bool broken; // a picture could not be handed over
+    bool broken; // a picture could not be written
     size_t picture_bytes;
     const volatile sig_atomic_t *stopped;
-    struct sigaction before; // of SIGPIPE
+    struct sigaction before; // handler of SIGPIPE before the film
 };
 
-// H.264 as everything plays it, crf 18: no difference seen; VP9 the same, quick enough to follow the pictures; a
-// palette for every picture of a GIF, one for all of them would keep them all in memory.
+// ffmpeg arguments by file name. H.264 in a form that every player accepts; crf 18 shows no visible difference. VP9 of
+// the same quality, fast enough to follow the pictures. A GIF gets a palette for each picture: one common palette would
+// keep all pictures in memory.
 typedef struct format {
     const char *ending, *args[16];
 } format;
@@ -36,7 +41,7 @@ static const format formats[] = {
     {".gif", {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
 };
 
-// From the renderer's sRGB to what players take a film's colours for.
+// Convert the renderer's sRGB to the colours that players assume for a film.
 static const char *const yuv[] = {"-vf",
                                   "scale=out_color_matrix=bt709:out_range=tv",
                                   "-pix_fmt",
@@ -69,7 +74,8 @@ static int add_all(const char **argv, int count, const char *const *more)
     return count;
 }
 
-// In the child, which a terminal's Ctrl-C must not reach: what it has written then is dropped by its parent.
+// Turn this child process into ffmpeg. A terminal's Ctrl-C must not reach ffmpeg: the parent process removes an
+// interrupted file.
 static void become(const kn_film *film, int from, const format *f, int width, int height, double fps)
 {
     const char *argv[ARGS_MAX] = {NULL};
@@ -80,21 +86,25 @@ static void become(const kn_film *film, int from, const format *f, int width, in
                                 "rawvideo", "-pixel_format", "rgba",     "-video_size", size,    "-framerate", rate,
                                 "-i",       "pipe:0",        NULL};
     int n = add_all(argv, 0, head);
+    // A GIF keeps RGB colours.
     if (strcmp(f->ending, ".gif") != 0) n = add_all(argv, n, yuv);
     n = add_all(argv, n, f->args);
     char name[sizeof film->out.tmp + 8];
-    snprintf(name, sizeof name, "file:%s", film->out.tmp); // a name with a colon in it is no protocol's
+    // The prefix keeps ffmpeg from reading a colon in the name as a protocol.
+    snprintf(name, sizeof name, "file:%s", film->out.tmp);
     argv[n] = name;
+    // Use a process group of its own, which the terminal's signals do not reach.
     setpgid(0, 0);
     signal(SIGPIPE, SIG_DFL);
     dup2(from, STDIN_FILENO);
     dup2(fileno(film->said), STDOUT_FILENO);
     dup2(fileno(film->said), STDERR_FILENO);
-    if (nice(NICENESS) < 0) errno = 0; // then at the usual priority
+    if (nice(NICENESS) < 0) errno = 0; // if nice fails, run at the usual priority
     execvp(argv[0], (char *const *)argv);
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
 
+// Search PATH for ffmpeg, as execvp will do.
 bool kn_film_ready(char *error, size_t error_size)
 {
     static const char program[] = "ffmpeg";
@@ -112,6 +122,7 @@ bool kn_film_ready(char *error, size_t error_size)
     return false;
 }
 
+// Start ffmpeg with a pipe to its input.
 static bool start(kn_film *film, const format *f, int width, int height, double fps)
 {
     int ends[2];
@@ -122,7 +133,8 @@ static bool start(kn_film *film, const format *f, int width, int height, double 
     if (film->ffmpeg == 0) become(film, ends[0], f, width, height, fps);
     if (film->ffmpeg < 0) film->ffmpeg = 0, film->status = -1;
     const bool started = film->ffmpeg > 0;
-    if (started) setpgid(film->ffmpeg, film->ffmpeg); // here too: whoever comes first, from now on it is a group
+    // Parent and child both make the process group, because either may run first.
+    if (started) setpgid(film->ffmpeg, film->ffmpeg);
     close(ends[0]);
     return started;
 }
@@ -138,6 +150,7 @@ kn_film *kn_film_open(const char *path, int width, int height, double fps, const
     film->stopped = stopped;
     film->pipe = -1;
     film->picture_bytes = 4 * (size_t)width * (size_t)height;
+    // The pipe reports a dead ffmpeg by an error instead of SIGPIPE.
     if (!kn_beside_open(&film->out, path, error, error_size)) return free(film), NULL;
     sigaction(SIGPIPE, &(struct sigaction){.sa_handler = SIG_IGN}, &film->before);
     if (start(film, f, width, height, fps)) return film;
@@ -148,6 +161,7 @@ kn_film *kn_film_open(const char *path, int width, int height, double fps, const
 
 bool kn_film_add(kn_film *film, const uint8_t *rgba)
 {
+    // A signal may interrupt a write. After an interrupted write `*stopped` decides if the film goes on.
     for (size_t done = 0; done < film->picture_bytes;) {
         if (*film->stopped) return false;
         const ssize_t n = write(film->pipe, rgba + done, film->picture_bytes - done);
@@ -157,20 +171,21 @@ bool kn_film_add(kn_film *film, const uint8_t *rgba)
     return true;
 }
 
-// Until it has ended: by itself once the pipe is closed, at once when it is to be dropped.
+// Wait until ffmpeg has ended. ffmpeg ends by itself when the pipe is closed. If `at_once` is set, kill ffmpeg.
 static void end(kn_film *film, bool at_once)
 {
     if (film->pipe >= 0) close(film->pipe);
     film->pipe = -1;
     while (film->ffmpeg > 0) {
-        if (at_once || *film->stopped) kill(-film->ffmpeg, SIGKILL); // with whatever a wrapper of it has started
+        // Kill the whole group: ffmpeg may be a wrapper that has started other processes.
+        if (at_once || *film->stopped) kill(-film->ffmpeg, SIGKILL);
         const pid_t ended = waitpid(film->ffmpeg, &film->status, 0);
         if (ended > 0 || errno != EINTR) film->ffmpeg = 0;
     }
     sigaction(SIGPIPE, &film->before, NULL);
 }
 
-// The last line of what it said.
+// Find the last line of ffmpeg's output and make it printable.
 static void last_line(FILE *said, char *line, size_t size)
 {
     char next[300];
@@ -196,7 +211,7 @@ bool kn_film_keep(kn_film *film, char *error, size_t error_size)
     end(film, false);
     struct stat made;
     const bool ended_well = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
-    // one that reads nothing and is content with it has made nothing
+    // Check the file, too: an ffmpeg that has read no picture may report success without a file.
     const bool whole = ended_well && !film->broken && stat(film->out.tmp, &made) == 0 && made.st_size > 0;
     last_line(film->said, line, sizeof line);
     bool kept = whole && kn_beside_keep(&film->out, error, error_size);

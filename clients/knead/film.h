@@ -1,11 +1,12 @@
 #ifndef KN_CLIENTS_FILM_H
 #define KN_CLIENTS_FILM_H
-// Pictures as a film: handed to the program ffmpeg through a pipe, at the rate that it encodes them. ffmpeg is run,
-// without a shell, never linked. The file is written beside its path and renamed when it is whole.
+// A film made from pictures. The pictures go through a pipe to the program ffmpeg, as fast as ffmpeg encodes them.
+// ffmpeg is run without a shell and never linked. The file is written beside its path and renamed when it is complete.
 //
 //     kn_film_open -> kn_film_add, picture by picture -> kn_film_keep, or kn_film_drop
 //
-// One film at a time: while one is open SIGPIPE is ignored, so that an ffmpeg that dies is told and not died of.
+// One film at a time. SIGPIPE is ignored while a film is open, so that the death of ffmpeg is reported and does not end
+// this process.
 #include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -15,19 +16,24 @@
 
 typedef struct kn_film kn_film;
 
-bool kn_film_knows(const char *path);               // by its ending
-bool kn_film_ready(char *error, size_t error_size); // ffmpeg is there, else one sentence
+// Return true if the ending of the name is one of KN_FILM_NAMES.
+bool kn_film_knows(const char *path);
+// Return true if ffmpeg is installed, else false with one sentence in error.
+bool kn_film_ready(char *error, size_t error_size);
 
-// stopped: nonzero gives up what waits for ffmpeg. NULL and one sentence in error: ffmpeg is not there, or path cannot
-// be written. width and height even, fps > 0.
+// Start a film. A nonzero `*stopped` ends every wait for ffmpeg. `width` and `height` must be even, `fps` > 0. Return
+// NULL with one sentence in error if ffmpeg is missing or path cannot be written.
 kn_film *kn_film_open(const char *path, int width, int height, double fps, const volatile sig_atomic_t *stopped,
                       char *error, size_t error_size);
 
-// rgba [height][width][4], top row first. False: ffmpeg has ended, or stopped; kn_film_keep or _drop must follow.
+// Add a picture, rgba [height][width][4], top row first. Return false if ffmpeg has ended or `*stopped` is set. After
+// false, call kn_film_keep or kn_film_drop.
 bool kn_film_add(kn_film *film, const uint8_t *rgba);
 
-// Either ends it. keep: false and one sentence in error, ffmpeg's last line among it; then there is no file.
+// End the film and keep the file. On failure return false with one sentence in error, which includes ffmpeg's last
+// line, and leave no file.
 bool kn_film_keep(kn_film *film, char *error, size_t error_size);
-void kn_film_drop(kn_film *film); // NULL is fine
+// End the film without a file. NULL is allowed.
+void kn_film_drop(kn_film *film);
 
 #endif

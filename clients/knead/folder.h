@@ -1,13 +1,14 @@
 #ifndef KN_CLIENTS_FOLDER_H
 #define KN_CLIENTS_FOLDER_H
-// Where a sweep keeps its runs: the folder that --resume names, or one for temporary files that goes with the sweep.
+// The folder in which a sweep keeps its runs. A sweep is one call of `knead tradeoff`, which replays a log with many
+// solver settings. The folder is the one that --resume names, or a temporary one that is removed when the sweep ends.
 //
-//     folder/sweep     hashes of program, scene and log, so that no run is taken for another sweep's; a last line
-//                      `temporary` in one that nobody asked to keep. Locked as long as the sweep is at work
+//     folder/sweep     hashes of program, scene and log, so that no run of another sweep is used. A temporary folder
+//                      has a last line `temporary`. The file is locked while the sweep is at work
 //
-// A sweep that was killed cannot remove its own folder. The next one does: whatever says `temporary`, is this user's
-// and is not locked. The line is written under the lock, so a folder is never taken for a leftover while it comes to
-// be.
+// A sweep that was killed cannot remove its own folder, so the next sweep removes the leftover. A leftover has the line
+// `temporary`, belongs to this user and is not locked. The line is written under the lock, so a new folder is never
+// mistaken for a leftover.
 #include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -15,14 +16,16 @@
 typedef struct kn_folder {
     char path[PATH_MAX]; // "": none
     bool temporary;
-    int lock; // descriptor of sweep, -1: none
+    int lock; // descriptor of the file sweep, -1: none
 } kn_folder;
 
-// resume NULL: a temporary one, in $TMPDIR or /tmp. hashes: of program, scene, log. An exit code, after a complaint.
+// Open the folder `resume`, or a temporary folder in $TMPDIR or /tmp if `resume` is NULL. `hashes` are those of
+// program, scene and log. Return an exit code. On failure one line on stderr has given the reason.
 int kn_folder_open(kn_folder *folder, const char *resume, const uint64_t hashes[3]);
-void kn_folder_close(kn_folder *folder); // removes a temporary one
+// Close the folder, and remove a temporary folder.
+void kn_folder_close(kn_folder *folder);
 
-// folder/name, its end being ending; "" when that is too long.
+// Return the path of the file `name` in the folder with `ending` appended, or "" if the path is too long.
 const char *kn_folder_path(const kn_folder *folder, const char *name, const char *ending, char path[PATH_MAX]);
 
 #endif

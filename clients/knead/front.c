@@ -6,17 +6,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SLACK 1.1 // over the least excess, where no point is within the bounds
+// If no point is within the bounds, accept points up to this factor times the least excess.
+#define SLACK 1.1
 
 const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {
     [KN_QUALITY_FAST] = {0.03, 0.03}, [KN_QUALITY_BALANCED] = {0.005, 0.01}, [KN_QUALITY_ACCURATE] = {0.001, 0.002}};
 
 typedef double (*measure)(const kn_trace *a, const kn_trace *b);
 
-// The reference that stands for a lattice.
+// Return the best reference of a run (plan.h): FINE, or SAME if there is no FINE.
 static int best_of(const kn_run *run) { return run->fine >= 0 ? run->fine : run->same; }
 
-// Of the finest lattice there is, at the scene's own step if there is no better.
+// Return a point of the finest lattice. Without FINE references, the point has the scene's own time step.
 static int find_finest(const kn_plan *plan)
 {
     int finest = -1;
@@ -29,7 +30,8 @@ static int find_finest(const kn_plan *plan)
     return finest;
 }
 
-// What stands for the lattice of a run in the comparison of lattices: without FINE, SAME at the scene's step.
+// Return the run that represents a lattice when lattices are compared: FINE, or SAME at the scene's step if there is no
+// FINE.
 static int stands_for(const kn_plan *plan, const kn_run *run)
 {
     if (run->fine >= 0) return run->fine;
@@ -41,6 +43,7 @@ static int stands_for(const kn_plan *plan, const kn_run *run)
     return -1;
 }
 
+// Return the errors of one point, measured by `distance`.
 static kn_errors errors_of(const kn_plan *plan, const kn_trace *traces, int point, int finest, measure distance)
 {
     const kn_run *run = &plan->run[point];
@@ -52,7 +55,7 @@ static kn_errors errors_of(const kn_plan *plan, const kn_trace *traces, int poin
     return e;
 }
 
-// Forces of two lattices compare tick by tick; so does a mesh with itself.
+// Compute one row. Forces of two lattices can be compared tick by tick. A mesh is compared only with itself.
 static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int finest)
 {
     const kn_run *run = &plan->run[point];
@@ -69,6 +72,7 @@ static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int
     r.same_jump_n = kn_felt_jump(&traces[run->same]);
     r.variation = kn_felt_variation(t) / peak_n;
     r.reference_variation = kn_felt_variation(best) / peak_n;
+    // Faults and chatter count only if they exceed those of the reference.
     r.latched = t->faults > best->faults || t->diverged > 0;
     r.chatters = !(r.variation <= KN_CHATTER * r.reference_variation);
     return r;
@@ -76,6 +80,7 @@ static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int
 
 static bool usable(const kn_row *r) { return !r->chatters && !r->latched && isfinite(r->force.all); }
 
+// Mark the Pareto fronts: the points for which no faster point has a smaller or equal error.
 static void find_fronts(kn_front *f)
 {
     for (int i = 0; i < f->count; i++) {
@@ -90,6 +95,7 @@ static void find_fronts(kn_front *f)
     }
 }
 
+// Order of the rows: lattice, step, precision, method, passes, time.
 static int order(const void *a, const void *b)
 {
     const kn_row *x = a, *y = b;
@@ -101,6 +107,7 @@ static int order(const void *a, const void *b)
     return (x->median_us > y->median_us) - (x->median_us < y->median_us);
 }
 
+// Return false if any reference has no force, because its point cannot be judged.
 bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces)
 {
     memset(front, 0, sizeof *front);
@@ -142,6 +149,7 @@ static kn_effort effort_of(const kn_run *run)
     return (kn_effort){run->iterations, run->iterations_max, run->tolerance, run->passes, linearization_of(run)};
 }
 
+// Return true if a running server can switch to the point, and the point fits into the budget.
 static bool is_candidate(const kn_row *r, const kn_plan *plan)
 {
     const kn_scene *scene = plan->scene;
@@ -152,6 +160,7 @@ static bool is_candidate(const kn_row *r, const kn_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
+// Return true if `a` needs less work than `b`, by the server's count.
 static bool is_less_work(const kn_row *a, const kn_row *b)
 {
     kn_effort x = effort_of(a->run), y = effort_of(b->run);
@@ -164,7 +173,8 @@ double kn_front_excess(const kn_row *r, kn_quality q)
     return fmax(fmax(force, shape), r->jump_n / (KN_JUMP * r->same_jump_n));
 }
 
-// Of two that cost the same.
+// Return true if `a` is preferred to `b` at equal time. The point with fewer iterations at most is preferred, then the
+// one with fewer usual iterations, then the one with the scene's linearisation, then the one with the smaller error.
 static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
 {
     const kn_run *x = a->run, *y = b->run;
@@ -177,7 +187,8 @@ static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
     return own_a != own_b ? own_a : a->force.solver < b->force.solver;
 }
 
-// Where a name may be: more work than, and nearer than, one point, and less work than another. NULL: no such limit.
+// Limits of a named point: more work than `below` with a smaller error, and less work than `above`. NULL: no such
+// limit.
 typedef struct between {
     const kn_row *below, *above;
 } between;
@@ -189,16 +200,19 @@ static bool is_between(const kn_row *r, const kn_plan *plan, between limits)
            (!a || is_less_work(r, a));
 }
 
-// NULL: nothing is there.
+// Return the point for one name, or NULL if there is no candidate within the limits.
 static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, between limits)
 {
     double least_excess = INFINITY, least_us = INFINITY;
     const kn_row *named = NULL, *end = front->row + front->count;
+    // 1. Find the least excess over the bounds that any candidate has.
     for (const kn_row *r = front->row; r < end; r++)
         if (is_between(r, plan, limits)) least_excess = fmin(least_excess, kn_front_excess(r, q));
+    // 2. Accept all candidates within the bounds, or close to the least excess. Find the fastest of them.
     double most_excess = fmax(1, SLACK * least_excess);
     for (const kn_row *r = front->row; r < end; r++)
         if (is_between(r, plan, limits) && kn_front_excess(r, q) <= most_excess) least_us = fmin(least_us, r->p90_us);
+    // 3. Times within KN_NOISE of the fastest are equal. Take the simplest point among those.
     for (const kn_row *r = front->row; r < end; r++) {
         if (!is_between(r, plan, limits) || kn_front_excess(r, q) > most_excess) continue;
         if (r->p90_us <= KN_NOISE * least_us && (!named || is_simpler(r, named, plan))) named = r;
@@ -210,10 +224,13 @@ static bool meets(const kn_row *r, kn_quality q) { return r && kn_front_excess(r
 
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN])
 {
+    // Choose accurate first, because the other names must need less work than accurate.
     const kn_row *accurate = name_one(front, plan, KN_QUALITY_ACCURATE, (between){NULL, NULL});
     const kn_row *fast = name_one(front, plan, KN_QUALITY_FAST, (between){NULL, accurate});
+    // Never give a worse point than necessary: fall back to accurate if fast misses bounds that accurate meets.
     if (!fast || (meets(accurate, KN_QUALITY_FAST) && !meets(fast, KN_QUALITY_FAST))) fast = accurate;
     const kn_row *balanced = name_one(front, plan, KN_QUALITY_BALANCED, (between){fast, accurate});
+    // balanced must meet its bounds, too, or fall back to fast or accurate.
     if (!meets(balanced, KN_QUALITY_BALANCED)) balanced = meets(fast, KN_QUALITY_BALANCED) ? fast : accurate;
     named[KN_QUALITY_FAST] = fast;
     named[KN_QUALITY_BALANCED] = balanced;
@@ -222,6 +239,7 @@ void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *nam
 
 const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
 {
+    // Return the point only if its error is smaller than the errors of all named points.
     const kn_row *r = kn_front_pick(front, 1e6 * plan->scene->budget_s);
     if (!r || is_candidate(r, plan)) return NULL;
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
@@ -250,6 +268,7 @@ static const char *const number_names[NUMBERS] = {"median_us",
                                                   "variation_peaks",
                                                   "reference_variation_peaks"};
 
+// List the numbers of a row in the order of number_names.
 static void numbers_of(const kn_row *r, double to[NUMBERS])
 {
     const double values[NUMBERS] = {r->median_us,
@@ -287,7 +306,7 @@ bool kn_front_csv(const kn_front *front, FILE *f)
         numbers_of(r, values);
         for (int k = 0; k < NUMBERS; k++) {
             if (isfinite(values[k])) fprintf(f, ",%.6g", values[k]);
-            else fputc(',', f); // not measured
+            else fputc(',', f); // not measured: an empty field
         }
         fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
     }

@@ -4,13 +4,14 @@
 #include <string.h>
 #include <yaml.h>
 
-// Lines of the key and of the last token of its value, from 0; -1: not there.
+// Line of a key and line of the last token of its value, counted from 0. -1: not found.
 typedef struct place {
     long first, last;
-    bool braces; // the outermost mapping is {...}
+    bool braces; // the outermost mapping is written in braces
 } place;
 
-// Walks the events: depth 1 is inside the outermost mapping, where scalars are by turns a key and a value.
+// Find the key by walking the parser's events. Depth 1 is inside the outermost mapping, where scalars are keys and
+// values in turn.
 static bool walk(yaml_parser_t *parser, const char *key, place *p)
 {
     int depth = 0;
@@ -20,10 +21,12 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
         if (!yaml_parser_parse(parser, &e)) return false;
         bool begins = e.type == YAML_MAPPING_START_EVENT || e.type == YAML_SEQUENCE_START_EVENT;
         bool ends = e.type == YAML_MAPPING_END_EVENT || e.type == YAML_SEQUENCE_END_EVENT;
-        bool marked = e.start_mark.index != e.end_mark.index; // the end of an indented block stands nowhere
+        // The event at the end of an indented block has no text of its own, so its position must not count.
+        bool marked = e.start_mark.index != e.end_mark.index;
         if (depth == 0 && e.type == YAML_MAPPING_START_EVENT)
             p->braces = e.data.mapping_start.style == YAML_FLOW_MAPPING_STYLE;
         if (ends) depth--;
+        // At depth 1 an event completes a key or a value.
         if (depth == 1 && !begins) {
             if (is_key && e.type == YAML_SCALAR_EVENT && !strcmp((const char *)e.data.scalar.value, key)) {
                 inside = true;
@@ -34,7 +37,8 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
             }
             is_key = !is_key;
         } else if (inside && marked) {
-            p->last = (long)e.end_mark.line - (e.end_mark.column == 0); // a literal ends where the next line begins
+            // A literal block ends at column 0 of the next line. That line does not belong to the block.
+            p->last = (long)e.end_mark.line - (e.end_mark.column == 0);
         }
         if (begins) depth++;
         done = e.type == YAML_STREAM_END_EVENT;
@@ -43,6 +47,7 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
     return true;
 }
 
+// Return the offset of a line, or the text's size if the text is shorter.
 static size_t line_at(const char *text, long line)
 {
     const char *at = text;
@@ -64,6 +69,7 @@ bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end
     if (!ok) snprintf(error, error_size, "%s in line %zu", parser.problem, parser.problem_mark.line + 1);
     yaml_parser_delete(&parser);
     if (ok && p.braces) snprintf(error, error_size, "the whole is in braces, expected a key a line");
+    // If the key is missing, return an empty block at the end of the text.
     *begin = *end = strlen(text);
     if (ok && p.first >= 0) {
         *begin = line_at(text, p.first);
@@ -77,7 +83,9 @@ char *kn_graft(const char *text, const char *key, const char *block, char *error
     size_t begin, end, size = strlen(text);
     if (!kn_graft_find(text, key, &begin, &end, error, error_size)) return NULL;
     const char *line = strchr(text, '\n');
+    // `open`: the block is appended after a last line that has no line end.
     bool crlf = line && line > text && line[-1] == '\r', open = begin == size && size > 0 && text[size - 1] != '\n';
+    // Allocate the text, and twice the block: there is at most one carriage return per character.
     char *out = malloc(size + 2 * strlen(block) + 3), *to = out;
     if (!out) {
         snprintf(error, error_size, "not enough memory");
@@ -85,6 +93,7 @@ char *kn_graft(const char *text, const char *key, const char *block, char *error
     }
     to = (char *)memcpy(to, text, begin) + begin;
     if (open && *block) to += sprintf(to, crlf ? "\r\n" : "\n");
+    // Copy the block with the line ends of the text.
     for (const char *c = block; *c; c++) {
         if (*c == '\n' && crlf) *to++ = '\r';
         *to++ = *c;

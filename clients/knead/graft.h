@@ -1,21 +1,24 @@
 #ifndef KN_CLIENTS_GRAFT_H
 #define KN_CLIENTS_GRAFT_H
-// One block of a YAML text exchanged, the rest left as its author wrote it, byte for byte: comments, order, line ends.
+// Replacement of one block of a YAML text. The rest stays as its author wrote it, byte for byte: comments, order, line
+// ends.
 //
-//     material: dough                        a block is a key of the outermost mapping with its value, from the key's
-//     quality:          <-- begins           line to the last line that has something of the value; comments and empty
-//       fast: ...       <-- ends             lines between it and the next key are not its
+//     material: dough                        A block is a key of the outermost mapping with its value. It reaches
+//     quality:          <-- begins           from the key's line to the last line that holds a part of the value.
+//       fast: ...       <-- ends             Comments and empty lines between it and the next key do not belong to it.
 //     # of the mesh
 //     mesh: ...
 #include <stdbool.h>
 #include <stddef.h>
 
-// Bytes of the block of key in text: [*begin, *end), empty at the text's end when there is none. False and one clause
-// in error: not YAML, or the outermost mapping is in braces, where a line more is not a key more.
+// Find the bytes of the block of `key` in `text`, [*begin, *end). The range is empty at the end of the text if there is
+// no such key. Return false with one clause in error if the text is not YAML or its outermost mapping is in braces:
+// inside braces a new line is not a new key.
 bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end, char *error, size_t error_size);
 
-// text with the block exchanged for another ("quality:\n  fast: ...\n"; "": removed), in the line ends of the text. For
-// the caller to free; NULL and one clause in error.
+// Return `text` with the block of `key` replaced by `block`, e.g. "quality:\n  fast: ...\n". An empty `block` removes
+// the old block. The new block gets the line ends of the text. The caller frees the result. Return NULL with one clause
+// in error on failure.
 char *kn_graft(const char *text, const char *key, const char *block, char *error, size_t error_size);
 
 #endif

@@ -2,13 +2,16 @@
 #include <math.h>
 #include <string.h>
 
-static const double period_s = 1e-3, unheard_n = 2e-3; // as rig.c
-static const double lean_n = 1.0;                      // of nobody
-static const int buzz_turns = 20;                      // of the force in a second: 10 Hz
+static const double period_s = 1e-3, unheard_n = 2e-3; // values of rig.c
+static const double lean_n = 1.0;                      // constant downward load on a device that nobody holds
+static const int buzz_turns = 20;                      // turns of the force in a second: 10 Hz
 
+// Start judging the loop from the beginning, at the start of a try.
 static void judge_afresh(kn_grasp *g)
 {
     const kn_device_def *d = &g->def.render.device;
+    // Smallest change of force that the encoder can cause: one encoder step times the stiffness, plus the measured
+    // velocity of this step times the damping.
     double coupling_n_m = g->def.render.coupling_n_m;
     double k = coupling_n_m > 0.0 ? coupling_n_m * d->force_scale : d->hand.stiffness_n_m;
     double share = -expm1(-6.283185307179586 * g->arm.def.velocity_hz * period_s);
@@ -28,10 +31,12 @@ void kn_grasp_init(kn_grasp *g, const kn_grasp_def *def, kn_player *player)
     g->def.render.device.round_trip_s = period_s * (1 + def->delay_ms);
     g->player = player;
     player->gripped = true;
-    g->dice = 88172645463325252u; // the same losses every time
+    // A fixed seed: every run loses the same messages.
+    g->dice = 88172645463325252u;
 }
 
-static bool lost(kn_grasp *g) // Marsaglia's xorshift
+// Return true if the link loses this message. Random numbers by Marsaglia's xorshift.
+static bool lost(kn_grasp *g)
 {
     g->dice ^= g->dice << 13;
     g->dice ^= g->dice >> 7;
@@ -39,9 +44,10 @@ static bool lost(kn_grasp *g) // Marsaglia's xorshift
     return (double)(g->dice >> 11) * 0x1p-53 < g->def.loss;
 }
 
-// The force that comes out of the link in this millisecond, for the one that goes in.
+// Put a force into the simulated link and return the force that comes out in this millisecond, or NULL.
 static const kn_hand_force *carry(kn_grasp *g, const kn_hand_force *force)
 {
+    // The ring buffer uses delay + 1 places.
     int in = (int)(g->ms % (g->def.delay_ms + 1)), out = (int)((g->ms + 1) % (g->def.delay_ms + 1));
     g->came[in] = force && !lost(g);
     if (g->came[in]) g->way[in] = *force;
@@ -49,6 +55,8 @@ static const kn_hand_force *carry(kn_grasp *g, const kn_hand_force *force)
     return g->came[out] ? &g->way[out] : NULL;
 }
 
+// Evaluate a full second. Buzzing needs two such seconds in a row: a single one may be a knock whose oscillation dies
+// away.
 static void close_second(kn_grasp *g)
 {
     g->news.loudest_n = fmax(g->news.loudest_n, kn_buzz_rms(&g->buzz));
@@ -60,6 +68,7 @@ static void close_second(kn_grasp *g)
     g->second_ms = 0;
 }
 
+// Judge the force of this millisecond.
 static void judge(kn_grasp *g)
 {
     double size = 0.0;
@@ -72,25 +81,27 @@ static void judge(kn_grasp *g)
     g->news.acted = g->render.passivity.acted;
 }
 
-// The device is gripped where the path begins.
+// Let the hand grip the device where the path begins.
 static void take_up(kn_grasp *g, const kn_path_point *point)
 {
     kn_arm_def arm = kn_arm_of(&g->def.render.device);
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
-    if (arm.grip == KN_GRIP_NONE) arm.axes = 1;              // else it would roll off
-    if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL; // until it touches, see let_go
+    if (arm.grip == KN_GRIP_NONE) arm.axes = 1;              // a free device would roll away sideways
+    if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL; // held until the first touch, see let_go
     kn_arm_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);
     g->holding = true;
 }
 
-// Nobody's hand: from the first touch until the path is above that place again the device is left to itself, with 1 N
-// on it. Somebody has to bring it there and take it away.
+// With grip NONE nobody holds the device from the first touch on, and a load of 1 N acts on it. This lasts until the
+// path is above the place of release again. Before and after, a normal grip moves the device to the object and away
+// from the object.
 static void let_go(kn_grasp *g, const kn_path_point *intended)
 {
     const kn_hand *h = &g->player->hand;
     bool playing = h->mode == KN_HAND_PLAY, touches = playing && h->force.contacts > 0;
+    // When the hand grips again, it starts at the position of the device, so that the grip carries no force.
     if (g->alone ? !playing || intended->position_m[2] > g->left_z_m : !touches) {
         if (g->alone) {
             memcpy(g->arm.hand_m, g->arm.x_m, sizeof g->arm.hand_m);
@@ -106,12 +117,14 @@ static void let_go(kn_grasp *g, const kn_path_point *intended)
     if (g->alone) memset(g->arm.hand_m_s, 0, sizeof g->arm.hand_m_s);
 }
 
-// What has come, and what of it and of this pose the device gives. A millisecond is a pose: the newest less the one that
-// a force is the first to answer is the round trip.
+// Render one millisecond: pass the arrived force on and compute the force of the device for this pose. The device sends
+// one pose per millisecond. Thus the round trip in milliseconds is the number of the newest pose minus the number of
+// the pose that a force is the first to answer.
 static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *out)
 {
     kn_render *r = &g->render;
     kn_hand *h = &g->player->hand;
+    // A new session starts without forces.
     if (r->session != out->session) {
         kn_render_begin(r, out->session);
         g->answered = 0;
@@ -119,12 +132,14 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
     }
     kn_render_turn(r, out->point.orientation_wxyz);
     kn_render_pose(r, out->seq, g->arm.position_m, g->arm.velocity_m_s);
+    // Take a force of this session only if its tick is newer.
     if (force && force->session == out->session && force->tick > g->tick) {
         g->tick = force->tick;
         bool first = force->seq > g->answered;
         if (first) g->answered = force->seq;
         kn_render_force(r, force->force_n, first ? period_s * (double)(out->seq - force->seq) : -1.0);
     }
+    // A force may come with contact models.
     for (int c = 0; force && c < force->units; c++)
         if (force->unit[c].session == out->session) kn_render_contact(r, &force->unit[c]);
     kn_render_give(r, period_s, g->arm.position_m, g->arm.velocity_m_s, h->watchdog.factor);
@@ -134,14 +149,16 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
 kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_grasp *g = self;
+    // Pass the force through the simulated link, then play the hand, which decides if a pose is sent.
     force = carry(g, force);
     kn_hand_out out = kn_player_tick(g->player, force, elapsed_ms);
     if (!out.send) {
         static const double none_n[3] = {0};
         kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, none_n, elapsed_ms);
-        g->holding &= g->player->hand.mode != KN_HAND_SILENT; // the next try begins elsewhere
+        g->holding &= g->player->hand.mode != KN_HAND_SILENT; // the next try begins at another place
         return out;
     }
+    // The path is the intended motion. The position of the simulated device becomes the pose.
     kn_path_point intended = out.point;
     if (!g->holding) take_up(g, &intended);
     if (g->def.grip == KN_GRIP_NONE) let_go(g, &intended);
@@ -150,6 +167,7 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     render(g, force, &out);
     kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, g->render.given_n, elapsed_ms);
     kn_arm_tick(&g->arm, g->render.given_n, intended.position_m, intended.velocity_m_s);
+    // Judge the force only while the path is played, not while the hand engages or retreats.
     if (g->player->hand.mode == KN_HAND_PLAY) judge(g);
     out.send = !lost(g);
     return out;

@@ -1,7 +1,9 @@
 #ifndef KN_CLIENTS_HAND_H
 #define KN_CLIENTS_HAND_H
-// A virtual hand with a device of its own watchdog: plays a path, engages first, gets out of the way after a trip, and
-// tries again. One call per ms; pure, so that a test can play the server.
+// A virtual hand that plays a path with a tool. The hand waits first until the server has engaged the tool. After a
+// trip the hand retreats and tries again. A trip is a stop of the play: the device's own watchdog trips, the server
+// latches a fault, or the device refuses. Call kn_hand_tick once per millisecond. The hand depends only on its
+// arguments, so a test can take the part of the server.
 //
 //     ENGAGE --engaged--> PLAY --path ended--> DONE
 //        ^                 |  server latched a fault, no force for 20 ms, or the device refuses
@@ -9,7 +11,8 @@
 //        +--1.2 s-- SILENT <-- RETREAT            after the third trip, or when nobody answers: GAVE_UP
 //        new session          stop, lift, return
 //
-// Path time advances by exactly 1 ms per pose sent: a stall of this process stretches the path, it never makes a jump.
+// The path's time advances by exactly 1 ms per pose sent. A stall of this process stretches the path and never makes
+// the pose jump.
 #include "clients/knead/path.h"
 #include "core/contact_model.h"
 #include "core/safety.h"
@@ -27,47 +30,49 @@ typedef enum kn_hand_mode {
     KN_HAND_GAVE_UP
 } kn_hand_mode;
 
-typedef enum kn_hand_trouble { // why it gave up
+typedef enum kn_hand_trouble { // why the hand gave up
     KN_HAND_NO_TROUBLE,
-    KN_HAND_NO_ANSWER,   // not one force in 3 s
-    KN_HAND_NOT_ENGAGED, // forces came, but not FLAG_ENGAGED, for 3 s
-    KN_HAND_SPOILT       // as many trips as tries
+    KN_HAND_NO_ANSWER,   // no force in 3 s
+    KN_HAND_NOT_ENGAGED, // forces came, but without FLAG_ENGAGED, for 3 s
+    KN_HAND_SPOILT       // every try ended with a trip
 } kn_hand_trouble;
 
 typedef struct kn_hand_def {
-    const kn_path *path;  // borrowed
-    double clear_z_m;     // a retreat lifts to here before it goes sideways
-    int64_t session;      // of the first try; the next ones count up
+    const kn_path *path;  // must stay valid while in use
+    double clear_z_m;     // height to which a retreat lifts before it goes sideways
+    int64_t session;      // session of the first try; later tries count up
     int tries;            // 1 .. KN_HAND_TRIES, 0 = KN_HAND_TRIES
-    int drop_at_ms;       // fault injection: at this time of the first try's path no pose is sent
-    int drop_ms;          // for so long
-    int hold_ms, zero_ms; // of its watchdog; 0: 3 and 20
+    int drop_at_ms;       // fault injection: path time of the first try at which poses stop, ms
+    int drop_ms;          // duration of the gap
+    int hold_ms, zero_ms; // of the watchdog (core/safety.h); 0: 3 and 20
 } kn_hand_def;
 
-typedef struct kn_hand_force {           // of contact_force_t: the newest one
-    int64_t session, seq, tick, sent_ns; // the last as the pose had it: CLOCK_MONOTONIC of its sending
+typedef struct kn_hand_force {           // fields of the newest contact_force_t
+    int64_t session, seq, tick, sent_ns; // sent_ns: that of the answered pose, CLOCK_MONOTONIC
     double force_n[3], energy_j;
     int32_t flags, fault, contacts;
-    kn_contact_unit unit[KN_CONTACT_UNITS]; // the newest local model, where kneadd sends any: what came of one tick's
+    // The newest local contact model, if kneadd sends any. One unit describes one contact of the tool. All units belong
+    // to one tick.
+    kn_contact_unit unit[KN_CONTACT_UNITS];
     int units;
 } kn_hand_force;
 
 typedef struct kn_trip {
-    const char *piece;   // of the path, "engage" before it began
-    double time_s;       // of the path
-    double force_n;      // the last one given while all was well
-    const char *refusal; // the device refused, for this reason; NULL: not that
-    bool own;            // by the own watchdog: no force for silent_ms; else the server latched fault
+    const char *piece;   // piece of the path, "engage" before the path began
+    double time_s;       // time of the path
+    double force_n;      // last force while engaged
+    const char *refusal; // reason if the device refused, else NULL
+    bool own;            // true: the watchdog tripped after silent_ms; false: the server latched `fault`
     int silent_ms;
-    int stalled_ms; // of them this process itself did not run
+    int stalled_ms; // part of silent_ms in which this process did not run
     kn_fault fault;
-    bool cleared; // the server took the fault back when the tool was lifted
+    bool cleared; // the server cleared the fault when the tool was lifted
 } kn_trip;
 
-typedef struct kn_attempt { // pose numbers, for whoever reads the forces' echoes
+typedef struct kn_attempt { // pose numbers, needed to match forces with poses
     int64_t session;
-    int64_t play_seq; // of the path's first point; 0: never engaged
-    int64_t sent;     // poses
+    int64_t play_seq; // pose number of the path's first point; 0: never engaged
+    int64_t sent;     // number of poses
 } kn_attempt;
 
 typedef struct kn_hand { // read only for the caller
@@ -75,12 +80,12 @@ typedef struct kn_hand { // read only for the caller
     kn_hand_mode mode;
     kn_hand_trouble trouble;
     kn_watchdog watchdog;
-    kn_hand_force force; // newest of this session
-    double given_n[3];   // what the device gives to the hand now
+    kn_hand_force force; // newest force of this session
+    double given_n[3];   // force that the device gives to the hand now
     double engaged_n;    // |force| of the last message with FLAG_ENGAGED
     double path_s;
     const char *piece;
-    const char *refusal; // of this try
+    const char *refusal; // reason if the device refused in this try, else NULL
     kn_path_point point;
     int mode_ms, dropped_ms;
     int tries, trips;
@@ -91,25 +96,25 @@ typedef struct kn_hand { // read only for the caller
 } kn_hand;
 
 typedef struct kn_hand_out {
-    bool end;    // nothing will come any more
-    bool leaves; // nothing more of the session before: another hand may have the tool
-    bool send;   // point, as pose seq of session
+    bool end;    // no further pose will come
+    bool leaves; // no further pose of the previous session: another hand may take the tool
+    bool send;   // send point as pose number seq of the session
     int64_t session, seq;
     kn_path_point point;
 } kn_hand_out;
 
 void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
 
-// One ms. force: the newest message since the last call, NULL when there was none; one of another session, or of
-// no newer tick, counts as none.
-// elapsed_ms: 1 + cycles that this process missed.
+// Play one millisecond. `force` is the newest message since the last call, or NULL if there was none. A message of
+// another session or without a newer tick counts as none. `elapsed_ms` is 1 + the number of cycles that this process
+// missed.
 kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_ms);
 
-// The device gives no force any more, for that reason: a trip, if the hand engages or plays. again: another try may help.
-// refusal is borrowed.
+// Tell the hand that the device gives no force any more. `refusal` is the reason and must outlive the hand. A hand that
+// is engaging or playing trips. Set `again` if another try may help; otherwise the present try is the last one.
 void kn_hand_refuse(kn_hand *hand, const char *refusal, bool again);
 
-// The path of the next try, since a spoilt one may have left a dent. Only while the hand is SILENT.
+// Set the path of the next try, because a failed try may have left a dent. Call it only while the hand is SILENT.
 void kn_hand_take_path(kn_hand *hand, const kn_path *path);
 
 #endif

@@ -1,12 +1,14 @@
 #ifndef KN_CLIENTS_INTERRUPT_H
 #define KN_CLIENTS_INTERRUPT_H
-// Ctrl-C, a hang-up or a plain kill where there is something to clear away first: watched from when there is, then died
-// of, so that whoever started us sees what ended us.
+// Handling of Ctrl-C, hang-up and SIGTERM in a program that has something to clean up. Call kn_interrupt_watch before
+// the first thing that needs cleaning up. After the clean-up call kn_interrupt_die, which ends the process by the
+// signal, so that the parent process sees the cause.
 #include <signal.h>
 
-extern volatile sig_atomic_t kn_interrupted; // the number of the signal that came, 0: none did
+extern volatile sig_atomic_t kn_interrupted; // number of the signal that came; 0: none
 
 void kn_interrupt_watch(void);
-void kn_interrupt_die(void); // of the one that came, if one did
+// End this process by the signal that came. Return if no signal came.
+void kn_interrupt_die(void);
 
 #endif

@@ -11,6 +11,7 @@
 
 const char kn_job_program[] = "/proc/self/exe";
 
+// A job is stopped by the default action of a signal, so this flag stays 0.
 static const volatile sig_atomic_t never;
 
 bool kn_job_write(const char *path, const kn_run *run, const char *log)
@@ -23,12 +24,14 @@ bool kn_job_write(const char *path, const kn_run *run, const char *log)
     return f && fclose(f) == 0 && ok;
 }
 
+// A job as read from its file.
 typedef struct job {
     char scene[PATH_MAX], log[PATH_MAX], trace[PATH_MAX], set[KN_RUN_SETS][80];
     const char *sets[KN_RUN_SETS];
     int count;
 } job;
 
+// Read one line, a name and a value. Return false if the line is unknown or too long.
 static bool read_line(job *j, const char *line)
 {
     const char *value = strchr(line, ' ');
@@ -37,11 +40,13 @@ static bool read_line(job *j, const char *line)
     if (!strncmp(line, "scene ", size)) return snprintf(j->scene, sizeof j->scene, "%s", value) < PATH_MAX;
     if (!strncmp(line, "log ", size)) return snprintf(j->log, sizeof j->log, "%s", value) < PATH_MAX;
     if (!strncmp(line, "trace ", size)) return snprintf(j->trace, sizeof j->trace, "%s", value) < PATH_MAX;
+    // A job may have several `set` lines.
     if (strncmp(line, "set ", size) != 0 || j->count == KN_RUN_SETS) return false;
     j->sets[j->count] = j->set[j->count];
     return snprintf(j->set[j->count++], sizeof j->set[0], "%s", value) < (int)sizeof j->set[0];
 }
 
+// Read a job file. Return false unless scene, log and trace are given.
 static bool read_job(job *j, const char *path)
 {
     char line[PATH_MAX + 16];
@@ -61,12 +66,14 @@ int kn_job_play(const char *path)
     uint64_t program;
     kn_trace t;
     job *j = calloc(1, sizeof *j);
+    // If this machine is one of several hosts, GNU parallel starts the job one folder below the sweep's folder.
     if (access(path, F_OK) != 0 && *path != '/' && chdir("..") != 0) path = "..";
     if (!j || !read_job(j, path) || !kn_trace_hash(kn_job_program, &program)) {
         free(j);
         return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: expected a job that knead tradeoff --jobs has written",
                            path);
     }
+    // Play the run and save its trace under the program's hash.
     kn_replay_def def = {
         .log_path = j->log, .scene_path = j->scene, .sets = j->sets, .set_count = j->count, .afresh = true};
     int code = KN_EXIT_OK;

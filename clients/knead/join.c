@@ -12,35 +12,37 @@
 #include <string.h>
 #include <unistd.h>
 
+// Largest number of channels of a join.
 #define HEARD_MAX 16
-#define DATAGRAM_MAX 65536     // UDP's own limit
-#define BUFFER_BYTES (4 << 20) // 1 s of meshes
-#define HELLO_NS 50000000      // between two hellos while no life is known
-#define SILENCE_NS 250000000   // without a believed message, a hello asks whether the life is still the same
-#define NONCE_NS 1000000000    // an answer may take so long
-#define LAG_US 200             // by which one message may set our idea of kneadd's age back
-#define APART_US 5000000       // of a stamp from this machine's wall clock, for a mute listener
-#define POSES "KNEAD_POSE_"    // the one kind of message that another client signs
+#define DATAGRAM_MAX 65536     // bytes; limit of UDP
+#define BUFFER_BYTES (4 << 20) // holds 1 s of meshes
+#define HELLO_NS 50000000      // interval of hellos while no life is known
+#define SILENCE_NS 250000000   // after this time without a believed message, a hello asks for the life again
+#define NONCE_NS 1000000000    // longest wait for the answer to a hello; later a new nonce is used
+#define LAG_US 200             // largest reduction of the estimated age of kneadd by one message
+#define APART_US 5000000       // tolerance between a stamp and this machine's wall clock, for a mute listener
+#define POSES "KNEAD_POSE_"    // channels that another client signs, not kneadd
 
+// A channel that this join listens to.
 typedef struct heard {
     char channel[KN_CHANNEL_MAX];
-    size_t prefix;  // bytes that decide; 0: the whole name
-    size_t largest; // bytes of a message
+    size_t prefix;  // length of the part before '*'; 0: the whole name counts
+    size_t largest; // largest message, bytes
     lcm_msg_handler_t handler;
     void *user;
 } heard;
 
 struct kn_join {
     kn_bus bus;
-    lcm_t *lcm;  // transmits; at KN_MEMORY_URL it hears, too
-    int fd;      // -1 there
-    bool trusts; // no key is asked for
-    bool hails;  // kneadd hears this bus
+    lcm_t *lcm;  // sends; at KN_MEMORY_URL it also receives
+    int fd;      // receiving socket; -1 at KN_MEMORY_URL
+    bool trusts; // signs and checks nothing
+    bool hails;  // says hello: kneadd listens to this bus
     heard heard[HEARD_MAX];
     int count, handed;
-    kn_auth_stamp last; // believed of kneadd
-    int64_t last_us;    // a mute listener's: utime of that
-    struct {            // message in parts
+    kn_auth_stamp last; // newest believed stamp of kneadd
+    int64_t last_us;    // its utime, for a mute listener
+    struct {            // unfinished message in parts
         char channel[KN_CHANNEL_MAX];
         uint32_t sequence, whole, got, room;
         uint16_t part;
@@ -49,28 +51,30 @@ struct kn_join {
     unsigned char datagram[DATAGRAM_MAX];
 };
 
-// State that all joins of the process share: the key, and the kneadd that holds the same one.
+// State that all joins of the process share: the key, and the life of the kneadd that has the same key.
 static struct {
     kn_auth auth;
     bool keyed, mute;
-    _Atomic int64_t nonce;             // of the hello that waits for its answer, 0: none does
-    _Atomic int64_t life;              // 0: not known yet
-    _Atomic int64_t floor_us;          // kneadd's age when it answered
-    _Atomic int64_t ahead_us;          // kneadd's age less our monotonic clock, by the last message believed
-    _Atomic int64_t believed_ns;       // when that was
-    _Atomic int64_t asked_ns;          // when the nonce was made
-    _Atomic int64_t said_ns;           // when the last hello was
-    _Atomic int64_t forged_ns, old_ns; // last heard: without the key's tag; with it, but not of now
+    _Atomic int64_t nonce;             // nonce of the hello that waits for its answer; 0: none
+    _Atomic int64_t life;              // present life of kneadd; 0: not known yet
+    _Atomic int64_t floor_us;          // age of kneadd, i.e. time since its start, in its first answer of this life
+    _Atomic int64_t ahead_us;          // age of kneadd minus this machine's monotonic clock, an estimate
+    _Atomic int64_t believed_ns;       // time of the last believed message
+    _Atomic int64_t asked_ns;          // time at which the nonce was made
+    _Atomic int64_t said_ns;           // time of the last hello
+    _Atomic int64_t forged_ns, old_ns; // last message without the key's tag; last message with it, but not fresh
 } own;
 
 // --- open and close -------------------------------------------------------------------------------------------------
 
+// Return the network interface to use, or NULL for lo.
 static const char *lan(void)
 {
     const char *name = getenv("KNEAD_LAN");
     return name && *name ? name : NULL;
 }
 
+// Choose the URL. LCM_DEFAULT_URL concerns the force bus only.
 static const char *choose(const char *url, const char *otherwise)
 {
     bool meshes = strcmp(otherwise, KN_FORCE_URL) != 0;
@@ -79,6 +83,7 @@ static const char *choose(const char *url, const char *otherwise)
     return url;
 }
 
+// Load the key once per process.
 static bool take_key(char *error, size_t error_size)
 {
     const char *key = getenv("KNEAD_KEY"), *mute = getenv("KNEAD_MUTE");
@@ -114,6 +119,7 @@ static void on_memory(const lcm_recv_buf_t *buf, const char *channel, void *self
     j->handed += deliver(j, channel, buf->data, buf->data_size);
 }
 
+// Open a queue in memory and subscribe to all of its channels.
 static bool open_memory(kn_join *j, char *error, size_t error_size)
 {
     if (!take_key(error, error_size)) return false;
@@ -123,6 +129,7 @@ static bool open_memory(kn_join *j, char *error, size_t error_size)
     return all;
 }
 
+// Open the receiving socket, and LCM for sending.
 static bool open_socket(kn_join *j, const char *url, char *error, size_t error_size)
 {
     if (!parse(&j->bus, url, error, error_size) || !kn_bus_check_route(&j->bus, error, error_size)) return false;
@@ -155,11 +162,12 @@ void kn_join_close(kn_join *j)
     free(j);
 }
 
-// A device's thread hears forces and contacts alone: a forged message must not cost it a millisecond of hashing.
+// Return the largest message of a channel, bytes. The limit is small for forces and contacts, which a device's thread
+// hears: checking the tag of a large forged message would take that thread a millisecond.
 static size_t largest_of(const char *channel)
 {
     if (!strcmp(channel, "KNEAD_MESH_INIT")) return KN_JOIN_LARGEST;
-    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // a scene's file has 1 MiB at most
+    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // the file of a scene has 1 MiB at most
     return strcmp(channel, "KNEAD_MESH_UPDATE") ? 4096 : DATAGRAM_MAX;
 }
 
@@ -190,16 +198,20 @@ void kn_join_trust(kn_join *j) { j->trusts = true; }
 
 static int64_t now_us(void) { return kn_now_ns() / 1000; }
 
+// Return true if messages of this join are signed and checked.
 static bool signs(const kn_join *j) { return own.keyed && !j->trusts; }
 
+// Say hello if it is time. kneadd answers a hello with its life, which all later messages carry.
 static void say_hello(kn_join *j)
 {
     uint8_t bytes[KN_AUTH_NONCE + KN_AUTH_TRAILER];
     int64_t now_ns = kn_now_ns(), life = atomic_load(&own.life), said_ns = atomic_load(&own.said_ns);
+    // While no life is known, ask often. Once a life is known, ask only after a silence.
     bool due = life ? now_ns - atomic_load(&own.believed_ns) >= SILENCE_NS && now_ns - said_ns >= SILENCE_NS
                     : now_ns - said_ns >= HELLO_NS || said_ns == 0;
     if (!signs(j) || own.mute || !j->hails || !due) return;
     int64_t nonce = atomic_load(&own.nonce);
+    // Keep the nonce while an answer may still come.
     if (nonce == 0 || now_ns - atomic_load(&own.asked_ns) > NONCE_NS) {
         nonce = kn_auth_random();
         atomic_store(&own.asked_ns, now_ns);
@@ -211,7 +223,8 @@ static void say_hello(kn_join *j)
     lcm_publish(j->lcm, KN_HELLO_CHANNEL, bytes, (unsigned)size);
 }
 
-// A message that has waited in a buffer says too little of kneadd's age.
+// Update the estimate of kneadd's age. A message that has waited in a buffer gives an age that is too low, so the
+// estimate falls slowly.
 static void note_age(int64_t age_us, bool answer)
 {
     int64_t ahead_us = age_us - now_us(), before_us = atomic_load(&own.ahead_us) - LAG_US;
@@ -219,24 +232,27 @@ static void note_age(int64_t age_us, bool answer)
     atomic_store(&own.believed_ns, kn_now_ns());
 }
 
-// The answer to our own hello, once.
+// Take the answer to our own hello. Each nonce is accepted once.
 static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp stamp)
 {
     int64_t nonce;
     if (size != sizeof nonce || stamp.life == 0) return;
     memcpy(&nonce, bytes, sizeof nonce);
     if (nonce == 0 || !atomic_compare_exchange_strong(&own.nonce, &nonce, 0)) return;
+    // In a new life, do not believe messages from before this answer.
     bool same = atomic_load(&own.life) == stamp.life;
     if (!same) atomic_store(&own.floor_us, stamp.age_us);
     note_age(stamp.age_us, true);
     atomic_store(&own.life, stamp.life);
 }
 
-// A listener that says no hello goes by the wall clock: every type of ours begins with its hash and utime.
+// Judge freshness by the wall clock, for a listener that says no hello. Every message type of this project begins with
+// its hash and utime.
 static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
     if (size < 16) return false;
     int64_t utime = kn_bytes_64(payload + 8), apart_us = (int64_t)((uint64_t)utime - (uint64_t)kn_wall_us());
+    // Each message must be newer than the last one of its life.
     bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : utime > j->last_us;
     if (!newer || apart_us < -APART_US || apart_us > APART_US) return false;
     j->last = stamp;
@@ -245,15 +261,19 @@ static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_
     return true;
 }
 
+// Judge freshness by the life and age of kneadd in the stamp.
 static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);
     if (stamp.life != life || life == 0) return false;
-    if (!strncmp(channel, POSES, strlen(POSES))) { // of another client
+    // Poses come from another client, whose stamps are not in order with kneadd's.
+    if (!strncmp(channel, POSES, strlen(POSES))) {
         int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
     }
-    if (j->last.life != life) { // nothing from before it was opened
+    // The first message of a life on this join must be newer than the answer to the hello, and at most
+    // KN_AUTH_BEHIND_US old.
+    if (j->last.life != life) {
         int64_t floor_us = atomic_load(&own.floor_us),
                 opened_us = now_us() + atomic_load(&own.ahead_us) - KN_AUTH_BEHIND_US;
         j->last = (kn_auth_stamp){life, opened_us > floor_us ? opened_us : floor_us};
@@ -264,11 +284,12 @@ static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
     return true;
 }
 
-// Return whether a message is to be handed on; size becomes that of its payload.
+// Return true if a message is to be handed on. `*size` becomes the size of the payload.
 static bool believe(kn_join *j, const char *channel, const unsigned char *bytes, size_t *size)
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
+    // The tag is checked before anything of the message is read.
     if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp))
         return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
@@ -291,6 +312,7 @@ const char *kn_join_why(const char *otherwise)
 
 // --- hear -----------------------------------------------------------------------------------------------------------
 
+// Return true if a channel matches. '*' stands for a tool's name, [a-z0-9_]+.
 static bool matches(const heard *h, const char *channel)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789_";
@@ -300,7 +322,7 @@ static bool matches(const heard *h, const char *channel)
     return *name && !name[strspn(name, letters)];
 }
 
-// Return whether a message of that size on that channel is heard at all.
+// Return true if any handler takes a message of that size on that channel.
 static bool wanted(const kn_join *j, const char *channel, size_t size)
 {
     bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL) && size == KN_AUTH_NONCE + KN_AUTH_TRAILER;
@@ -308,6 +330,7 @@ static bool wanted(const kn_join *j, const char *channel, size_t size)
     return any;
 }
 
+// Judge a complete message and call its handlers. Return their number.
 static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, size_t size)
 {
     int handed = 0;
@@ -322,13 +345,14 @@ static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, 
     return handed;
 }
 
-// Take the next part of a message. Part 0 of another message discards the unfinished one.
+// Take the next part of a message. Part 0 of another message discards the unfinished message.
 static int take_part(kn_join *j, const kn_packet *p)
 {
     typeof(j->long_message) *m = &j->long_message;
     if (p->part == 0) {
         m->whole = 0;
         if (p->parts < 2 || !wanted(j, p->channel, p->whole)) return 0;
+        // Reuse the buffer of earlier messages if it is large enough.
         if (p->whole > m->room) {
             unsigned char *bytes = realloc(m->bytes, p->whole);
             if (!bytes) return 0;
@@ -338,12 +362,14 @@ static int take_part(kn_join *j, const kn_packet *p)
         snprintf(m->channel, sizeof m->channel, "%s", p->channel);
         m->sequence = p->sequence, m->whole = p->whole, m->got = 0, m->part = 0;
     }
+    // Accept parts in order and without gaps only.
     bool next = m->whole && p->sequence == m->sequence && p->whole == m->whole && p->part == m->part &&
                 p->offset == m->got && p->size <= m->whole - m->got;
     if (!next) return 0;
     memcpy(m->bytes + m->got, p->payload, p->size);
     m->got += (uint32_t)p->size;
     m->part++;
+    // Wait for more parts, unless this is the last one and all bytes are there.
     if (m->part < p->parts || m->got < m->whole) return 0;
     size_t size = m->whole;
     m->whole = 0;
@@ -357,11 +383,13 @@ int kn_join_take(kn_join *j, const void *datagram, size_t size)
     return p.split ? take_part(j, &p) : deliver(j, p.channel, p.payload, p.size);
 }
 
+// Take the waiting datagrams, KN_JOIN_TURN at most, so that a flood of datagrams does not block the caller.
 static int take_waiting(kn_join *j)
 {
     int handed = 0;
     bool here;
     for (int n = 0; n < KN_JOIN_TURN && j->fd >= 0; n++) {
+        // `here` becomes true if the datagram was sent to this bus.
         ssize_t size = kn_bus_take(&j->bus, j->fd, j->datagram, sizeof j->datagram, &here);
         if (size < 0) break;
         if (here) handed += kn_join_take(j, j->datagram, (size_t)size);
@@ -379,8 +407,10 @@ int kn_join_handle(kn_join *j, int timeout_ms)
     for (;;) {
         say_hello(j);
         int handed = take_waiting(j);
+        // Round up, so that the loop does not spin in the last millisecond.
         int64_t left_ms = (end_ns - kn_now_ns() + 999999) / 1000000;
         if (handed > 0 || left_ms <= 0) return handed;
+        // Wake up in between to say hello in time.
         int slice_ms = left_ms < HELLO_NS / 1000000 ? (int)left_ms : HELLO_NS / 1000000;
         poll(&(struct pollfd){.fd = kn_join_fd(j), .events = POLLIN}, 1, slice_ms);
     }
@@ -390,6 +420,7 @@ void kn_join_send(kn_join *j, const char *channel, uint8_t *bytes, int size)
 {
     int64_t life = atomic_load(&own.life);
     say_hello(j);
+    // kneadd refuses a signature without its present life, so send nothing while no life is known.
     if (signs(j) && (life == 0 || own.mute)) return;
     if (signs(j)) {
         kn_auth_stamp stamp = {life, now_us() + atomic_load(&own.ahead_us)};

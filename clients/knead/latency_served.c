@@ -1,4 +1,4 @@
-// The kneadd that knead latency runs beside itself.
+// The kneadd that knead latency starts for its measurement.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/latency.h"
@@ -14,9 +14,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-static const int ports_from = 12000, ports_each = 3, ports_sets = 6000; // below those that Linux hands out
+// First port, ports per run, and number of port sets. All ports are below those that Linux assigns by itself.
+static const int ports_from = 12000, ports_each = 3, ports_sets = 6000;
 
-// Two runs at once must not hear each other: stock liblcm tells buses apart by port only.
+// Choose ports by process id. Two runs at once must not hear each other, and stock liblcm tells buses apart only by
+// port.
 void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE])
 {
     int port = ports_from + ports_each * (int)(getpid() % ports_sets);
@@ -25,21 +27,24 @@ void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_S
     snprintf(echo_url, KN_LATENCY_URL_SIZE, "udpm://239.255.76.67:%d?ttl=0", port + 2);
 }
 
-// A child that does not outlive us. out: its standard output. 0 when there can be none.
+// Start a child process that ends when this process ends. `out` becomes the child's standard output. Return 0 on
+// failure.
 static int spawn(const char *path, char *const argv[], int out)
 {
     pid_t parent = getpid(), pid = fork();
     if (pid < 0) return 0;
     if (pid > 0) return pid;
     prctl(PR_SET_PDEATHSIG, SIGTERM);
-    setpgid(0, 0); // a terminal's ^C is for us, and then we stop it
+    // A terminal's ^C must reach only this process, which then stops the child.
+    setpgid(0, 0);
+    // The parent may have died before prctl took effect.
     if (getppid() != parent) _exit(KN_EXIT_DEVICE);
     dup2(out, STDOUT_FILENO);
     execvp(path, argv);
     _exit(127);
 }
 
-// kneadd lies beside knead, in a build as installed.
+// Return kneadd beside knead, as in a build or an installation. Otherwise return the name for a search in PATH.
 static const char *find_kneadd(char path[PATH_MAX])
 {
     ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - sizeof "kneadd");
@@ -53,7 +58,7 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
 {
     char program[PATH_MAX], trace[32];
     int pipes[2];
-    s->trace = memfd_create("knead latency", 0); // inherited
+    s->trace = memfd_create("knead latency", 0); // the child inherits the descriptor
     if (s->trace < 0 || pipe2(pipes, O_CLOEXEC) != 0)
         return kn_complain("latency", KN_EXIT_DEVICE, "no pipe to kneadd: %s", strerror(errno));
     snprintf(trace, sizeof trace, "/proc/self/fd/%d", s->trace);
@@ -61,17 +66,19 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
                     s->mesh_url, "--phase", (char *)phase, "--trace",   trace,  NULL};
     s->pid = spawn(find_kneadd(program), argv, pipes[1]);
     close(pipes[1]);
+    // kneadd prints its first line as soon as it serves.
     s->said = fdopen(pipes[0], "r");
     if (s->pid && s->said && fgets(s->greeting, sizeof s->greeting, s->said)) return KN_EXIT_OK;
     int status = 0, pid = s->pid;
     s->pid = 0;
     if (pid) waitpid(pid, &status, 0);
-    if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status); // it has said why
+    // kneadd has printed the reason if it ended with an exit code
+    if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status);
     return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
 }
 
-// Rows stand in the order of ticks, poses in that of sending: the same. A pose that served two ticks counts for the
-// first.
+// Copy the times of each tick's stages from kneadd's trace to the poses. Rows and poses have the same order. A pose
+// that two ticks used gets the stages of the first tick.
 static void take_stages(FILE *trace, kn_flights *poses)
 {
     char line[512];
@@ -80,6 +87,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
         if (sscanf(line, "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
                    &row.session, &row.seq, &row.arrived_ns, &row.woke_ns, &row.stepped_ns, &row.guarded_ns) != 6)
             continue;
+        // Skip a row whose pose is not in the list.
         int from = at;
         while (at < poses->count && (poses->list[at].session != row.session || poses->list[at].seq != row.seq)) at++;
         if (at == poses->count) {
@@ -97,6 +105,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
 
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses)
 {
+    // kneadd writes the end of its trace before it exits.
     int status = 0;
     if (s->pid) {
         kill(s->pid, SIGTERM);

@@ -13,6 +13,7 @@ int kn_lineup_open(kn_lineup *l, const kn_view_options *o)
 {
     int code = KN_EXIT_OK;
     *l = (kn_lineup){.o = o, .count = o->file_count > 0 ? o->file_count : 1};
+    // --compare adds one panel.
     l->panels = l->count + o->compare;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) code = kn_source_open(&l->source[i], o, i);
     return code;
@@ -32,6 +33,7 @@ bool kn_lineup_ended(const kn_lineup *l)
     return ended == l->count;
 }
 
+// Copy the skin (surface mesh), with room for one value per vertex.
 static bool copy(kn_still *to, const kn_still *from)
 {
     to->vertex_count = from->vertex_count;
@@ -47,11 +49,12 @@ static bool copy(kn_still *to, const kn_still *from)
     return true;
 }
 
-// The last panel. Edges, inside, are not compared.
+// Make the last panel, the comparison of two objects. Edges are inside the object and are not compared.
 static int compare(kn_lineup *l)
 {
     char error[300];
     kn_still *s = &l->still[2];
+    // Keep the last match as long as it fits the meshes.
     const bool known = kn_match_fits(&l->match, &l->still[0], &l->still[1]);
     if (!known) kn_match_free(&l->match);
     if (!known && !kn_match_make(&l->match, &l->still[0], &l->still[1], error, sizeof error))
@@ -65,6 +68,7 @@ static int compare(kn_lineup *l)
     return KN_EXIT_OK;
 }
 
+// Widen the extent by an object, at rest and now. A position that is not finite is left out.
 static void take_in(kn_extent *e, const kn_still *s, int scale)
 {
     for (int v = 0; v < s->vertex_count; v++)
@@ -80,6 +84,7 @@ static void take_in(kn_extent *e, const kn_still *s, int scale)
 int kn_lineup_stills(kn_lineup *l, kn_extent *e)
 {
     int code = KN_EXIT_OK;
+    // The captions and views start from the options at each moment.
     for (int i = 0; i < l->panels; i++) l->still[i].view = l->o->look;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) code = kn_source_still(&l->source[i], l->o, &l->still[i]);
     if (code == KN_EXIT_OK && l->o->compare) code = compare(l);
@@ -94,8 +99,10 @@ void kn_lineup_drop(kn_lineup *l)
 
 // ---- pictures
 
+// Return the first column of pixels of a panel. Widths differ by one pixel if the picture cannot be divided evenly.
 static int left_of(const kn_lineup *l, int panel) { return l->o->width * panel / l->panels; }
 
+// Open one renderer per panel when the first picture is taken.
 static bool open_shots(kn_lineup *l, char *error, size_t error_size)
 {
     const size_t bytes = 4 * (size_t)l->o->width * (size_t)l->o->height;
@@ -110,7 +117,7 @@ static bool open_shots(kn_lineup *l, char *error, size_t error_size)
     return l->panel && l->rgba;
 }
 
-// The first column of all but the first is the line between.
+// Copy a panel into the picture. The first two columns of every panel but the first become the dividing line.
 static void paste(kn_lineup *l, int panel)
 {
     const size_t all = 4 * (size_t)l->o->width, left = 4 * (size_t)left_of(l, panel);
@@ -122,9 +129,11 @@ static void paste(kn_lineup *l, int panel)
     }
 }
 
+// Return the colour scale of --color, or, if `distance` is set, of the distance in a comparison.
 static kn_scale scale_of(const kn_view_options *o, bool distance, double most)
 {
     const int measure = distance ? (int)KN_MEASURE_DISPLACEMENT : o->measure;
+    // A negative measure means no colours.
     if (measure < 0) return (kn_scale){"", "", 1};
     const double asked = distance && o->measure >= 0 ? 0 : o->top_si;
     return (kn_scale){distance ? "distance" : kn_measure_names[measure].words, kn_measure_names[measure].unit,
@@ -140,7 +149,8 @@ int kn_lineup_shoot(kn_lineup *l, const kn_extent *e, bool framed)
         const kn_scale scale = scale_of(l->o, distance, e->most[distance]);
         l->still[i].view.frame = framed ? e->box : NULL;
         l->still[i].view.follow = true;
-        const kn_shot_words words = i + 1 >= l->count ? KN_SHOT_LEGEND : KN_SHOT_NAMED; // the last of the same scale
+        // the last panel of a scale has the legend
+        const kn_shot_words words = i + 1 >= l->count ? KN_SHOT_LEGEND : KN_SHOT_NAMED;
         ok = kn_shot_take(l->shot[i], &l->still[i], distance || l->o->measure >= 0 ? &scale : NULL,
                           l->o->plain ? KN_SHOT_PLAIN : words, l->panel, error, sizeof error);
         if (ok) paste(l, i);

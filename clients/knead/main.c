@@ -1,4 +1,4 @@
-// knead: everything around the daemon, one command with a file per subcommand. See commands.h.
+// knead: all tools around the daemon in one command, with one file per subcommand. See commands.h.
 #include "clients/knead/commands.h"
 #include "clients/knead/result.h"
 #include "server/rt.h"
@@ -34,12 +34,14 @@ static int run(int argc, char **argv)
         return KN_EXIT_OK;
     }
     bool known = false;
+    // Find the subcommand. `knead NAME --version` is answered here.
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // what getopt begins its complaints with
+            char why[200], full[32]; // getopt begins its messages with this name
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
+            // Check first that all files can be opened: liblcm and libev hang or abort otherwise.
             if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
             return c->main(argc - 1, argv + 1);
         }
@@ -58,7 +60,8 @@ int main(int argc, char **argv)
 {
     int code = run(argc, argv);
     kn_result_close(code);
-    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    // Check both: the last flush does not report an error of an earlier write.
+    if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead: standard output could not be written to its end\n", stderr);
     return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;
 }

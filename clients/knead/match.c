@@ -3,10 +3,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define SAME_M 1e-6 // places of rest are floats
-// Of the longest side: no point of a square's face is further from its corners, nor of an equal triangle's.
+// Tolerance of equal positions at rest, which are floats.
+#define SAME_M 1e-6
+// Largest distance at rest, as a share of the longest side of a triangle. Each point of an equilateral triangle, or of
+// a square of two triangles, is closer to a corner than this share.
 #define COARSE 0.6
 
+// A vertex for a search by x.
 typedef struct spot {
     float x[3];
     int vertex;
@@ -25,20 +28,23 @@ static float squared(const float a[3], const float b[3])
     return d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
 }
 
+// Compare one vertex with the nearest one so far. Return false if the vertex is too far away along x alone.
 static bool nearer(const spot *s, const float x[3], const spot **best, float *least)
 {
     const float across = s->x[0] - x[0], d = squared(s->x, x);
-    if (across * across > *least) return false; // nor is any beyond it
+    if (across * across > *least) return false; // all vertices beyond are further away, too
     if (d < *least || !*best) *least = d, *best = s;
     return true;
 }
 
-// Among spots in ascending x: from x on to both sides, until x alone is further than the nearest.
+// Find the nearest vertex in a list that is sorted by x. The search starts at x and goes to both sides, until the
+// distance along x alone is larger than that to the nearest vertex.
 static const spot *nearest(const spot *s, int count, const float x[3])
 {
     const spot *best = NULL;
     float least = INFINITY;
     int low = 0, high = count;
+    // Binary search for the first spot that is not below x.
     while (low < high) {
         const int middle = low + (high - low) / 2;
         if (s[middle].x[0] < x[0]) low = middle + 1;
@@ -49,6 +55,7 @@ static const spot *nearest(const spot *s, int count, const float x[3])
     return best;
 }
 
+// Return the longest side of all triangles at rest.
 static double longest_side(const kn_still *s)
 {
     float most = 0;
@@ -58,6 +65,7 @@ static double longest_side(const kn_still *s)
     return sqrt(most);
 }
 
+// Return the vertices sorted by their x at rest, or NULL if out of memory.
 static spot *sorted(const kn_still *s)
 {
     spot *out = malloc(((size_t)s->vertex_count + 1) * sizeof *out);
@@ -66,7 +74,7 @@ static spot *sorted(const kn_still *s)
     return out;
 }
 
-// For each of to's vertices the nearest of from's, and how far it is away at most.
+// Find the nearest vertex of `from` for each vertex of `to`. `*apart_m` grows to the largest distance.
 static bool find_nearest(const kn_still *from, const kn_still *to, int *vertex, double *apart_m)
 {
     spot *s = sorted(from);
@@ -85,6 +93,7 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
     *m = (kn_match){.count = second->vertex_count};
     m->first = malloc(((size_t)m->count + 1) * sizeof *m->first);
     snprintf(error, error_size, "out of memory");
+    // Search in both directions: a part that only one of the objects has must be noticed.
     bool ok = m->first && first->vertex_count > 0 && m->count > 0 &&
               find_nearest(first, second, m->first, &m->apart_m) && find_nearest(second, first, NULL, &m->apart_m);
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
@@ -99,6 +108,7 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
     return ok;
 }
 
+// Check the number of vertices and the range of the indices, because the meshes may have changed since the match.
 bool kn_match_fits(const kn_match *m, const kn_still *first, const kn_still *second)
 {
     if (m->count != second->vertex_count || !m->first) return false;
@@ -107,6 +117,7 @@ bool kn_match_fits(const kn_match *m, const kn_still *first, const kn_still *sec
     return true;
 }
 
+// Compare displacements, not positions: the matched vertices differ at rest.
 void kn_match_distance(const kn_match *m, const kn_still *first, const kn_still *second, float *value)
 {
     for (int v = 0; v < m->count; v++) {

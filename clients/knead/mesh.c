@@ -1,4 +1,4 @@
-// knead mesh: makes a mesh of a closed surface, or says what a mesh is.
+// knead mesh: fills a closed surface with a mesh, or describes an existing mesh.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/mesher.h"
@@ -25,7 +25,9 @@ static const char help[] =
     "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
-#define THIN 0.1 // quality below which an element is worth a warning: 3 % of the volume that its edges could hold
+// Quality (core/simplices.h) below which an element is worth a warning. Such an element has 3 % of the volume of a
+// regular tetrahedron with the same sum of squared edges.
+#define THIN 0.1
 
 typedef struct options {
     const char *in, *out;
@@ -35,7 +37,7 @@ typedef struct options {
     bool help, tool_given;
 } options;
 
-static const char mesh[] = "mesh"; // for complaints
+static const char mesh[] = "mesh"; // name for complaints
 
 // ---- options
 
@@ -54,6 +56,7 @@ static bool take_unit(options *o, const char *text)
     return false;
 }
 
+// Read --size. Return false unless it is a length from 1e-5 to 1 m.
 static bool take_size(options *o, const char *text)
 {
     kn_quantity q;
@@ -79,8 +82,10 @@ static bool ends_in_msh(const char *path)
     return size > 4 && strcmp(path + size - 4, ".msh") == 0;
 }
 
+// Check that the options fit the kind of input.
 static int check_options(const options *o)
 {
+    // The ending of the name tells a surface from a mesh.
     bool surface = kn_shell_named(o->in);
     if (!surface && !ends_in_msh(o->in))
         return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
@@ -93,6 +98,7 @@ static int check_options(const options *o)
     return KN_EXIT_OK;
 }
 
+// Read the options. Return an exit code after a complaint.
 static int take_options(int argc, char **argv, options *o)
 {
     static const struct option known[] = {
@@ -108,7 +114,7 @@ static int take_options(int argc, char **argv, options *o)
             return kn_complain(mesh, KN_EXIT_USAGE, "--tool %s: expected gmsh or tetgen", optarg);
         else if (c == 'u' && !take_unit(o, optarg))
             return kn_complain(mesh, KN_EXIT_USAGE, "--unit %s: expected m, cm, mm or um", optarg);
-        else if (c == '?') return KN_EXIT_USAGE; // getopt has said what
+        else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (o->help) return KN_EXIT_OK;
     if (argc - optind != 1)
@@ -119,6 +125,7 @@ static int take_options(int argc, char **argv, options *o)
 
 // ---- report
 
+// Print what a mesh has, and the line that uses it in a scene.
 static void print_mesh(const options *o, const char *file, const char *format, const kn_simplices *s)
 {
     kn_simplices_measures m;
@@ -135,11 +142,13 @@ static void print_mesh(const options *o, const char *file, const char *format, c
            1e3 * m.edge_max_m);
     printf("quality   %.2f in the mean, %.2f at worst (element %ld); 1 is the regular %s\n", m.quality_mean,
            m.quality_min, s->tag[m.worst], flat ? "triangle" : "tetrahedron");
+    // A thin element deserves a warning.
     if (m.quality_min < THIN)
         printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
     printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
 }
 
+// Load a mesh as a scene does and print it.
 static int check_mesh(const options *o, const char *file)
 {
     char error[512];
@@ -147,6 +156,7 @@ static int check_mesh(const options *o, const char *file)
     kn_simplices *s = kn_msh_load(file, o->units_per_m, &facts, error, sizeof error);
     if (!s) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);
     print_mesh(o, file, facts.format, s);
+    // Report the parts of the file that the object will not have.
     if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
     if (facts.loose > 0) printf("left out  %d nodes that no element has\n", facts.loose);
     kn_simplices_destroy(s);
@@ -155,12 +165,14 @@ static int check_mesh(const options *o, const char *file)
 
 // ---- a mesh of a surface
 
+// Write a mesh in Gmsh's format 4.1, with one block of nodes and one of elements.
 static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
 {
     fprintf(f, "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 %d 1 %d\n3 1 0 %d\n", s->node_count, s->node_count,
             s->node_count);
     for (int i = 0; i < s->node_count; i++) fprintf(f, "%d\n", i + 1);
-    for (int i = 0; i < s->node_count; i++) // 12 digits hide that the unit was divided out and in
+    // 12 digits hide the rounding errors of converting the unit to metres and back.
+    for (int i = 0; i < s->node_count; i++)
         fprintf(f, "%.12g %.12g %.12g\n", units_per_m * s->x_m[i][0], units_per_m * s->x_m[i][1],
                 units_per_m * s->x_m[i][2]);
     fprintf(f, "$EndNodes\n$Elements\n1 %d 1 %d\n3 1 4 %d\n", s->element_count, s->element_count, s->element_count);
@@ -171,9 +183,10 @@ static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
     fprintf(f, "$EndElements\n");
 }
 
-// Whole or not at all: what was there before stands until the new one is complete.
+// Write the mesh completely or not at all. An earlier file stays until the new one is complete.
 static int save_mesh(const options *o, const kn_simplices *s)
 {
+    // Write to a file beside the wanted one, and rename the new file at the end.
     char part[4096];
     snprintf(part, sizeof part, "%s.part", o->out);
     FILE *f = fopen(part, "w");
@@ -186,10 +199,12 @@ static int save_mesh(const options *o, const kn_simplices *s)
     return kn_complain(mesh, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", o->out, strerror(why));
 }
 
+// Fill the surface, save the mesh and check it.
 static int fill(const options *o, const kn_shell *shell)
 {
     char error[512];
     kn_simplices *s = NULL;
+    // Estimate the number of tetrahedra before the program runs for minutes.
     double size = o->size_m * o->units_per_m, count = shell->volume / (0.08 * size * size * size);
     if (count > KN_SIMPLICES_ELEMENTS_MAX)
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
@@ -202,7 +217,7 @@ static int fill(const options *o, const kn_shell *shell)
     if (code != KN_EXIT_OK) return code;
     printf("surface   %s: %d triangles, closed, %.4g cm^3 inside\n", o->in, shell->triangle_count,
            shell->volume * pow(1e2 / o->units_per_m, 3));
-    return check_mesh(o, o->out); // as a scene will find it
+    return check_mesh(o, o->out); // load and check the file as a scene does
 }
 
 int kn_mesh_main(int argc, char **argv)

@@ -1,18 +1,19 @@
 #ifndef KN_CLIENTS_MESHER_H
 #define KN_CLIENTS_MESHER_H
-// Fills a closed surface with tetrahedra by a program that is good at it. Gmsh (GPL) and TetGen (AGPL) are run, never
-// linked, in a folder of their own that is removed again, also after Ctrl-C.
+// Fills a closed surface with tetrahedra by an external program. Gmsh (GPL) and TetGen (AGPL) are run, never linked.
+// They run in a folder of their own, which is removed afterwards, also after Ctrl-C.
 //
-//   gmsh     splits the surface at edges sharper than 40 degrees and meshes its pieces anew, then what is inside: edges
-//            as asked for, whatever the triangles were
-//   tetgen   keeps the surface and adds points where quality or size want them: never coarser than the triangles
+//   gmsh     splits the surface at edges sharper than 40 degrees, meshes its pieces anew, then the inside: edges have
+//            the wanted length, whatever the triangles were
+//   tetgen   keeps the surface and adds points if quality or size need them, so it is never coarser than the triangles
 #include "core/scene/shell.h"
 #include "core/simplices.h"
 
 typedef enum kn_mesher { KN_MESHER_GMSH, KN_MESHER_TETGEN } kn_mesher;
 
-// size: wanted length of an edge in the surface's unit, of which units_per_m make a metre; the mesh is in metres and
-// has passed kn_simplices_check. Returns one of KN_EXIT_*; one line in error unless it is OK.
+// Fill a surface. `size` is the wanted length of an edge in the surface's unit; `units_per_m` of these units make a
+// metre. The mesh is in metres and has passed kn_simplices_check. Return one of KN_EXIT_*, with one line in error
+// unless it is KN_EXIT_OK.
 int kn_mesher_run(kn_mesher mesher, const kn_shell *shell, double size, double units_per_m, kn_simplices **mesh,
                   char *error, size_t error_size);
 

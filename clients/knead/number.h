@@ -1,11 +1,12 @@
 #ifndef KN_CLIENTS_NUMBER_H
 #define KN_CLIENTS_NUMBER_H
-// A number of an option, written as numbers of a scene are: "2", "-0.5", "1e-3". No blanks, no "0x2", no "inf".
+// Parsing of a number in an option, written as in a scene: "2", "-0.5", "1e-3". Blanks, "0x2" and "inf" are refused.
 #include <stdbool.h>
 
-bool kn_number_take(const char *text, double low, double high, double *value); // false: none, or not in low..high
+// Parse `text` into *value. Return false if `text` is not a number, or if the number is outside `low`..`high`.
+bool kn_number_take(const char *text, double low, double high, double *value);
 
-// "1280x720": two whole numbers of up to 5 digits.
+// Parse a pair such as "1280x720": two whole numbers of up to 5 digits. Return false for any other text.
 bool kn_number_pair(const char *text, int *first, int *second);
 
 #endif

@@ -1,14 +1,19 @@
 #ifndef KN_CLIENTS_ORIGIN_H
 #define KN_CLIENTS_ORIGIN_H
-// Whether a log is fit to be played again and again: whole, and of the scene that it is played on.
+// Check that a log can be used for a sweep (many replays): the log must be undamaged and must belong to the scene under
+// test.
 //
-// `knead replay` uses what stands before the damage and says so; a sweep of hours on half a log says nothing about the
-// other half. A log without a scene of its own (lcm-logger, started after the server) is believed.
+// `knead replay` replays a damaged log up to the damage and reports the damage. A sweep refuses a damaged log, because
+// hours of work on the first half would say nothing about the second half. A log may contain no scene, for example if
+// lcm-logger was started after the server. Such a log is accepted as if it had been recorded with the scene under test.
 #include "server/replay.h"
 
-// def: as it will be played, with at least one set, or another scene is refused before this can judge it. The scene,
-// that of the path with the user's sets, is the log's when nothing but solver, quality, what meshes tell and
-// where cells are small (object.accuracy, object.margin, the probes' reach) differ, with or without the sets. False and one line in error.
+// Check the log of `def` against `scene`. Return false and one line in `error` if the log cannot be used.
+// def: the replay that will be run. It needs at least one set (a `key=value` that overrides the scene). Without sets
+// the replay itself refuses a log of another scene before this check can compare the two scenes.
+// scene: the scene at `scene_path` with the user's sets. It may differ from the scene of the log in these keys only:
+// solver, quality, mesh (contents of mesh messages), and the places of small cells (object.accuracy, object.margin, the
+// probes' reach). The two scenes are compared with the user's sets and, if they differ, once more without the sets.
 bool kn_origin_check(const kn_replay_def *def, const char *scene_path, const kn_scene *scene, char *error,
                      size_t error_size);
 

@@ -1,15 +1,16 @@
 #ifndef KN_CLIENTS_OUTPUT_H
 #define KN_CLIENTS_OUTPUT_H
-// A file that will be written after hours of work: whether it can be, before them.
+// Checks of output files before a long computation: can a file be written, and do two paths name the same file.
 #include <stdbool.h>
 
-// Leaves what is there as it is, and nothing where nothing was. An exit code, after a complaint.
+// Try to open path for writing. An existing file keeps its contents, and a file that did not exist is removed again.
+// Return an exit code. On failure, print an error message that begins with the name of the subcommand.
 int kn_output_try(const char *subcommand, const char *path);
 
-// Whether b is a, or is in it, by what their folders are; neither need be there.
+// Return true if path b equals path a or lies inside a, judged by their folders. Neither a nor b has to exist.
 bool kn_output_holds(const char *a, const char *b);
 
-// Whether both lead to one file, be it there or not yet. NULL is none.
+// Return true if both paths lead to the same file, whether the file exists yet or not. Return false if either is NULL.
 bool kn_output_same(const char *a, const char *b);
 
 #endif

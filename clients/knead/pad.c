@@ -1,7 +1,8 @@
 #include "clients/knead/pad.h"
 #include <math.h>
 
-// The numbers of dough are the first paper's edge under 1 cm^2; clay and jelly are chosen beside it.
+// The values of dough are those of an edge in the first paper, for an area of 1 cm^2. The values of clay and jelly are
+// chosen relative to dough.
 const kn_pad_def kn_pads[KN_PADS] = {
     {.name = "wall"},
     {.name = "dough",
@@ -24,6 +25,7 @@ const kn_pad_def kn_pads[KN_PADS] = {
 
 void kn_pad_init(kn_pad *pad, const kn_pad_def *def) { *pad = (kn_pad){.def = *def}; }
 
+// Return the damping c2 at a force. c2 falls exponentially from c2_n_s_m at from_n to c2_least_n_s_m at to_n.
 static double c2_of(const kn_pad_def *d, double force_n)
 {
     if (d->c2_n_s_m == 0.0) return INFINITY;
@@ -31,10 +33,12 @@ static double c2_of(const kn_pad_def *d, double force_n)
     return d->c2_n_s_m * pow(d->c2_least_n_s_m / d->c2_n_s_m, share);
 }
 
-// F (1 + G/A + G/c2(F)) = Q + G H/A. The left side grows with F, so halving finds it, 50 times to a double's digits.
+// Solve F (1 + G/A + G/c2(F)) = Q + G H/A for F. The left side grows with F, so bisection finds the root. 50 halvings
+// reach the precision of a double.
 static double meet(const kn_pad_def *d, double q, double g, double h, double a)
 {
     double target = q + g * h / a;
+    // Without c2, and for F <= 0, the equation is linear.
     if (d->c2_n_s_m == 0.0 || target <= 0.0) return target / (1.0 + g / a);
     double low = 0.0, high = target;
     for (int i = 0; i < 50; i++) {
@@ -49,13 +53,19 @@ double kn_pad_tick(kn_pad *pad, const kn_coupling *coupling, double dt_s, double
 {
     const kn_pad_def *d = &pad->def;
     bool wall = d->k1_n_m == 0.0 && d->c1_n_s_m == 0.0;
+    // A wall has A = infinity, so its Voigt element never moves.
     double a = wall ? INFINITY : d->c1_n_s_m + dt_s * d->k1_n_m, h = d->k1_n_m * pad->voigt_m;
+    // Depth of the device below the deformed surface, and the terms Q and G of pad.h.
     double out_m = depth_m - pad->voigt_m - pad->flow_m;
     double q = coupling->stiffness_n_m * out_m + coupling->damping_n_s_m * speed_m_s;
     double g = coupling->damping_n_s_m + dt_s * coupling->stiffness_n_m;
+    // Contact begins when the device is below the surface. Contact then lasts until the force is zero, even if the
+    // device is above the surface, because the coupling's damper can still press.
     double force = out_m > 0.0 || pad->touching ? meet(d, q, g, h, a) : 0.0;
+    // Contact never pulls.
     pad->force_n = fmax(force, 0.0);
     pad->touching = pad->force_n > 0.0;
+    // Implicit Euler: both parts move with the force at the end of the step.
     pad->voigt_m += dt_s * (pad->force_n - h) / a;
     pad->flow_m += dt_s * pad->force_n / c2_of(d, pad->force_n);
     return pad->force_n;

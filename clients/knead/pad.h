@@ -1,48 +1,65 @@
 #ifndef KN_CLIENTS_PAD_H
 #define KN_CLIENTS_PAD_H
-// What a tool touches, boiled down to one element along z: the law of a lattice edge at the scale of a contact, under a
-// proxy that is coupled to the device. For simulated loops, where a lattice would take a thousand times as long.
+// Pad: a lumped model of an object under a tool. One three-element edge along z stands for the whole contact: a Voigt
+// element (spring k1 parallel to damper c1) in series with the force-dependent damper c2(F). A virtual coupling (spring
+// k_vc, damper b_vc) connects the device to a proxy on the surface of the pad. Simulated haptic loops use a pad,
+// because a lattice would take a thousand times as long.
 //
 //     device --[ k_vc, b_vc ]-- proxy on the surface --[ k1 | c1 ]--[ c2(F) ]-- ground
 //
-//     F = Q - G w,  Q = k_vc (d - s) + b_vc d',  G = b_vc + dt k_vc       d: depth of the device, s: of the surface
-//     w = (F - H)/A + F/c2(F),  H = k1 e,  A = c1 + dt k1                 e: of the Voigt part; both at the end of dt
+//     F = Q - G w                    F: contact force at the end of the step dt
+//     Q = k_vc (d - s) + b_vc d'     d: depth of the device, s: depth of the surface, d': speed of the device
+//     G = b_vc + dt k_vc
+//     w = (F - H)/A + F/c2(F)        w: speed of the surface at the end of the step
+//     H = k1 e,  A = c1 + dt k1      e: displacement of the Voigt element, m
 //
-// F >= 0; released, e creeps back and what c2 gave way stays. The proxy has no mass. No allocation.
+// F >= 0. After the tool has left, e creeps back to 0, and the flow of damper c2 remains. The proxy has no mass. No
+// function allocates memory.
 #include "core/coupling.h"
 #include <stdbool.h>
 
 typedef struct kn_pad_def {
     const char *name;
-    double k1_n_m, c1_n_s_m;         // both 0: it does not give way, a wall
-    double c2_n_s_m, c2_least_n_s_m; // 0: no c2. Between the two forces it falls exponentially
+    // Spring and damper of the Voigt element. If both are 0, the pad is a wall: its surface never moves.
+    double k1_n_m, c1_n_s_m;
+    // Damping of c2 at the force from_n and at the force to_n. Between the two forces it falls exponentially. If
+    // c2_n_s_m is 0, there is no damper c2.
+    double c2_n_s_m, c2_least_n_s_m;
     double from_n, to_n;
 } kn_pad_def;
 
-// wall; and, of a probe of some 1 cm: dough (1 kN s/m at rest, 46 flowing), clay, stiff jelly and soft jelly.
+// Predefined pads: a wall, dough, clay, soft jelly, stiff jelly. All but the wall are objects under a probe of about
+// 1 cm. The dampers of dough together act like 1 kN s/m at rest and like 46 N s/m while dough flows.
 #define KN_PADS 5
 extern const kn_pad_def kn_pads[KN_PADS];
 
-typedef struct kn_pad { // read only for the caller
+typedef struct kn_pad { // read-only for the caller
     kn_pad_def def;
-    double voigt_m, flow_m; // e, and how far c2 has given way: the surface is voigt_m + flow_m deep
+    // Displacements of the Voigt element (e) and of the damper c2. Depth of the surface: voigt_m + flow_m.
+    double voigt_m, flow_m;
     double force_n;
     bool touching;
 } kn_pad;
 
+// Reset the pad: undeformed and untouched.
 void kn_pad_init(kn_pad *pad, const kn_pad_def *def);
 
-// One step of dt under a device at depth_m (> 0 inside the untouched surface) going in at speed_m_s. Returns F.
+// Advance the pad by one step of dt_s. depth_m: depth of the device below the undeformed surface, negative above it.
+// speed_m_s: rate of change of depth_m. Return the contact force F, N.
 double kn_pad_tick(kn_pad *pad, const kn_coupling *coupling, double dt_s, double depth_m, double speed_m_s);
 
-double kn_pad_stored_j(const kn_pad *pad); // by k1
+// Return the energy stored in k1, J.
+double kn_pad_stored_j(const kn_pad *pad);
 
-typedef struct kn_pad_contact { // a pad as what a rig's device touches, its surface at z = 0
+// A pad together with its virtual coupling, for use as the object of a rig (rig.h). The undeformed surface is at z = 0.
+typedef struct kn_pad_contact {
     kn_pad pad;
     kn_coupling coupling;
 } kn_pad_contact;
 
-// A kn_rig_object of a kn_pad_contact.
+// Step the pad by 1 ms under a device at `position_m` and write the force on the device to `force_n`; only its z
+// component can differ from 0. Return the stored energy, J. The function has the type kn_rig_object. contact: a
+// kn_pad_contact.
 double kn_pad_touch(void *contact, const double position_m[3], const double velocity_m_s[3], double force_n[3]);
 
 #endif

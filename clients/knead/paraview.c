@@ -14,8 +14,9 @@ struct kn_paraview {
     char folder[PATH_MAX - 128];
     kn_pvd *object, *edges;
     int moments;
-    const kn_model *model; // that the rest is of, NULL: none yet
-    int models;            // of that, see kn_moment
+    // Model that the arrays below belong to. NULL: none yet.
+    const kn_model *model;
+    int models; // number of this model, see kn_moment
     kn_cells cells;
     kn_springs springs;
     kn_gauge *gauge;
@@ -35,6 +36,7 @@ static bool short_of_memory(char *error, size_t size)
     return false;
 }
 
+// Free everything that depends on the model, and keep the rest.
 static void forget_model(kn_paraview *p)
 {
     kn_cells_free(&p->cells);
@@ -50,6 +52,7 @@ static void forget_model(kn_paraview *p)
     *p = kept;
 }
 
+// Allocate the arrays. The sizes of cells and edges get one more element, because calloc(0) may return NULL.
 static bool make_room(kn_paraview *p, size_t nodes, size_t cells, size_t edges)
 {
     p->measure = calloc(nodes, sizeof *p->measure);
@@ -71,6 +74,7 @@ static bool make_room(kn_paraview *p, size_t nodes, size_t cells, size_t edges)
            p->ratio && p->edge_stress && p->edge_strain && p->edge_rest && p->line && p->line_end && p->line_type;
 }
 
+// Prepare the export of a new model: cells, edges, gauge, arrays and the shapes of the tools.
 static bool take_model(kn_paraview *p, const kn_model *model)
 {
     forget_model(p);
@@ -78,6 +82,7 @@ static bool take_model(kn_paraview *p, const kn_model *model)
                 (p->gauge = kn_gauge_create(model)) &&
                 make_room(p, (size_t)model->node_count, (size_t)p->cells.count, (size_t)p->springs.count);
     for (int i = 0; fits && i < model->def.probe_count; i++) fits = kn_tool_form_make(&p->tool[i], model, i);
+    // An edge is a line cell of two points.
     for (int e = 0; fits && e < p->springs.count; e++) {
         p->line[2 * e] = p->springs.spring[e].i;
         p->line[2 * e + 1] = p->springs.spring[e].j;
@@ -88,12 +93,14 @@ static bool take_model(kn_paraview *p, const kn_model *model)
     return fits;
 }
 
+// Read the numbers of all nodes: positions, velocities, stress, residual strain, contact forces.
 static void read_nodes(kn_paraview *p, const kn_moment *m)
 {
     const kn_model *model = m->model;
     kn_gauge_read(p->gauge, m->state, KN_MEASURE_STRESS, p->measure);
     for (int i = 0; i < model->node_count; i++) p->stress[i] = (float)p->measure[i];
     kn_gauge_read(p->gauge, m->state, KN_MEASURE_RESIDUAL, p->measure);
+    // Contact forces are known only while the state has its solver scratch.
     if (m->state->scratch) kn_touch_nodes(model, m->state, p->contact);
     for (int i = 0; i < model->node_count; i++) {
         double x[3], v[3];
@@ -109,6 +116,7 @@ static void read_nodes(kn_paraview *p, const kn_moment *m)
     }
 }
 
+// Read stress, strain and residual strain of every edge.
 static void read_edges(kn_paraview *p, const kn_state *state)
 {
     for (int e = 0; e < p->springs.count; e++) {
@@ -119,6 +127,7 @@ static void read_edges(kn_paraview *p, const kn_state *state)
     }
 }
 
+// Write one .vtu file and list the file in its collection. part: number of the object or tool within one time.
 static bool write_one(const kn_paraview *p, kn_pvd *pvd, const kn_vtu *v, int part, const char *kind, const char *name,
                       char *error, size_t size)
 {
@@ -129,6 +138,7 @@ static bool write_one(const kn_paraview *p, kn_pvd *pvd, const kn_vtu *v, int pa
     return kn_vtu_write(v, path, error, size);
 }
 
+// Write the nodes with their numbers, and cells between them. An object without cells is drawn by its edges.
 static bool write_object(kn_paraview *p, const kn_moment *m, char *error, size_t size)
 {
     const bool solid = p->cells.count > 0;
@@ -164,18 +174,20 @@ static bool write_edges(kn_paraview *p, const kn_moment *m, char *error, size_t 
     return write_one(p, p->edges, &v, 0, "edges", "", error, size);
 }
 
-// Memory of one tool at one moment, which is small beside the object's.
+// Buffers of one tool at one moment. These buffers are much smaller than the object's and are allocated for each file.
 typedef struct tool_room {
     float (*xyz)[3], (*vector)[3][3]; // [points]; [points] of each of three vectors
     int32_t *corner, *end;
     uint8_t *type;
 } tool_room;
 
+// Fill the buffers: cell 0 is the vertex at the tool's position (point 0), then the triangles of the surface.
 static void fill_tool(tool_room *r, const kn_tool_form *f, const struct kn_moment_tool *tool, const kn_probe_def *def)
 {
     float(*vector)[3] = (float(*)[3])r->vector;
     kn_tool_form_place(f, def, tool->position_m, tool->orientation_wxyz, r->xyz);
-    for (int k = 0; k < 3; k++) { // at its own point; the others are 0
+    // `vector` holds three arrays one after the other, each with one vector per point. Only point 0 differs from 0.
+    for (int k = 0; k < 3; k++) {
         vector[0][k] = (float)tool->force_n[k];
         vector[f->point_count][k] = (float)tool->contact_force_n[k];
         vector[2 * f->point_count][k] = (float)tool->torque_n_m[k];
@@ -202,6 +214,7 @@ static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *erro
     float turn[4];
     for (int k = 0; k < 4; k++) turn[k] = (float)tool->orientation_wxyz[k];
     if (fits && tool->live) fill_tool(&r, f, tool, &m->model->def.probe[probe]);
+    // A tool that nobody holds is written as an empty file, so that the collection has the same parts at every time.
     const float *vector = (const float *)r.vector;
     const kn_vtu v = {.time_s = m->time_s,
                       .point_count = tool->live ? f->point_count : 0,
@@ -244,6 +257,7 @@ kn_paraview *kn_paraview_open(const char *folder, char *error, size_t size)
 
 bool kn_paraview_add(kn_paraview *p, const kn_moment *m, char *error, size_t size)
 {
+    // A new model, such as after a change of the scene, needs new arrays.
     if ((!p->model || p->models != m->models) && !take_model(p, m->model)) return short_of_memory(error, size);
     p->models = m->models;
     read_nodes(p, m);
@@ -258,6 +272,7 @@ bool kn_paraview_add(kn_paraview *p, const kn_moment *m, char *error, size_t siz
 bool kn_paraview_close(kn_paraview *p, char *error, size_t size)
 {
     bool whole = kn_pvd_close(p->object, error, size);
+    // Report the first error only, but close both collections.
     whole = kn_pvd_close(p->edges, whole ? error : (char[1]){0}, whole ? size : 0) && whole;
     forget_model(p);
     free(p);

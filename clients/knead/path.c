@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double rest_s = 1.0; // after a withdrawal: what comes back at once has come back
+static const double rest_s = 1.0; // after a withdrawal: the object's fast recovery has ended by then
 static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4; // see add_landing
 
 double kn_path_distance(const double a[3], const double b[3])
@@ -11,6 +11,7 @@ double kn_path_distance(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
+// Append a piece that starts when the previous one ends. Its end point is `from` until the caller sets `to`.
 static kn_piece *add(kn_path *path, kn_piece_kind kind, const char *name, const kn_path_point *from, double duration_s)
 {
     kn_piece *p = &path->piece[path->count++];
@@ -21,7 +22,7 @@ static kn_piece *add(kn_path *path, kn_piece_kind kind, const char *name, const 
     return p;
 }
 
-// Short ways keep the ramp and lower the speed: never more than speed / ramp of acceleration.
+// Append a LINE. A short line keeps the ramp and lowers the speed, so the acceleration never exceeds speed / ramp.
 static void add_line(kn_path *path, const char *name, const kn_path_point *from, const kn_path_point *to,
                      double speed_m_s)
 {
@@ -30,6 +31,7 @@ static void add_line(kn_path *path, const char *name, const kn_path_point *from,
     add(path, KN_PIECE_LINE, name, from, way_m > 0.0 ? cruise_s + 2.0 * KN_PATH_RAMP_S : 0.0)->to = *to;
 }
 
+// Allocate a path with room for so many pieces, in one block.
 static kn_path *create(int pieces)
 {
     kn_path *path = calloc(1, sizeof *path + (size_t)pieces * sizeof(kn_piece));
@@ -44,22 +46,27 @@ static kn_path_point at_height(double z_m)
     return (kn_path_point){.position_m = {0, 0, z_m}, .orientation_wxyz = {1, 0, 0, 0}};
 }
 
+// Return value, or `otherwise` if value is not positive.
 static double or_default(double value, double otherwise) { return value > 0.0 ? value : otherwise; }
 static double hold_of(const kn_path_def *def) { return def->hold_s < 0.0 ? 4.0 : def->hold_s; }
 
+// Return the point in the air where a path begins and ends.
 static kn_path_point above(const kn_path_def *def)
 {
     return at_height(def->touch_z_m + or_default(def->clear_m, 0.02));
 }
 
-// Down through the air to a touch at rest, at less than 0.1 mm/s when it comes: a plate that lands on dough, which is a
-// wall until it flows, meets some 2 N per mm/s in its first ms, and kneadd follows a pose within some um only.
+// Append the way down through the air to a touch at rest, and return the final point. The tool must touch at less than
+// 0.1 mm/s. Dough is as hard as a wall until it flows: in its first ms a plate meets about 2 N for each mm/s of its
+// speed, and kneadd's tool is some um away from the path.
 static kn_path_point add_landing(kn_path *path, const kn_path_def *def)
 {
+    // Go fast to 1 mm above the object, take one second for the last millimetre, then stand for settling_s.
     kn_path_point air = above(def), near = at_height(def->touch_z_m + landing_m), touch = at_height(def->touch_z_m);
     add_line(path, "approach", &air, &near, KN_PATH_AIR_M_S);
     add(path, KN_PIECE_CURVE, "touch", &near, landing_s)->to = touch;
     add(path, KN_PIECE_STAND, "touch", &touch, settling_s);
+    // On an uneven top, sink slowly until the flat tool rests on everything under it.
     if (def->uneven_m > 0.0) {
         kn_path_point flush = at_height(def->touch_z_m - def->uneven_m);
         add_line(path, "flush", &touch, &flush, flushing_m_s);
@@ -99,6 +106,7 @@ kn_path *kn_path_sine(const kn_path_def *def)
 {
     kn_path *path = create(7);
     if (!path) return NULL;
+    // Swing a whole number of periods, at least one, so that the sine ends at rest.
     double frequency_hz = or_default(def->frequency_hz, KN_PATH_SWING_HZ),
            periods = fmax(1.0, round(hold_of(def) * frequency_hz));
     kn_path_point air = above(def), touch = add_landing(path, def);
@@ -110,7 +118,8 @@ kn_path *kn_path_sine(const kn_path_def *def)
     return path;
 }
 
-// Tangents by the difference over both neighbours (Catmull and Rom); rest at both ends, where the hand stands.
+// The velocity at a point is the difference of its two neighbours' positions, divided by that of their times (Catmull
+// and Rom). At both ends of the path the velocity is 0.
 kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[])
 {
     kn_path *path = create(count - 1);
@@ -121,6 +130,7 @@ kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]
                 n == 0 || n == count - 1
                     ? 0.0
                     : (point[n + 1].position_m[i] - point[n - 1].position_m[i]) / (time_s[n + 1] - time_s[n - 1]);
+    // Join the points by Hermite curves.
     for (int n = 0; n + 1 < count; n++)
         add(path, KN_PIECE_CURVE, "path", &point[n], time_s[n + 1] - time_s[n])->to = point[n + 1];
     return path;
@@ -129,9 +139,11 @@ kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]
 void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from, double z_m, const kn_path_point *to)
 {
     *path = (kn_path){.piece = piece};
+    // Braking evenly from the present velocity covers half of velocity times ramp time.
     kn_path_point still = *from, up;
     for (int i = 0; i < 3; i++) still.position_m[i] += 0.5 * KN_PATH_RAMP_S * from->velocity_m_s[i];
     memset(still.velocity_m_s, 0, sizeof still.velocity_m_s);
+    // The lift never goes down, even if the tool is above z_m already.
     up = still;
     up.position_m[2] = fmax(z_m, still.position_m[2]);
     add(path, KN_PIECE_CURVE, "stop", from, KN_PATH_RAMP_S)->to = still;
@@ -140,7 +152,8 @@ void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from
     add(path, KN_PIECE_STAND, "wait", to, 0.0);
 }
 
-// Share of the way and its rate after t of a LINE: trapezoid of the speed, its peak the one that covers the whole way.
+// Compute the share of the way that a LINE has covered at time t, 0..1, and the rate of change of this share, 1/s. The
+// speed over time is a trapezoid of area 1.
 static void trapezoid(double t, double duration_s, double *share, double *rate)
 {
     double r = KN_PATH_RAMP_S, peak = 1.0 / (duration_s - r), left = duration_s - t;
@@ -149,10 +162,11 @@ static void trapezoid(double t, double duration_s, double *share, double *rate)
     else *share = peak * (t - 0.5 * r), *rate = peak;
 }
 
+// Evaluate the cubic Hermite curve of a piece at time t. h are the base functions, g = dh/du their derivatives.
 static void curve(const kn_piece *p, double t, kn_path_point *out)
 {
     double d = p->duration_s, u = t / d;
-    double h00 = (1 + 2 * u) * (1 - u) * (1 - u), h10 = u * (1 - u) * (1 - u); // and g = dh/du
+    double h00 = (1 + 2 * u) * (1 - u) * (1 - u), h10 = u * (1 - u) * (1 - u);
     double h01 = u * u * (3 - 2 * u), h11 = u * u * (u - 1);
     double g00 = 6 * u * (u - 1), g10 = (1 - u) * (1 - 3 * u), g11 = u * (3 * u - 2);
     for (int i = 0; i < 3; i++) {
@@ -163,6 +177,8 @@ static void curve(const kn_piece *p, double t, kn_path_point *out)
     }
 }
 
+// Interpolate the quaternion linearly and normalise it. The sign of the end is chosen so that the turn is the shorter
+// one.
 static void turn(const kn_piece *p, double u, double q[4])
 {
     const double *a = p->from.orientation_wxyz, *b = p->to.orientation_wxyz;
@@ -173,12 +189,14 @@ static void turn(const kn_piece *p, double u, double q[4])
 
 const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *out)
 {
-    int low = 0, high = path->count - 1; // the last piece that starts at or before t_s
+    // Bisect for the last piece that starts at or before t_s.
+    int low = 0, high = path->count - 1;
     while (low < high) {
         int middle = (low + high + 1) / 2;
         if (path->piece[middle].start_s <= t_s) low = middle;
         else high = middle - 1;
     }
+    // Hold the ends: clamp the time into the piece.
     const kn_piece *p = &path->piece[low];
     double t = fmin(fmax(t_s - p->start_s, 0.0), p->duration_s), share = 0.0, rate = 0.0;
     *out = p->from;
@@ -189,6 +207,7 @@ const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *out)
         curve(p, t, out);
         return p;
     }
+    // LINE and SINE both move along a straight line. They differ in the share of the way that is covered at time t.
     if (p->kind == KN_PIECE_LINE) {
         trapezoid(t, p->duration_s, &share, &rate);
     } else {

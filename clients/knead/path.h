@@ -1,14 +1,16 @@
 #ifndef KN_CLIENTS_PATH_H
 #define KN_CLIENTS_PATH_H
-// Where a virtual hand holds its tool, at every time. A path is a row of pieces:
+// Path of a virtual hand: the pose of its tool at every time. A path is a sequence of pieces:
 //
-//     STAND    at rest
-//     LINE     from rest to rest: speed 0 -> v in 50 ms, v, v -> 0 in 50 ms; short ones keep the 50 ms and go slower
-//     CURVE    cubic Hermite between two points with their velocities
-//     SINE     down and up again, (1 - cos wt)/2, whole periods: begins and ends at rest
+//     STAND    the tool stays at rest
+//     LINE     straight line from rest to rest. The speed rises from 0 to v in 50 ms, stays at v, and falls to 0 in
+//              50 ms. On a short line v is lower and the two ramps still take 50 ms each
+//     CURVE    cubic Hermite curve between two points with given velocities
+//     SINE     straight down and up again, depth ~ (1 - cos wt)/2, in whole periods: begins and ends at rest
 //
-// Position and velocity are continuous over every joint, and the velocity is the exact derivative of the position: a
-// plate in kneadd follows the velocity and is only corrected towards the position. Pure; SI; the scene's frame.
+// Position and velocity are continuous where two pieces meet, and the velocity is the exact derivative of the position.
+// Both matter, because kneadd moves a plate with the velocity and only corrects the plate towards the position. All
+// functions are pure, use SI units and the frame of the scene.
 #include <stddef.h>
 
 typedef struct kn_path_point {
@@ -19,57 +21,66 @@ typedef enum kn_piece_kind { KN_PIECE_STAND, KN_PIECE_LINE, KN_PIECE_CURVE, KN_P
 
 typedef struct kn_piece {
     kn_piece_kind kind;
-    const char *name; // what the hand is doing: "press"
+    const char *name; // action of the hand: "press"
     double start_s, duration_s;
-    kn_path_point from; // velocity used by CURVE only
+    kn_path_point from; // velocity_m_s is used by CURVE only
     kn_path_point to;   // SINE: the lowest point
     double periods;     // SINE
 } kn_piece;
 
 typedef struct kn_path {
     int count;
-    kn_piece *piece; // start times rise, no gaps
+    kn_piece *piece; // start times rise without gaps
     double duration_s;
-    double hold_end_s; // of the piece "hold"; 0: the path has none
+    // End of the piece "hold", s. 0: the path has no hold.
+    double hold_end_s;
 } kn_path;
 
-typedef struct kn_path_def { // 0 in a field = its default
-    double touch_z_m;        // the tool's z when it just touches the top of the object
-    double uneven_m;         // >= 0: how much lower the lowest place under a flat tool is; it is reached slowly
-    double clear_m;          // default 20 mm: height above touch_z_m where a path begins and ends
-    double depth_m;          // default press 10 mm, poke 3 mm, sine KN_PATH_SWING_M
-    double speed_m_s;    // default press 10 mm/s, poke 50 mm/s: in the object; through the air a path goes at 30 mm/s
-    double hold_s;       // press: at the lowest point; sine: how long it swings. Here < 0 is the default, 4 s
-    double frequency_hz; // sine: default KN_PATH_SWING_HZ
+typedef struct kn_path_def { // 0 in a field selects its default, except hold_s
+    double touch_z_m;        // z of the tool when it first touches the top of the object
+    double uneven_m;         // >= 0: from touch_z_m down to the lowest place under a flat tool; sunk through slowly
+    double clear_m;          // height above touch_z_m at the begin and end of the path; default 20 mm
+    double depth_m;          // default: press 10 mm, poke 3 mm, sine KN_PATH_SWING_M
+    // Speed inside the object. Default: press 10 mm/s, poke 50 mm/s. Through the air a path moves at KN_PATH_AIR_M_S,
+    // 30 mm/s.
+    double speed_m_s;
+    // press: time at the lowest point; sine: time of swinging. A value < 0 selects the default of 4 s.
+    double hold_s;
+    double frequency_hz; // sine only; default KN_PATH_SWING_HZ
 } kn_path_def;
 
-#define KN_PATH_LONGEST_S 86400.0 // a day: whoever plays a path looks at every millisecond of it
-#define KN_PATH_RAMP_S 0.05
-#define KN_PATH_SWING_M 0.001
-#define KN_PATH_SWING_HZ 2.0
-#define KN_PATH_AIR_M_S 0.03
+// Longest path, one day. The limit is needed because every millisecond of a path is evaluated.
+#define KN_PATH_LONGEST_S 86400.0
+#define KN_PATH_RAMP_S 0.05   // time in which a LINE accelerates, and time in which it brakes
+#define KN_PATH_SWING_M 0.001 // depth of a sine by default
+#define KN_PATH_SWING_HZ 2.0  // frequency of a sine by default
+#define KN_PATH_AIR_M_S 0.03  // speed through the air
 
-// Allocate; NULL when memory is short.
-// press: down through the air, touch at rest, press, hold, withdraw, rest 1 s.  poke: fast from the air, out, rest 1 s.
-// sine: touch at rest, swing between the surface and depth_m below it, withdraw, rest 1 s.
+// Allocate a path. The caller destroys it. Return NULL when memory is short.
+// press: go down through the air, touch the object at rest, press, hold, withdraw, rest for 1 s.
+// poke:  go fast from the air into the object and out again, rest for 1 s.
+// sine:  touch the object at rest, swing between the surface and depth_m below the surface, withdraw, rest for 1 s.
 kn_path *kn_path_press(const kn_path_def *def);
 kn_path *kn_path_poke(const kn_path_def *def);
 kn_path *kn_path_sine(const kn_path_def *def);
 
-// Smooth through count >= 2 points at rising times, at rest at both ends. Fills the points' velocities.
+// Allocate a smooth path through `count` >= 2 points at rising times. The path is at rest at both ends. The function
+// also writes the velocities of the points to point[].velocity_m_s.
 kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]);
 
-// Rows `time_s,x_m,y_m,z_m` or `time_s,x_m,y_m,z_m,qw,qx,qy,qz` under a header line that says so, for
-// kn_path_through. NULL and one line `file:line:col: ...` in error.
+// Load a path from a CSV file and smooth it with kn_path_through. A header line names the columns, either
+// `time_s,x_m,y_m,z_m` or `time_s,x_m,y_m,z_m,qw,qx,qy,qz`. Return NULL and one line `file:line:col: ...` in error.
 kn_path *kn_path_load(const char *file, char *error, size_t error_size);
 void kn_path_destroy(kn_path *path); // NULL is fine
+// Return the distance between two points, m.
 double kn_path_distance(const double a[3], const double b[3]);
 
-// Point at t_s from the path's begin, held at both ends. The piece it lies in is returned.
+// Write the point at t_s after the begin of the path. Before the begin and after the end, write the first or last
+// point. Return the piece at t_s.
 const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *point);
 
-// Way out for a tool that is anywhere at any speed: stops in 50 ms, lifts to z_m straight up, goes to `to` at rest.
-// Fills piece[4] of caller memory and makes *path of it; allocates nothing.
+// Make a path that takes a tool out of the object from any pose and speed: stop in 50 ms, lift straight up to `z_m`, go
+// to `to`, rest there. The path uses the caller's array `piece`, which must outlive it. Nothing is allocated.
 void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from, double z_m, const kn_path_point *to);
 
 #endif

@@ -1,4 +1,5 @@
-// Paths from a CSV file; see path.h. Parse and check row by row, so that every complaint has its line and column.
+// Reader of paths from CSV files; see path.h. Rows are parsed and checked one by one, so that every error message can
+// name the line and column.
 #include "clients/knead/path.h"
 #include <errno.h>
 #include <math.h>
@@ -8,9 +9,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double workspace_m = 1.0;   // kneadd refuses poses outside it,
-static const double speed_max_m_s = 5.0; // and faster ones
+// kneadd refuses poses outside this workspace, and poses that move faster than this speed.
+static const double workspace_m = 1.0;
+static const double speed_max_m_s = 5.0;
 
+// Position in the file, for error messages.
 typedef struct reader {
     const char *file;
     int line;
@@ -18,6 +21,7 @@ typedef struct reader {
     size_t error_size;
 } reader;
 
+// Write `file:line:column: ...` to error. Return false.
 __attribute__((format(printf, 3, 4))) static bool complain(const reader *r, int column, const char *format, ...)
 {
     int n = snprintf(r->error, r->error_size, "%s:%d:%d: ", r->file, r->line, column);
@@ -28,7 +32,7 @@ __attribute__((format(printf, 3, 4))) static bool complain(const reader *r, int 
     return false;
 }
 
-// Fields of one line into value[]; the column of field i into column[i].
+// Read the fields of one line into value[], and the column where field i begins into column[i].
 static bool read_row(const reader *r, const char *line, int fields, double value[8], int column[8])
 {
     const char *at = line;
@@ -46,12 +50,14 @@ static bool read_row(const reader *r, const char *line, int fields, double value
     return true;
 }
 
+// The rows read so far.
 typedef struct rows {
     int count, room;
     double *time_s;
     kn_path_point *point;
 } rows;
 
+// Make room for one more row.
 static bool grow(rows *all)
 {
     if (all->count < all->room) return true;
@@ -65,6 +71,7 @@ static bool grow(rows *all)
     return true;
 }
 
+// Check one row against the workspace, the unit length of its quaternion and the row before, and append it.
 static bool take_row(const reader *r, rows *all, int fields, const double value[8], const int column[8])
 {
     kn_path_point p = {.orientation_wxyz = {1, 0, 0, 0}};
@@ -72,6 +79,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     memcpy(p.position_m, value + 1, sizeof p.position_m);
     if (kn_path_distance(p.position_m, (const double[3]){0}) > workspace_m)
         return complain(r, column[1], "further than %g m from the origin; are these metres?", workspace_m);
+    // Normalise the quaternion. A file with few digits may be off by 0.001.
     for (int i = 4; i < fields; i++) length += value[i] * value[i];
     if (fields == 8 && fabs(sqrt(length) - 1.0) > 1e-3)
         return complain(r, column[4], "quaternion of length %.4g, expected 1 within 0.001", sqrt(length));
@@ -92,6 +100,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     return true;
 }
 
+// Read the header and all rows. Empty lines are skipped.
 static bool read_rows(reader *r, FILE *in, rows *all)
 {
     static const char *const headers[] = {"time_s,x_m,y_m,z_m", "time_s,x_m,y_m,z_m,qw,qx,qy,qz"};
@@ -105,6 +114,7 @@ static bool read_rows(reader *r, FILE *in, rows *all)
         size_t length = strcspn(line, "\r\n");
         line[length] = 0;
         if (r->line == 1) {
+            // The header states whether the rows have 4 or 8 fields.
             fields = !strcmp(line, headers[0]) ? 4 : !strcmp(line, headers[1]) ? 8 : 0;
             if (!fields) ok = complain(r, 1, "expected the header `%s` or `%s`", headers[0], headers[1]);
         } else if (length > 0) {

@@ -7,9 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FINE_STEPS 16       // of the reference in one of the scene's steps
-#define FINE_TOLERANCE 1e-4 // of its CG: 1e-6 moves the force of a press by 1e-7
+#define FINE_STEPS 16       // steps of FINE in one step of the scene
+#define FINE_TOLERANCE 1e-4 // of FINE's CG: a tolerance of 1e-6 instead changes the force of a press by only 1e-7
 #define SAME_TOLERANCE 1e-8
+// SAME_PASSES: linearisations of SAME. LEAST, CAP: CG iterations of a reference. CAP_TIMES, CAP_LEAST: see cap_of.
 enum { SAME_PASSES = 5, LEAST = 2, CAP = 1000, CAP_TIMES = 3, CAP_LEAST = 24 };
 
 static const char *const names[] = {"blend", "secant", "tangent", "rk4"};
@@ -36,6 +37,7 @@ const char *kn_run_name(const kn_run *run, char text[96])
     return text;
 }
 
+// Add one formatted `key=value` to the sets.
 __attribute__((format(printf, 2, 3))) static void put(kn_run_sets *s, const char *format, ...)
 {
     char *text = s->made[s->count];
@@ -53,6 +55,7 @@ void kn_run_sets_make(kn_run_sets *s, const kn_run *run)
     put(s, "solver.precision=%s", run->precision == KN_PRECISION_F64 ? "f64" : "f32");
     put(s, "solver.dt=%.17g s", run->dt_s);
     if (run->spacing_m > 0) put(s, "object.spacing=%.17g m", run->spacing_m);
+    // The keys below belong to the implicit solver only.
     if (run->method == KN_METHOD_RK4) return;
     put(s, "solver.linearization=%s", names[run->method]);
     put(s, "solver.iterations=%d", run->iterations);
@@ -63,7 +66,8 @@ void kn_run_sets_make(kn_run_sets *s, const kn_run *run)
 
 // ---- one run
 
-// Reads the scene with the run's keys: what it is called, how many nodes. False with why.
+// Read the scene with the keys of the run to find its id and number of nodes. Return false and one line in error if the
+// scene refuses the keys.
 static bool resolve(const kn_plan *plan, kn_run *run, char *error, size_t error_size)
 {
     kn_run_sets sets;
@@ -72,12 +76,15 @@ static bool resolve(const kn_plan *plan, kn_run *run, char *error, size_t error_
                                             sets.set, sets.count, error, error_size);
     kn_model *model = NULL;
     bool composite = scene && kn_composite_is(&scene->model), built = composite || run->method == KN_METHOD_RK4;
-    if (scene && built) model = kn_model_build(&scene->model, error, error_size); // it may refuse
+    // Some refusals come only when the model is built.
+    if (scene && built) model = kn_model_build(&scene->model, error, error_size);
     bool ok = scene && (model || !built);
     if (ok) {
+        // In a composite lattice some nodes are tied to others. Tied nodes are not counted.
         const int *n = scene->model.nodes;
         run->nodes = scene->mesh ? scene->mesh->node_count : n[0] * n[1] * n[2];
         if (composite) run->nodes = model->node_count - kn_composite_tied(model);
+        // Two runs with the same canonical text are the same computation.
         uint64_t id = kn_hash_bytes(KN_HASH_SEED, scene->text, strlen(scene->text));
         snprintf(run->id, sizeof run->id, "%016llx", (unsigned long long)id);
     }
@@ -86,6 +93,7 @@ static bool resolve(const kn_plan *plan, kn_run *run, char *error, size_t error_
     return ok;
 }
 
+// Append a note, unless the plan already has this note or already has four notes.
 static void note(kn_plan *plan, const char *text)
 {
     for (int i = 0; i < plan->notes; i++)
@@ -93,7 +101,8 @@ static void note(kn_plan *plan, const char *text)
     if (plan->notes < 4) snprintf(plan->note[plan->notes++], sizeof plan->note[0], "%s", text);
 }
 
-// Number of the run in the plan, where it is put if nothing with its role and id is there yet; -1: no, and why.
+// Add a run, unless the plan already has a run of the same role and id. Return the index of this run in the plan, or -1
+// and one line in `error`.
 static int take(kn_plan *plan, kn_run run, char *error, size_t error_size)
 {
     if (!resolve(plan, &run, error, error_size)) return -1;
@@ -111,7 +120,7 @@ static int take(kn_plan *plan, kn_run run, char *error, size_t error_size)
     return plan->count++;
 }
 
-// ---- the whole
+// ---- the whole plan
 
 bool kn_plan_open(kn_plan *plan, char *error, size_t error_size)
 {
@@ -128,6 +137,7 @@ void kn_plan_close(kn_plan *plan)
     plan->text = NULL;
 }
 
+// Return the run that plays the scene with its own settings.
 static kn_run own_run(const kn_plan *plan)
 {
     static const kn_method method[] = {[KN_LINEARIZATION_BLEND] = KN_METHOD_BLEND,
@@ -154,6 +164,8 @@ bool kn_plan_add_own(kn_plan *plan, char *error, size_t error_size)
     return take(plan, run, error, error_size) >= 0;
 }
 
+// Return the cap of CG iterations. Without a tolerance every step gets the same count. Otherwise the cap is CAP_TIMES
+// times the count, but at least CAP_LEAST and at most CAP.
 static int cap_of(const kn_run *run)
 {
     if (run->tolerance == 0) return run->iterations;
@@ -161,10 +173,11 @@ static int cap_of(const kn_run *run)
     return cap < CAP_LEAST ? CAP_LEAST : cap > CAP ? CAP : cap;
 }
 
-// Adds the runs of one method, precision, step and lattice.
+// Add the runs of one method, precision, step and lattice: the product of passes, counts and tolerances.
 static bool add_efforts(kn_plan *plan, const kn_axes_def *a, kn_run run, char *error, size_t error_size)
 {
     if (run.method == KN_METHOD_RK4) {
+        // An explicit solver has no iterations, so there is only one run. If the scene refuses the run, add a note.
         if (take(plan, run, error, error_size) >= 0) return true;
         char why[300];
         snprintf(why, sizeof why, "rk4 cannot run here: %.250s", error);
@@ -184,6 +197,7 @@ static bool add_efforts(kn_plan *plan, const kn_axes_def *a, kn_run run, char *e
     return true;
 }
 
+// Add the runs of one lattice: the product of steps, methods and precisions.
 static bool add_lattice(kn_plan *plan, const kn_axes_def *a, kn_run run, char *error, size_t error_size)
 {
     for (int d = 0; d < (a->steps ? a->steps : 1); d++)
@@ -193,7 +207,7 @@ static bool add_lattice(kn_plan *plan, const kn_axes_def *a, kn_run run, char *e
                 if (a->steps) one.dt_s = a->dt_s[d];
                 if (a->methods) one.method = a->method[m];
                 if (a->precisions) one.precision = a->precision[p];
-                if (one.method == KN_METHOD_RK4) one.precision = KN_PRECISION_F64; // it has no other
+                if (one.method == KN_METHOD_RK4) one.precision = KN_PRECISION_F64; // rk4 exists in f64 only
                 if (!add_efforts(plan, a, one, error, error_size)) return false;
             }
     return true;
@@ -204,6 +218,7 @@ bool kn_plan_add(kn_plan *plan, const kn_axes_def *a, bool strict, char *error, 
     for (int s = 0; s < (a->spacings ? a->spacings : 1); s++) {
         kn_run run = own_run(plan), probe;
         if (a->spacings) run.spacing_m = a->spacing_m[s];
+        // Try the lattice once before its runs are added.
         probe = run;
         if (!resolve(plan, &probe, error, error_size)) {
             if (strict) return false;
@@ -215,6 +230,8 @@ bool kn_plan_add(kn_plan *plan, const kn_axes_def *a, bool strict, char *error, 
     return true;
 }
 
+// Find the reference of this role for a point, and add it to the plan if it is missing. Return the index of the
+// reference, or -1 and one line in `error`.
 static int take_reference(kn_plan *plan, const kn_run *point, kn_role role, char *error, size_t error_size)
 {
     kn_run run = *point;

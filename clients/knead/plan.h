@@ -1,17 +1,19 @@
 #ifndef KN_CLIENTS_PLAN_H
 #define KN_CLIENTS_PLAN_H
-// What a sweep has to replay: points of speed against accuracy, and for each lattice the references that they are
-// measured against (all f64):
+// Plan of a sweep. A sweep replays one log with many solver settings to compare their speed and accuracy. One replay is
+// a run. A run is either a point (one combination of settings to judge) or a reference that points are measured
+// against. All references are computed in f64 by conjugate gradients (CG):
 //
-//     SAME   at the point's step: secant, 5 linearisations, CG to 1e-8      a point against it: error of the solver
-//     FINE   at 1/16 of the scene's step, CG to 1e-4                         SAME against it: error of the step
-//     FINE of the finest lattice of the sweep                                FINE against it: error of the lattice
+//     SAME   time step of the point; secant, 5 linearisations, CG to 1e-8    point minus SAME: error of the solver
+//     FINE   1/16 of the scene's time step; CG to 1e-4                       SAME minus FINE: error of the time step
+//     FINE of the finest lattice of the sweep                                FINE minus this FINE: error of the lattice
 //
-// FINE linearises once per step, a sixteenth as late: on dough 0.06 % of force from one that does it until nothing
-// moves, for a seventh of its time.
+// FINE linearises once per time step. On dough the force of FINE differs by 0.06 % from the force of a solution that
+// relinearises in every step until the result no longer changes. FINE takes a seventh of that solution's time.
 //
-// A run is the scene with a few keys set, and without its `quality`, which is checked against them and is no part of
-// what is played; its id is a hash of its canonical text.
+// A run is the scene with a few keys set. The `quality` block of the scene is left out, because the scene reader would
+// check `quality` against these keys. The replay does not use `quality`. The id of a run is a hash of its canonical
+// text.
 #include "core/scene/scene.h"
 #include "server/replay.h"
 
@@ -19,68 +21,76 @@
 #define KN_RUN_SETS 9
 #define KN_AXIS_MAX 32
 
+// Method: a linearisation of the implicit solver (blend, secant, tangent), or the explicit solver rk4.
 typedef enum kn_method { KN_METHOD_BLEND, KN_METHOD_SECANT, KN_METHOD_TANGENT, KN_METHOD_RK4 } kn_method;
 typedef enum kn_role { KN_ROLE_POINT, KN_ROLE_SAME, KN_ROLE_FINE } kn_role;
 
+// One replay of the log.
 typedef struct kn_run {
     kn_role role;
-    bool own;         // what the scene itself says
-    double spacing_m; // 0: a mesh
+    bool own;         // the run uses the scene's own settings
+    double spacing_m; // 0: the object is a mesh
     double dt_s;
     kn_method method;
     kn_precision precision;
     int iterations, iterations_max, passes;
     double tolerance;
-    int same, fine; // numbers of the references, -1: none
+    int same, fine; // a point's references SAME and FINE, as indices in plan->run; -1: none
     int nodes;
-    char id[17];
+    char id[17]; // hash of the canonical text, 16 hex digits
 } kn_run;
 
-typedef struct kn_axes_def { // 0 values of an axis: the scene's own
+// Axes of a sweep. An axis is a list of values of one setting. An axis without values uses the scene's own value.
+typedef struct kn_axes_def {
     int methods, precisions, counts, tolerances, passes, steps, spacings;
     kn_method method[4];
     kn_precision precision[2];
     int count[KN_AXIS_MAX]; // CG iterations that every step gets
-    double
-        tolerance[KN_AXIS_MAX]; // 0: and no more; else up to three times as many, or 24, while the residual is above it
+    // Residual at which CG stops after `count` iterations or more. CG ends at the latest after three times `count` or
+    // 24 iterations, whichever is larger. 0: exactly `count` iterations.
+    double tolerance[KN_AXIS_MAX];
     int pass[KN_AXIS_MAX];
     double dt_s[KN_AXIS_MAX], spacing_m[KN_AXIS_MAX];
 } kn_axes_def;
 
 typedef struct kn_plan {
     const char *scene_path, *log_path;
-    const char *const *sets; // of --set: over the scene in every run
+    const char *const *sets; // `key=value` texts of --set, applied to the scene in every run
     int set_count;
-    kn_scene *scene; // with them
-    char *text;      // its canonical text without quality: what the runs are made of
+    kn_scene *scene; // the scene, with the sets applied
+    char *text;      // canonical text of the scene without quality; the basis of all runs
     bool fine;       // FINE references are wanted
     int count;
     kn_run run[KN_RUNS_MAX];
     int notes;
-    char note[4][300]; // what cannot run, and why
+    char note[4][300]; // notes for the user, such as why a lattice is impossible
 } kn_plan;
 
-// Loads the scene. False and one line in error.
+// Load the scene of the plan. Return false and one line in error on failure.
 bool kn_plan_open(kn_plan *plan, char *error, size_t error_size);
 void kn_plan_close(kn_plan *plan);
 
-// Adds the product of the axes, without points that are there already. A lattice or a method that the scene cannot have
-// gives a note: lattices that were named by the user (strict) an error.
+// Add one point for each combination of values of the axes. Points that are in the plan already are not added again. If
+// the scene does not allow a lattice or a method, add a note instead. strict: an impossible lattice is an error,
+// because the user named the lattices.
 bool kn_plan_add(kn_plan *plan, const kn_axes_def *axes, bool strict, char *error, size_t error_size);
+// Add the scene's own settings as a point.
 bool kn_plan_add_own(kn_plan *plan, char *error, size_t error_size);
-bool kn_plan_references(kn_plan *plan, char *error, size_t error_size); // once all points are there
+// Add the references of all points. Call it when all points are in the plan.
+bool kn_plan_references(kn_plan *plan, char *error, size_t error_size);
 
-typedef struct kn_run_sets { // over plan->text, for a replay
+typedef struct kn_run_sets { // settings of a run that override those of plan->text in a replay
     char made[KN_RUN_SETS][48];
-    const char *set[KN_RUN_SETS]; // made
+    const char *set[KN_RUN_SETS]; // pointers to made
     int count;
 } kn_run_sets;
+// Write the settings of a run as `key=value` texts.
 void kn_run_sets_make(kn_run_sets *sets, const kn_run *run);
 
-// "5 mm, 1 ms, blend f32, 8": for people.
+// Describe a run for people: "5 mm, 1 ms, blend f32, 8". Return text.
 const char *kn_run_name(const kn_run *run, char text[96]);
 const char *kn_method_name(kn_method method);
-const char *kn_run_effort(const kn_run *run,
-                          char text[64]); // "8", "to 0.001", "8..24 to 0.001", with " x2" linearisations
+// Describe the iterations of a run: "8", "8..24 to 0.001", with " x2" for two linearisations, "-" for rk4. Return text.
+const char *kn_run_effort(const kn_run *run, char text[64]);
 
 #endif

@@ -1,6 +1,7 @@
 #include "clients/knead/player.h"
 #include <math.h>
 
+// Publish the news for other threads.
 static void tell(kn_player *p)
 {
     const double *f = p->hand.given_n;
@@ -9,7 +10,7 @@ static void tell(kn_player *p)
     atomic_store(&p->piece, p->hand.piece);
     atomic_store(&p->tries, p->hand.tries);
     atomic_store(&p->trips, p->hand.trips);
-    atomic_store(&p->mode, (int)p->hand.mode); // last: what it stands for is in place
+    atomic_store(&p->mode, (int)p->hand.mode); // last: the other news are in place when a reader sees the mode
 }
 
 void kn_player_init(kn_player *p, const kn_hand_def *def)
@@ -21,6 +22,7 @@ void kn_player_init(kn_player *p, const kn_hand_def *def)
 kn_hand_out kn_player_tick(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_player *p = self;
+    // Between two tries, take over the path that another thread has made for the next one.
     if (p->hand.mode == KN_HAND_SILENT && atomic_load(&p->next_path))
         kn_hand_take_path(&p->hand, atomic_exchange(&p->next_path, NULL));
     kn_hand_out out = kn_hand_tick(&p->hand, force, elapsed_ms);

@@ -12,16 +12,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-extern const char plot_gp[]; // a file of the source tree, part of the program
+extern const char plot_gp[]; // the file plot.gp of the source tree, embedded in the program
 __asm__(".section .rodata\nplot_gp: .incbin \"" KN_CLIENTS_DIR "/knead/plot.gp\"\n.byte 0\n.previous\n");
 
 const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000", "009e73",
                                                      "e69f00", "cc79a7", "56b4e9", "777777"};
 
-static void (*before)(int); // of SIGPIPE, while a plot is open: one at a time
-static int said = -1;       // what gnuplot writes to its standard error: warnings, and why it ends
-static int drawn = -1;      // what it draws: it does not say what it could not write
-static int image = -1;      // where that goes
+static void (*before)(int); // handler of SIGPIPE before the plot was opened; one plot is open at a time
+static int said = -1;       // memory file with gnuplot's standard error: warnings, and the reason why it ended
+static int drawn = -1;      // memory file with the image; gnuplot itself does not report failed writes
+static int image = -1;      // the file of the image
 
 static int find_gnuplot(const char *subcommand, const char *path)
 {
@@ -40,8 +40,10 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
 {
     if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
     *code = KN_EXIT_DEVICE;
+    // gnuplot's output must not mix with text that is still buffered here.
     fflush(stdout);
     image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    // Save standard output and error, because gnuplot inherits replacements for both.
     int terminal = dup(STDOUT_FILENO), errors = dup(STDERR_FILENO);
     said = memfd_create("gnuplot", MFD_CLOEXEC);
     drawn = memfd_create("picture", MFD_CLOEXEC);
@@ -49,6 +51,7 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
         kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
         return NULL;
     }
+    // gnuplot may end early. Writing to its pipe must then fail instead of killing this process.
     before = signal(SIGPIPE, SIG_IGN);
     dup2(drawn, STDOUT_FILENO);
     dup2(said, STDERR_FILENO);
@@ -62,20 +65,21 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
     return f;
 }
 
-// How gnuplot ended, and the last line that it said.
+// Describe how gnuplot ended, with the last line of its standard error.
 static void explain(int status, char *text, size_t size)
 {
     char words[4096] = "";
     ssize_t n = pread(said, words, sizeof words - 1, 0);
     const char *last = "nothing";
     for (char *line = n > 0 ? strtok(words, "\n") : NULL; line; line = strtok(NULL, "\n"))
+        // Skip empty lines, and lines that contain only a '^' under the column of an error.
         if (line[strspn(line, " \t^")]) last = line + strspn(line, " \t");
     if (status >= 0 && WIFSIGNALED(status))
         snprintf(text, size, "ended by signal %d, said: %s", WTERMSIG(status), last);
     else snprintf(text, size, "exit %d, said: %s", status < 0 ? -1 : WEXITSTATUS(status), last);
 }
 
-// The picture into its file. False with errno; ENODATA: there is none.
+// Copy the image from memory into its file. Return false with errno set; ENODATA: there is no image.
 static bool deliver(void)
 {
     char part[65536];
@@ -95,6 +99,7 @@ int kn_plot_close(FILE *f, const char *subcommand, const char *path)
     int status = f ? pclose(f) : -1;
     if (status != 0) explain(status, why, sizeof why);
     bool ok = status == 0 && deliver();
+    // Closing may report a delayed write error, and the calls below may change errno.
     const int error = errno;
     ok &= close(image) == 0;
     signal(SIGPIPE, before);

@@ -1,23 +1,27 @@
 #ifndef KN_CLIENTS_PLOT_H
 #define KN_CLIENTS_PLOT_H
-// A PNG drawn by gnuplot, which is run as a program: its script, with the data inside, goes through a pipe. plot.gp is
-// the look of all of them: fonts, colours, grid; what follows has curves, axes and words.
+// Plots as PNG images. gnuplot runs as a child program and receives its script, which contains the data, through a
+// pipe. plot.gp defines the look of all plots: fonts, colours, grid. The callers add curves, axes and texts.
 #include <stdio.h>
 
-// Whether gnuplot is there and the file can be written, before the work that is to be drawn. An exit code, after a
-// complaint.
+// Check that gnuplot is installed and that the file can be written. Call this before a long computation. Return an exit
+// code. On failure, print an error message that begins with the name of the subcommand.
 int kn_plot_try(const char *subcommand, const char *path);
 
-// Where the script of a picture of so many pixels goes, plot.gp being in it already; NULL after a complaint in one line
-// in the name of the subcommand, and then *code. No shell and no script sees the path: gnuplot draws into
-// memory, and what it has drawn is written when the plot is closed, so that a full disk is told.
+// Open a plot of `wide` x `high` pixels. Return the stream for its script; plot.gp is already written to it. On failure
+// print one line that begins with the name of the subcommand, set *code and return NULL.
+// gnuplot draws into memory, and kn_plot_close writes the image to the file. So the path appears neither in a shell
+// command nor in a script, and a full disk is reported.
 FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code);
-int kn_plot_close(FILE *f, const char *subcommand, const char *path); // an exit code
+// Close a plot and write its image. Return an exit code.
+int kn_plot_close(FILE *f, const char *subcommand, const char *path);
 
-// In single quotes gnuplot takes everything as it is, but them: a prime stands for one.
+// Write text as a gnuplot string in single quotes. gnuplot takes every character in single quotes literally, except the
+// quote itself, which is replaced by a prime.
 void kn_plot_quote(FILE *f, const char *text);
 
 #define KN_PLOT_COLOURS 8
-extern const char *const kn_plot_colour[KN_PLOT_COLOURS]; // those of plot.gp's line types 1.., "0072b2"
+// Colours of plot.gp's line types 1.., such as "0072b2".
+extern const char *const kn_plot_colour[KN_PLOT_COLOURS];
 
 #endif

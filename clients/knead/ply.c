@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct __attribute__((packed)) vertex { // as the header says
+typedef struct __attribute__((packed)) vertex { // layout as declared in the header of the file
     float xyz[3], normal[3], quality;
     uint8_t rgb[3];
 } vertex;
@@ -15,8 +15,8 @@ typedef struct __attribute__((packed)) face {
     int32_t vertex[3];
 } face;
 
-// What a corner of a triangle adds to its vertex: the triangle's normal, as long as the corner's angle, so that which way
-// a quad is cut leaves no pattern.
+// Add the share of one corner of a triangle to the normal of its vertex: the triangle's unit normal times the corner's
+// angle. The weighting makes the result independent of how a quad is cut into triangles.
 static void add_corner(const float at[3], const float next[3], const float last[3], float normal[3])
 {
     double a[3], b[3], across[3];
@@ -29,17 +29,18 @@ static void add_corner(const float at[3], const float next[3], const float last[
     for (int k = 0; k < 3 && size > 0; k++) normal[k] += (float)(angle * across[k] / size);
 }
 
-// Unit; 0 of a vertex that has no triangle.
+// Compute unit normals of all vertices. A vertex without triangles gets 0.
 static void add_normals(const kn_still *s, vertex *v)
 {
     for (int t = 0; t < s->triangle_count; t++)
         for (int i = 0; i < 3; i++) {
             const int *c = s->triangle[t], at = c[i];
-            float normal[3]; // packed
+            float normal[3]; // a copy: members of a packed struct cannot be passed by pointer
             memcpy(normal, v[at].normal, sizeof normal);
             add_corner(s->now[at], s->now[c[(i + 1) % 3]], s->now[c[(i + 2) % 3]], normal);
             memcpy(v[at].normal, normal, sizeof normal);
         }
+    // Normalise the sums.
     for (int i = 0; i < s->vertex_count; i++) {
         float n[3];
         memcpy(n, v[i].normal, sizeof n);
@@ -53,6 +54,7 @@ bool kn_ply_write(FILE *f, const kn_still *s, kn_measure what, double top, const
     const kn_measure_name *name = &kn_measure_names[what];
     vertex *v = calloc((size_t)s->vertex_count + 1, sizeof *v);
     if (!v) return false;
+    // Fill positions, values and colours.
     for (int i = 0; i < s->vertex_count; i++) {
         float srgb[3];
         memcpy(v[i].xyz, s->now[i], sizeof v[i].xyz);
@@ -71,6 +73,7 @@ bool kn_ply_write(FILE *f, const kn_still *s, kn_measure what, double top, const
             "property list uchar int vertex_indices\nend_header\n",
             s->vertex_count, s->triangle_count);
     fwrite(v, sizeof *v, (size_t)s->vertex_count, f);
+    // The faces follow the vertices: a count and three indices each.
     for (int t = 0; t < s->triangle_count; t++) {
         face c = {.count = 3};
         memcpy(c.vertex, s->triangle[t], sizeof c.vertex);

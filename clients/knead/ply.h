@@ -1,12 +1,14 @@
 #ifndef KN_CLIENTS_PLY_H
 #define KN_CLIENTS_PLY_H
-// The surface of a still as a PLY file, binary little-endian: positions in m, normals, a number per vertex as `quality`
-// (MeshLab's name) and its colour on the scale of the pictures. Neighbouring triangles share their vertices.
+// Writer of PLY files, binary little-endian. A file holds the surface of a still (still.h): position in m, normal,
+// value of a measure and colour of each vertex. The value is named `quality`, as in MeshLab. The colours are those of
+// the pictures. Neighbouring triangles share vertices.
 #include "clients/knead/still.h"
 #include <stdio.h>
 
-// still->value is in the measure's unit, the scale ends at top > 0. about: what the file says of itself, one line.
-// False: memory is short. What cannot be written the caller learns from the file.
+// Write the surface of `still` to `file`. what: measure in still->value. top: end of the colour scale, > 0, in the unit
+// of the measure. about: one line for the header of the file. Return false when memory is short. Write errors are not
+// checked here. The caller checks the stream.
 bool kn_ply_write(FILE *file, const kn_still *still, kn_measure what, double top, const char *about);
 
 #endif

@@ -3,17 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-static const double air_m_s = 0.15, sideways_m_s = 0.4; // a hand's unhurried speeds
+static const double air_m_s = 0.15, sideways_m_s = 0.4; // speeds in the air, like those of a calm hand
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
-static const double press_m_s[2] = {0.03, 0.01};   // round, flat
-static const double stroke_m_s[2] = {0.03, 0.004}; // sideways in a press
-static const double touch_m_s[2] = {0.03, 1e-4};   // see path.c's landing
+static const double press_m_s[2] = {0.03, 0.01};   // round tool, flat tool
+static const double stroke_m_s[2] = {0.03, 0.004}; // sideways while pressing
+static const double touch_m_s[2] = {0.03, 1e-4};   // speed at the first touch; see the landing in path.c
 static const double object_m_s2 = 0.2;             // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
-static const double flushing_m_s = 5e-4;           // a flat one, from the first touch until it lies flat
-static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // a flat one's last millimetre takes a second
+static const double flushing_m_s = 5e-4;           // flat tool, from the first touch until the tool lies flat
+static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // the last millimetre of a flat tool takes a second
+// clear_m: tolerance of the hover height. there_m: distance within which the tool counts as above its goal.
 static const double clear_m = 1e-3, there_m = 2e-4;
-static const int clear_ms = 300;   // for a fault to be taken back after the lift: 200 ms of poses and some
-static const int leaving_ms = 100; // for the force to fade and the tool to be free
+static const int clear_ms = 300;   // time for a fault to clear after the lift: 200 ms of poses and a margin
+static const int leaving_ms = 100; // time for the force to fade and the tool to become free
 
 void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
 {
@@ -28,6 +29,7 @@ static void enter(kn_pointer *p, kn_pointer_mode mode)
     p->mode_ms = 0;
 }
 
+// Begin a new session: pose numbers, the newest force and the watchdog start again.
 static void open_session(kn_pointer *p)
 {
     p->session++;
@@ -37,14 +39,18 @@ static void open_session(kn_pointer *p)
     kn_watchdog_rearm(&p->watchdog);
 }
 
+// Take the newest force, run the watchdog, and update the news.
 static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_news *n = &p->news;
     bool sane = force && isfinite(force->force_n[0] + force->force_n[1] + force->force_n[2]);
+    // A force counts only if it is finite, of this session, newer than the last one, and if the tool is present.
     bool fresh = sane && force->session == p->session && force->tick > p->force.tick && p->mode != KN_POINTER_ABSENT &&
                  p->mode != KN_POINTER_SILENT;
     if (fresh) p->force = *force;
+    // The watchdog fades the force while no new force arrives.
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
+    // A force that echoes pose asked_seq or a later one answers the wish sent with that pose.
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {
         n->event = p->asked_event;
         n->tick = force->tick;
@@ -57,8 +63,10 @@ static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
     n->force_n = factor * sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
 }
 
+// Return true if the tool is at its hover height.
 static bool lifted(const kn_pointer *p) { return p->point.position_m[2] >= p->wish.hover_z_m - clear_m; }
 
+// Run the state machine of pointer.h.
 static void decide(kn_pointer *p)
 {
     bool trouble = p->watchdog.tripped || (p->force.flags & KN_FLAG_LATCHED);
@@ -68,10 +76,12 @@ static void decide(kn_pointer *p)
         open_session(p);
         enter(p, KN_POINTER_FOLLOW);
         break;
+    // After a fault during a press, the tool does not press again before the button is released.
     case KN_POINTER_FOLLOW:
         if (trouble) p->barred = p->wish.pressed, enter(p, KN_POINTER_LET_GO);
         else if (!p->wish.held && lifted(p)) enter(p, KN_POINTER_ABSENT);
         break;
+    // Wait until the tool is lifted, then until the fault clears. If it does not clear within clear_ms, leave.
     case KN_POINTER_LET_GO:
         if (!lifted(p)) p->mode_ms = 0;
         else if (!trouble) enter(p, KN_POINTER_FOLLOW);
@@ -83,30 +93,37 @@ static void decide(kn_pointer *p)
         enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
         break;
     }
+    // After a stale wish, too, the tool does not press before the button is released.
     p->barred = (p->barred || p->wish.stale) && p->wish.pressed;
 }
 
-// Speed at which a tool that may change it by a_m_s2 still comes to end_m_s within way_m.
+// Return the largest speed from which a deceleration of a_m_s2 still reaches end_m_s within way_m.
 static double braking(double way_m, double a_m_s2, double end_m_s)
 {
     return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
 }
 
+// Return speed moved towards wanted by at most `most`.
 static double toward(double speed, double wanted, double most)
 {
     return speed + fmin(fmax(wanted - speed, -most), most);
 }
 
+// Move down towards goal_m: fast in the air, at touch speed when the object is near, at press speed inside.
 static void move_down(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->ground_m;
     bool inside = above_m <= 0.0 || p->news.contact;
-    double speed = braking(*z - goal_m, 0.5 * object_m_s2, 0.0); // to rest at the goal; half, so as to keep up with it
+    // Come to rest at the goal. Plan with half of the acceleration, so that the tool can keep up with the plan.
+    double speed = braking(*z - goal_m, 0.5 * object_m_s2, 0.0);
     if (inside) {
+        // Use the press speed. A flat tool that touches the object only in part sinks slowly until it lies flat.
         speed = fmin(speed, p->flat && *z > p->wish.flush_z_m ? flushing_m_s : press_m_s[p->flat]);
     } else if (p->flat && above_m < landing_m) {
+        // In the last millimetre above the object a flat tool brakes to its touch speed.
         speed = fmin(speed, braking(above_m, landing_m_s2, touch_m_s[1]));
     } else {
+        // Higher above the object, brake early enough: a round tool for the touch, a flat tool for the last millimetre.
         double end_m_s = p->flat ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
         speed = fmin(speed, fmin(air_m_s, braking(above_m - p->flat * landing_m, 0.5 * air_m_s2, end_m_s)));
     }
@@ -115,6 +132,7 @@ static void move_down(kn_pointer *p, double goal_m, double dt_s)
     if (*z == goal_m) *v = 0.0;
 }
 
+// Move up or down to the hover height. Inside the object the speed is that of a press.
 static void move_up(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], way_m = goal_m - *z;
@@ -122,10 +140,12 @@ static void move_up(kn_pointer *p, double goal_m, double dt_s)
     double most = inside ? press_m_s[p->flat] : air_m_s,
            speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
     *v = toward(*v, copysign(speed, way_m), (inside ? object_m_s2 : air_m_s2) * dt_s);
+    // Snap to the goal within 10 um, when the tool is slow.
     if (fabs(way_m) < 1e-5 && fabs(*v) < 1e-2) *z = goal_m, *v = 0.0;
     *z += *v * dt_s;
 }
 
+// Move towards at_m. The tool moves only when it is lifted, or strokes when it is down in a press.
 static void move_sideways(kn_pointer *p, bool press, double dt_s)
 {
     double way[2], far_m, *v = p->point.velocity_m_s;
@@ -134,7 +154,7 @@ static void move_sideways(kn_pointer *p, bool press, double dt_s)
     bool down = press && p->point.position_m[2] < p->wish.touch_z_m, free = !down && !p->news.contact;
     bool moves = down || lifted(p);
     double a_m_s2 = free ? sideways_m_s2 : object_m_s2, most_m_s = free ? sideways_m_s : stroke_m_s[p->flat];
-    double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0; // half, as above
+    double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0; // half, as in move_down
     for (int i = 0; i < 2; i++) {
         v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, a_m_s2 * dt_s);
         if (far_m < 1e-5 && moves) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
@@ -142,18 +162,22 @@ static void move_sideways(kn_pointer *p, bool press, double dt_s)
     }
 }
 
+// Compute the pose of this millisecond.
 static void follow(kn_pointer *p)
 {
-    const double dt_s = 1e-3; // per pose sent: a stall of this process never makes a jump
+    const double dt_s = 1e-3; // per pose sent, so a stall of this process never causes a jump
     double *x = p->point.position_m;
+    // The very first pose is at the hover height above the goal.
     if (!p->placed) memcpy(x, (double[]){p->wish.at_m[0], p->wish.at_m[1], p->wish.hover_z_m}, 3 * sizeof *x);
     p->placed = true;
+    // Press only while the tool is above its goal or already in a press.
     bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m || isfinite(p->ground_m);
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
-    p->ground_m =
-        press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY; // what was pushed down stays there
+    // The ground is the lowest height that this press has reached. The tool moves slowly below the ground only, because
+    // the object has been pushed down to the ground.
+    p->ground_m = press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY;
     move_sideways(p, press, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
     else move_up(p, goal_m, dt_s);
@@ -162,6 +186,7 @@ static void follow(kn_pointer *p)
 
 kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms)
 {
+    // A new press starts without a ground, and is allowed even if the last press was barred.
     if (wish->press != p->wish.press) p->ground_m = INFINITY, p->barred = false;
     p->wish = *wish;
     feel(p, force, elapsed_ms);
@@ -172,6 +197,7 @@ kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn
     if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.leaves = true};
     follow(p);
     p->seq++;
+    // Remember the first pose that carries this wish. The answer to that pose answers the wish.
     if (!p->asked_event && wish->event != p->news.event) p->asked_event = wish->event, p->asked_seq = p->seq;
     return (kn_hand_out){.send = true, .session = p->session, .seq = p->seq, .point = p->point};
 }

@@ -12,11 +12,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define BLOCK 2048 // more than three lines of every number at its longest
+#define BLOCK 2048 // bytes, more than three lines with every number at its longest
 
-// ---- before the work
+// ---- checks before the sweep
 
-// root may write to anything; a file that nobody is to write to is left alone by root, too.
+// Permission bits are checked too, because root may write any file. A file that is writable for nobody is not replaced.
 int kn_points_try(const kn_plan *plan)
 {
     char path[PATH_MAX], folder[PATH_MAX];
@@ -29,6 +29,7 @@ int kn_points_try(const kn_plan *plan)
     if (!S_ISREG(there.st_mode) || !(there.st_mode & 0222) || access(path, W_OK) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE,
                            "--write: %s: is read-only, expected a scene that may be changed", plan->scene_path);
+    // The new file is created beside the old one, so the folder must be writable.
     snprintf(folder, sizeof folder, "%s", path);
     if (access(dirname(folder), W_OK | X_OK) == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE,
@@ -38,9 +39,10 @@ int kn_points_try(const kn_plan *plan)
 
 // ---- the block
 
-// What the point in force has of its own: "precision: f64, spacing: 0.01 m, ".
+// Write the precision and spacing that the active quality point itself states: "precision: f64, spacing: 0.01 m, ".
 static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t error_size)
 {
+    // Parse the scene without its quality block. If a value differs from the planned scene's, the active point set it.
     const kn_model_def *found = &plan->scene->model;
     kn_scene *bare = kn_scene_parse_beside(plan->scene_path, plan->scene_path, plan->text, strlen(plan->text), NULL, 0,
                                            error, error_size);
@@ -54,6 +56,7 @@ static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t 
     return true;
 }
 
+// Format the new block. The caller frees it; NULL when memory is short.
 static char *quality_block(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN], const char *lattice)
 {
     char *text = malloc(BLOCK);
@@ -75,7 +78,7 @@ static char *quality_block(const kn_plan *plan, const kn_row *const named[KN_QUA
 
 // ---- the file
 
-// Whether text is the scene it was, but for its quality.
+// Return true if text is the planned scene in everything but its quality. Somebody may have edited the file meanwhile.
 static bool is_same_scene(const kn_plan *plan, const char *path, const char *text, char *error, size_t error_size)
 {
     kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
@@ -87,16 +90,18 @@ static bool is_same_scene(const kn_plan *plan, const char *path, const char *tex
     return same;
 }
 
-// A file of the same owner and rights beside it, then renamed over it: whoever reads has the old scene or the new one.
+// Replace the file: write a new file beside it, with its owner and rights, and rename it over the old one. A reader
+// sees either the old scene or the new one.
 static bool replace(const char *path, const char *text)
 {
     char half[PATH_MAX];
     struct stat old;
     if (snprintf(half, sizeof half, "%s.XXXXXX", path) >= PATH_MAX || stat(path, &old) != 0) return false;
-    const int fd = mkostemp(half, O_CLOEXEC); // a name that nobody can have made before
+    const int fd = mkostemp(half, O_CLOEXEC); // creates a file of a name that did not exist before
     FILE *f = fd >= 0 ? fdopen(fd, "w") : NULL;
     if (!f) return false;
-    if (fchown(fileno(f), old.st_uid, old.st_gid) != 0) errno = 0; // only root can; then it is whose sweep it was
+    // Only root may set the owner; otherwise the file belongs to the user of the sweep.
+    if (fchown(fileno(f), old.st_uid, old.st_gid) != 0) errno = 0;
     bool ok =
         fchmod(fileno(f), old.st_mode & 07777) == 0 && fputs(text, f) >= 0 && fflush(f) == 0 && fsync(fileno(f)) == 0;
     ok = fclose(f) == 0 && ok && rename(half, path) == 0;
@@ -104,6 +109,7 @@ static bool replace(const char *path, const char *text)
     return ok;
 }
 
+// Report the points that were written, and the points of other lattices or precisions that were removed.
 static void tell(const kn_plan *plan)
 {
     printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);

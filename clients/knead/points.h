@@ -1,13 +1,17 @@
 #ifndef KN_CLIENTS_POINTS_H
 #define KN_CLIENTS_POINTS_H
-// The three named points of a sweep as the `quality` of its scene's file, the rest of which stays byte for byte.
+// Writer of quality points. A quality point is a named set of solver settings in the `quality` block of a scene file. A
+// sweep finds three of them. All other bytes of the file stay unchanged.
 //
-// A point says the five numbers of the solver, and where the scene's point in force has a precision or a spacing of its
-// own, that too: the points were found on that lattice, and a server that changes between points keeps it.
+// A quality point states the five numbers of the solver. If the scene's active quality point states a precision or a
+// spacing, the new points state it too. The new points were found on the lattice of that spacing, and a server that
+// changes between quality points keeps its lattice.
 #include "clients/knead/front.h"
 
-// Whether the file can be exchanged, before any work. An exit code, after a complaint.
+// Check that the scene file can be replaced. Call this before the sweep. Return an exit code. On failure, print an
+// error message.
 int kn_points_try(const kn_plan *plan);
+// Write the named points into the scene file. Return an exit code. On failure, print an error message.
 int kn_points_write(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
 #endif

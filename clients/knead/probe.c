@@ -1,5 +1,5 @@
-// knead probe: a virtual haptic device at 1 kHz. The hand is hand.h's, its news player.h's, its thread device.h's; here
-// is the order of things and what is said about them.
+// knead probe: a virtual haptic device at 1 kHz. hand.h has the hand, player.h its news and device.h its thread. This
+// file has the order of the session and its messages.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
 #include "clients/knead/foot.h"
@@ -21,32 +21,33 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 4000;          // KNEAD_SCENE comes every 1 s
-static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT comes every 1 s
-static const double press_m = 0.01;             // the first paper's
-static const double shallowest_m = 1e-4;        // less is no press
-static const double thinnest = 0.1;             // of the block's height must stay: thinner cells turn inside out
-static const double lift_m = 0.02;              // above the top: clear of whatever was pushed up there
-static const double even_m = 1e-5;              // less is no dent
-static const int trip_ms = 15000;               // engaging, a way out, a silence
-static const double most_uneven_m = 2e-3;       // 4 s of creeping into a dent are enough
+static const int scene_wait_ms = 4000;          // KNEAD_SCENE is sent every 1 s
+static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT is sent every 1 s
+static const double press_m = 0.01;             // default depth of a press, from the first paper
+static const double shallowest_m = 1e-4;        // a smaller depth is no press
+static const double thinnest = 0.1;       // share of the block's height that must remain: thinner cells turn inside out
+static const double lift_m = 0.02;        // height above the top that is clear of all material pushed up there
+static const double even_m = 1e-5;        // a top with a smaller unevenness counts as even
+static const int trip_ms = 15000;         // time allowed per try for engaging, a retreat and the silence after it
+static const double most_uneven_m = 2e-3; // limit of uneven_m: sinking slowly into a dent takes 4 s at most
 
+// One run of `knead probe`.
 typedef struct probe {
     kn_probe_options opt;
     kn_scene *scene;
     const kn_probe_def *tool;
-    kn_path *path[KN_HAND_TRIES]; // of each try; a path from a file serves all
-    bool regenerate;
-    bool no_way; // there is no path for the next try
+    kn_path *path[KN_HAND_TRIES]; // one per try; a path from a file serves all tries
+    bool regenerate;              // paths are generated, one for each try
+    bool no_way;                  // no path could be made for the next try
     kn_record *record;
     kn_join *mesh_bus;
     kn_mesh mesh;
-    uint8_t *top; // vertices of the mesh's top face
+    uint8_t *top; // marks the vertices of the mesh's top face, see kn_dent_top
     kn_player player;
-    kn_grasp grasp; // the player's hand with a device in it, if there is one
+    kn_grasp grasp; // the player's hand with a simulated device in it, if --hand was given
     kn_device device;
-    double x_m, y_m; // where the path is deepest: the dent is measured there
-    double before_m; // height of the object there; NAN: it is beside the object
+    double x_m, y_m; // where the path is deepest; the dent is measured there
+    double before_m; // height of the object there before the session; NAN: the place is beside the object
     char error[512];
 } probe;
 
@@ -64,8 +65,9 @@ static int complain(int code, const char *what)
     return code;
 }
 
-// A hand in a device takes the first tool that is coupled to it, a press the scene's first, everything faster the first
-// round one: a flat plate that hits dough is a hammer on a wall and trips the impulse guard.
+// Choose the tool if the user named none. With --hand, take the first tool that is coupled to a device. For a press,
+// take the scene's first tool. For all faster paths, take the first round tool, because a flat plate that hits dough at
+// speed trips the impulse guard.
 static int find_tool(probe *p)
 {
     const kn_model_def *def = &p->scene->model;
@@ -75,8 +77,10 @@ static int find_tool(probe *p)
     for (int i = 0; i < def->probe_count && !p->tool; i++)
         if (round ? !kn_foot_flat(def->probe[i].shape) : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
             p->tool = &def->probe[i];
+    // A scene without round tools has to do with its first tool.
     if (!p->tool && round && def->probe_count > 0) p->tool = &def->probe[0];
     if (p->tool) return KN_EXIT_OK;
+    // No such tool: list the tools of the scene.
     int n = snprintf(p->error, sizeof p->error, "%s has no probe `%s`; it has:", p->scene->name,
                      p->opt.probe ? p->opt.probe : "");
     for (int i = 0; i < def->probe_count && n > 0 && (size_t)n < sizeof p->error; i++)
@@ -84,7 +88,7 @@ static int find_tool(probe *p)
     return complain(KN_EXIT_USAGE, p->error);
 }
 
-// A path from a file needs no scene: its mistakes are told before the wait for one.
+// Load a path from a file. The path needs no scene, so its mistakes are reported before the wait for a scene.
 static int load_path(probe *p)
 {
     const char *path = p->opt.path;
@@ -95,6 +99,7 @@ static int load_path(probe *p)
     return KN_EXIT_USAGE;
 }
 
+// Join the bus of poses and forces, wait for the scene and choose the tool.
 static int find_scene(probe *p)
 {
     p->record = kn_record_open(p->opt.lcm_url, p->error, sizeof p->error);
@@ -113,7 +118,7 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
     else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
 }
 
-// Waits for a mesh of after_tick.
+// Wait up to 3 s for a whole mesh later than after_tick. Return false if none came.
 static bool look(probe *p, int64_t after_tick)
 {
     for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
@@ -123,6 +128,7 @@ static bool look(probe *p, int64_t after_tick)
     return false;
 }
 
+// Join the bus of meshes, wait for the first mesh, and check that the mesh belongs to the scene.
 static int open_mesh(probe *p)
 {
     p->mesh_bus = kn_join_open(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
@@ -137,6 +143,7 @@ static int open_mesh(probe *p)
     return complain(KN_EXIT_DEVICE, "the mesh is not that of the scene; is --mesh-url that of the same kneadd?");
 }
 
+// Find the lowest point of the path by evaluating every millisecond of the path.
 static void find_deepest(probe *p)
 {
     double lowest_m = INFINITY;
@@ -150,8 +157,9 @@ static void find_deepest(probe *p)
     }
 }
 
-// A press goes to a depth below the top of the untouched block, everything else below where the tool touches now. Where
-// it touches depends on what was kneaded before, so a path is made for the mesh of now. NULL after one line.
+// Generate the path for the present mesh, because the height of first contact depends on earlier kneading. A press goes
+// to a depth below the top of the untouched block. All other paths go to a depth below the present height of contact.
+// `again`: an earlier try has failed. On failure print one line on stderr and return NULL.
 static kn_path *generate(probe *p, bool again)
 {
     const kn_model_def *def = &p->scene->model;
@@ -165,20 +173,25 @@ static kn_path *generate(probe *p, bool again)
         complain(KN_EXIT_DEVICE, "the object has left the place under the tool");
         return NULL;
     }
+    // Convert the depth of a press to a depth below the first contact.
     if (press) shape.depth_m = shape.touch_z_m - tool_m - height_m + (shape.depth_m > 0.0 ? shape.depth_m : press_m);
+    // Height of the tool's underside at the lowest point, and the depth of the dent under the tool.
     double bottom_m = shape.touch_z_m - tool_m - shape.depth_m, dent_m = height_m + tool_m - shape.touch_z_m;
     if (bottom_m < thinnest * height_m) {
         fprintf(stderr, "knead probe: --depth: expected at most %.1f mm here\n",
                 1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
         return NULL;
     }
-    if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m); // the spoilt try got there; its hold is wanted, too
+    // After a failed try the dent may be deeper than the goal. The path then gets a small least depth, so that its hold
+    // is still played.
+    if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m);
     if (press && shape.depth_m < shallowest_m) {
         fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
                 1e3 * dent_m);
         return NULL;
     }
     double uneven_m = shape.touch_z_m - lowest_touch_m;
+    // A flat tool on an uneven top first sinks until it touches everywhere.
     if (press && uneven_m > even_m) shape.uneven_m = fmin(fmin(uneven_m, most_uneven_m), 0.5 * shape.depth_m);
     kn_path *path = press                          ? kn_path_press(&shape)
                     : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape)
@@ -202,13 +215,15 @@ static int make_path(probe *p)
     return KN_EXIT_OK;
 }
 
+// Return a random session number.
 static int64_t random_session(void)
 {
     int64_t session = 0;
     if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & INT64_MAX) | 1 << 8; // > 0, and room to count up
+    return (session & INT64_MAX) | 1 << 8; // > 0; the sessions of further tries count up
 }
 
+// Prepare the simulated device of --hand from the scene, the tool and --device.
 static int take_device(probe *p)
 {
     if (p->tool->coupling_n_m == 0.0)
@@ -225,8 +240,9 @@ static int take_device(probe *p)
                                  .held = p->opt.held};
     kn_device_def *d = &def.render.device;
     int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
-    d->force_scale = p->scene->device.force_scale; // kneadd's doing
-    d->scale = 1.0;                                // the arm is in the scene
+    d->force_scale = p->scene->device.force_scale; // scaling of the force is kneadd's part, so the scene's factor stays
+    // The simulated arm lives in the scene's axes and lengths, so the device stands there without rotation.
+    d->scale = 1.0;
     memcpy(d->basis, (double[]){1, 2, 3}, sizeof d->basis);
     memcpy(d->rotation_wxyz, (double[]){1, 0, 0, 0}, sizeof d->rotation_wxyz);
     memset(d->position_m, 0, sizeof d->position_m);
@@ -234,9 +250,11 @@ static int take_device(probe *p)
     return code;
 }
 
+// Start the record and the device's thread.
 static int start(probe *p)
 {
-    struct sigaction action = {.sa_handler = on_signal}; // from now on there is something to bring to an end
+    // From here on an interrupt must still lead to a report.
+    struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     kn_path_point begin;
@@ -246,12 +264,15 @@ static int start(probe *p)
                        .tries = p->opt.tries,
                        .drop_at_ms = p->opt.drop_at_ms,
                        .drop_ms = p->opt.drop_ms};
+    // With the local model, missing messages are tolerated for longer.
     if (p->opt.local) def.hold_ms = KN_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_RENDER_LOCAL_ZERO_MS;
     double extent_m[3];
     kn_model_def_extent(&p->scene->model, extent_m);
+    // A retreat lifts the tool above everything that kneading may have pushed up.
     def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_foot_m(p->tool) + lift_m);
     if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
+    // Reserve rows for every try at twice the path's time, because the device's thread may not allocate.
     int tries = def.tries ? def.tries : KN_HAND_TRIES, try_ms = (int)(2e3 * p->path[0]->duration_s) + trip_ms;
     if (p->opt.motors && !kn_motors_open(&p->player.motors, tries * try_ms))
         return complain(KN_EXIT_INTERNAL, "out of memory");
@@ -260,11 +281,13 @@ static int start(probe *p)
     void *self = p->opt.gripped ? (void *)&p->grasp : &p->player;
     if (!kn_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
+    // Without real-time priority the probe still works, but less evenly.
     int refused = kn_device_priority_error(&p->device);
     if (refused) fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
     return KN_EXIT_OK;
 }
 
+// Report the reason of trip n.
 static void say_trip(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
@@ -277,6 +300,7 @@ static void say_trip(probe *p, int n)
     else fprintf(stderr, "kneadd latched: %s; way back: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
 }
 
+// Report that the tool is lifted after trip n.
 static void say_lifted(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
@@ -284,6 +308,7 @@ static void say_lifted(probe *p, int n)
             n + 1 < p->player.hand.def.tries ? "; once more in a new session" : "");
 }
 
+// Redraw the progress bar.
 static void show_progress(probe *p)
 {
     char bar[31] = {0};
@@ -296,7 +321,7 @@ static void show_progress(probe *p)
 
 static void clear_progress(void) { fprintf(stderr, "\r%78s\r", ""); }
 
-// After n trips: the next try's path, for the object as it is now.
+// Make the path of the next try after n trips, for the object in its present shape.
 static void prepare_try(probe *p, int n)
 {
     p->path[n] = generate(p, true);
@@ -304,24 +329,27 @@ static void prepare_try(probe *p, int n)
     else p->no_way = true;
 }
 
+// Watch the session until the hand has ended. Report trips, redraw the progress bar, make the paths of further tries.
 static void attend(probe *p)
 {
     bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
-        kn_join_handle(p->mesh_bus, 50); // keeps the mesh young
+        kn_join_handle(p->mesh_bus, 50); // also takes mesh messages, so that p->mesh stays recent
         done = atomic_load(&p->device.done);
         int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
         if (bar && news) clear_progress();
         for (; told < trips; told++) say_trip(p, told);
         for (; lifted < trips && mode != KN_HAND_RETREAT; lifted++) say_lifted(p, lifted);
+        // During the silence between two tries the next path is made, once.
         if (mode == KN_HAND_SILENT && p->regenerate && trips < KN_HAND_TRIES && !p->path[trips]) prepare_try(p, trips);
         if (bar && !done) show_progress(p);
     }
     if (bar) clear_progress();
 }
 
+// Close a CSV file. If any write to the file failed, print an error message and return false.
 static bool close_csv(probe *p, FILE *out, const char *path)
 {
     bool ok = out && !ferror(out);
@@ -346,12 +374,14 @@ static bool write_motors(probe *p)
     return close_csv(p, out, p->opt.motors);
 }
 
+// Find out whether kneadd still sends meshes, to explain missing answers.
 static const char *why_unanswered(probe *p)
 {
     if (!look(p, p->mesh.tick)) return kn_join_why("kneadd has ended");
     return "kneadd serves, but takes no pose of ours: another hand holds the tool, or kneadd's stderr says why";
 }
 
+// Report how the session ended. Return the exit code.
 static int verdict(probe *p)
 {
     const kn_hand *h = &p->player.hand;
@@ -394,6 +424,7 @@ static void print_grasp(const kn_grasp *g)
            (long long)n->acted);
 }
 
+// Write the table as JSON.
 static void tell_result(const probe *p, const kn_report *r)
 {
     json_t *to = kn_result();
@@ -419,6 +450,7 @@ static void tell_result(const probe *p, const kn_report *r)
     kn_result_number(to, "round_trip_p99_ms", r->round_trip_p99_ms);
 }
 
+// Stop the device, and write the report and the files. Return the exit code.
 static int finish(probe *p)
 {
     kn_report report;
@@ -429,6 +461,7 @@ static int finish(probe *p)
     if (!written || p->record->out_of_memory) code = complain(KN_EXIT_DEVICE, written ? "out of memory" : p->error);
     kn_report_make(&report, &p->player.hand, p->record);
     int64_t last_tick = p->record->force_count ? p->record->force[p->record->force_count - 1].force.tick : -1;
+    // The dent is the height before the session minus the height after it. The mesh must be later than the last force.
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
             report.residual_m = p->before_m - after_m;
@@ -436,7 +469,7 @@ static int finish(probe *p)
     }
     if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
-        kn_safety limited; // fills in the defaults
+        kn_safety limited; // kn_safety_init fills in the defaults of the limits
         kn_safety_init(&limited, &p->scene->limits);
         double scale = limited.limits.force_scale;
         tell_result(p, &report);
@@ -446,6 +479,7 @@ static int finish(probe *p)
                atomic_load(&p->device.missed));
         if (p->opt.gripped) print_grasp(&p->grasp);
     }
+    // A device that buzzed or drove the hand is a failed check.
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
@@ -454,6 +488,7 @@ static int finish(probe *p)
     return code;
 }
 
+// Run the steps of a session in order. Bad input is found before anything moves.
 static int run(probe *p)
 {
     int code = load_path(p);

@@ -52,9 +52,10 @@ static const char help[] =
     "hand more than 10 mJ, 2 bad input, 3 no answer, forces of more than 5 ms ago,\n"
     "or three tries were spoilt.\n";
 
-static const double fastest_m_s = 1.2; // kneadd's brake_m_s by default: what is faster is damped, not rendered
+static const double fastest_m_s = 1.2; // default of kneadd's brake_m_s: faster motion is damped, not rendered
 
-// Seconds may come bare, as everywhere; a length without a unit is more likely millimetres than metres.
+// Parse a quantity and convert it to `unit_text`. A number without a unit is accepted for seconds only. A length
+// without a unit is refused, because the user more likely means millimetres than metres.
 static bool quantity(const char *option, const char *text, const char *unit_text, const char *example, double *value)
 {
     kn_unit unit;
@@ -64,6 +65,7 @@ static bool quantity(const char *option, const char *text, const char *unit_text
     if (kn_quantity_parse(&q, text, why, sizeof why) &&
         ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
         *value = kn_quantity_in(&q, &unit);
+        // Only a hold may last 0 s.
         if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
     }
     fprintf(stderr, "knead probe: --%s %s: expected something like '%s'\n", option, text, example);
@@ -80,6 +82,7 @@ static bool tries(const char *text, int *value)
     return false;
 }
 
+// Parse SECONDS:MILLISECONDS of --drop-at.
 static bool drop(const char *text, kn_probe_options *opt)
 {
     double at_s;
@@ -94,6 +97,7 @@ static bool drop(const char *text, kn_probe_options *opt)
     return false;
 }
 
+// Parse a share in [0, 1), as a number or in percent.
 static bool share(const char *text, double *value)
 {
     kn_quantity q;
@@ -107,6 +111,7 @@ static bool share(const char *text, double *value)
     return false;
 }
 
+// Parse the delay of a simulated link in whole ms. kn_grasp keeps 256 slots, one for each ms.
 static bool delay(const char *text, int *value)
 {
     double s;
@@ -134,7 +139,7 @@ static bool axes(const char *text, int *value)
     return false;
 }
 
-// What belongs to a simulated device means nothing without one.
+// Check the options of a simulated device: they mean nothing without --hand.
 static bool device_is_whole(const kn_probe_options *opt)
 {
     if (opt->gripped && opt->local && opt->held) {
@@ -153,7 +158,7 @@ static bool device_is_whole(const kn_probe_options *opt)
     return false;
 }
 
-// A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t): at most pi f d fast.
+// Check the speed of a sine. A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t), so its peak speed is pi f d.
 static bool swing_is_slow(const kn_path_def *shape)
 {
     double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_PATH_SWING_HZ;
@@ -216,6 +221,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         {"json", 0, 0, JSON},     {"help", 0, 0, HELP},           {"mesh-url", 1, 0, MESH_URL}, {"hand", 1, 0, HAND},
         {"device", 1, 0, DEVICE}, {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},       {"loss", 1, 0, LOSS},
         {"local", 0, 0, LOCAL},   {"held", 0, 0, HELD},           {"motors", 1, 0, MOTORS},     {0, 0, 0, 0}};
+    // A hold below 0 selects the default, because 0 s is a valid hold.
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
     optind = 1;
     bool ok = true;
@@ -257,6 +263,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
         ok = false;
     }
+    // Checks that need all options.
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
     if (ok) ok = device_is_whole(opt) && path_is_known(opt->path) && urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;

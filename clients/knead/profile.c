@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The smallest scene: it is only read.
+// The smallest valid scene. It is parsed only to read its device; its model is never built.
 static const char scene_text[] = "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: jelly\n"
                                  "support: bonded\n";
 
@@ -16,6 +16,7 @@ int kn_profile_load(kn_device_def *device, const char *subcommand, const char *n
     char profile[128], error[512] = "out of memory";
     const char **all = calloc((size_t)set_count + 1, sizeof *all);
     kn_scene *scene = NULL;
+    // The profile becomes the first set of the small scene, and the user's sets follow.
     snprintf(profile, sizeof profile, "device=%s", name);
     if (all) {
         all[0] = profile;
@@ -23,7 +24,8 @@ int kn_profile_load(kn_device_def *device, const char *subcommand, const char *n
         scene = kn_scene_parse("device", scene_text, sizeof scene_text - 1, all, set_count + 1, error, sizeof error);
     }
     free(all);
-    const char *own = "--set device: "; // said by nobody
+    // The user did not write the first set, so the prefix that names this set is cut from the error message.
+    const char *own = "--set device: ";
     bool ours = strncmp(error, own, strlen(own)) == 0;
     if (!scene) return kn_complain(subcommand, KN_EXIT_USAGE, "%s", error + (ours ? strlen(own) : 0));
     *device = scene->device;

@@ -1,10 +1,12 @@
 #ifndef KN_CLIENTS_PROFILE_H
 #define KN_CLIENTS_PROFILE_H
-// A device profile without a scene: by its name, or the file of one, with --sets of device.* over it.
+// Reader of a device profile without a scene. Sets (`device.KEY=VALUE` texts of --set) can override the profile's
+// values.
 #include "core/device.h"
 #include <stddef.h>
 
-// An exit code, after a complaint in the name of the subcommand.
+// Load a profile, apply the sets and write the result to `device`. name: name of a profile, or path of its file. Return
+// an exit code. On failure, print an error message that begins with the name of the subcommand.
 int kn_profile_load(kn_device_def *device, const char *subcommand, const char *name, const char *const *sets,
                     int set_count);
 

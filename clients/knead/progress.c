@@ -4,8 +4,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define PERIOD_NS 200000000
-#define TRUSTED 0.02 // of the work: what is left is not told from less
+#define PERIOD_NS 200000000 // shortest time between two redraws
+#define TRUSTED 0.02        // share of the work that must be done before the time left is estimated
 
 static int64_t now_ns(void)
 {
@@ -37,6 +37,7 @@ void kn_progress_step(kn_progress *p, double done)
     if (!p->terminal || (p->shown_ns > 0 && now - p->shown_ns < PERIOD_NS)) return;
     char line[KN_PROGRESS_LINE];
     p->shown_ns = now;
+    // The time left is extrapolated from the speed so far.
     kn_progress_line(p, done, (double)(now - p->began_ns) * 1e-9, line);
     fprintf(stderr, "\r%-70s", line);
 }

@@ -4,10 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double hover_m = 0.004; // above the highest point of the object
+static const double hover_m = 0.004; // clearance above the highest point of the object
 static const double beside_m = 0.02; // how far beside the object the tool may go
-static const double uneven_m = 2e-3; // more of a dent is not waited for
-static const double thinnest = 0.5;  // of the block's height must stay under the tool: thinner cells turn inside out
+static const double uneven_m = 2e-3; // largest dent that a flat tool sinks into before it presses
+// Share of the block's height that must remain under the tool, because thinner cells turn inside out.
+static const double thinnest = 0.5;
 
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view)
 {
@@ -20,6 +21,7 @@ bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *too
 
 void kn_reach_look(kn_reach *r, const kn_camera_view *view)
 {
+    // The camera looks at the box of the undeformed object, which stands centred on z = 0.
     float low[3] = {0}, high[3];
     for (int i = 0; i < 3; i++) high[i] = (float)(r->extent_m[i] * (i == 2 ? 1.0 : 0.5));
     for (int i = 0; i < 2; i++) low[i] = -high[i];
@@ -47,6 +49,7 @@ void kn_reach_hover(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 void kn_reach_aim(const kn_reach *r, double u, double v, kn_pointer_wish *wish)
 {
     double at_m[2];
+    // Find the point under the pointer in the plane of the top, and keep it near the object.
     if (!kn_camera_pick(&r->camera, u, v, r->extent_m[2], at_m)) return;
     for (int i = 0; i < 2; i++) {
         double most_m = 0.5 * r->extent_m[i] + beside_m;
@@ -66,6 +69,7 @@ bool kn_reach_touch(const kn_reach *r, const kn_mesh *mesh, kn_pointer_wish *wis
 double kn_reach_deepest(const kn_reach *r, const kn_pointer_wish *wish)
 {
     double from_m = wish->pressed ? wish->touch_z_m - kn_foot_m(r->tool) : r->extent_m[2];
+    // A round tool may not sink deeper than its radius.
     double most_m = fmax(0, from_m - thinnest * r->extent_m[2]);
     return kn_foot_flat(r->tool->shape) ? most_m : fmin(most_m, kn_foot_m(r->tool));
 }

@@ -7,9 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const int reader_priority = 40; // of its thread: below everything that has a deadline, above the rest
-static const int64_t last_words_ns = 50000000;
+static const int reader_priority = 40;         // of the thread: below all threads with a deadline, above other programs
+static const int64_t last_words_ns = 50000000; // time for messages still on their way when the record stops, 50 ms
 
+// Append a message to the log. After the first failed write, nothing more is written.
 static void write_log(kn_record *r, const char *channel, int64_t utime, void *data, int size)
 {
     if (!r->log || *r->log_error) return;
@@ -23,7 +24,7 @@ static void write_log(kn_record *r, const char *channel, int64_t utime, void *da
     atomic_fetch_add(&r->logged, size);
 }
 
-// Room for one more in an array that doubles.
+// Make room for one more element. A full array is reallocated with twice its size.
 static bool grow(void **array, int count, int *room, size_t size)
 {
     if (count < *room) return true;
@@ -54,11 +55,12 @@ static void hear_pose(kn_record *r, const lcm_recv_buf_t *buf)
     r->pose_count += knead_probe_pose_t_decode(buf->data, 0, (int)buf->data_size, &r->pose[r->pose_count]) >= 0;
 }
 
+// Keep the first scene, decoded and encoded.
 static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
 {
     knead_scene_t scene;
     if (r->scene_text || knead_scene_t_decode(buf->data, 0, (int)buf->data_size, &scene) < 0) return;
-    r->scene_name = strdup(scene.name); // NULL is told as no scene
+    r->scene_name = strdup(scene.name); // a NULL counts as no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
     r->scene_utime = buf->recv_utime;
@@ -67,6 +69,7 @@ static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
     if (r->scene_bytes) memcpy(r->scene_bytes, buf->data, buf->data_size);
 }
 
+// Take one message. Before kn_record_start only scenes are kept.
 static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     kn_record *r = self;
@@ -82,6 +85,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
     else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
 }
 
+// Create the log with the scene as its first record.
 static bool open_log(kn_record *r, const char *path, char *error, size_t error_size)
 {
     r->log_path = path;
@@ -101,6 +105,7 @@ kn_record *kn_record_open(const char *url, char *error, size_t error_size)
         snprintf(error, error_size, "out of memory");
         return NULL;
     }
+    // Subscribe with wildcards, because the names of the tools are not known yet.
     static const char *const channels[] = {"KNEAD_SCENE", "KNEAD_EVENT", "KNEAD_POSE_*", "KNEAD_FORCE_*",
                                            "KNEAD_CONTACT_*"};
     r->bus = kn_join_open(url, KN_FORCE_URL, error, error_size);
@@ -118,12 +123,14 @@ bool kn_record_scene(kn_record *r, int timeout_ms)
     return r->scene_text && r->scene_name && r->scene_bytes;
 }
 
+// The thread of the record.
 static void *run(void *self)
 {
     kn_record *r = self;
-    kn_join_priority(reader_priority); // refused: the buffer has to do
+    kn_join_priority(reader_priority); // if refused, the receive buffer must be large enough
     while (!atomic_load(&r->stop)) kn_join_handle(r->bus, 20);
-    // what is on its way; kneadd goes on answering the last pose, so there is no silence to wait for
+    // Take the messages that are still on their way, for a fixed time. kneadd keeps answering the last pose, so waiting
+    // for silence would not end.
     for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;) kn_join_handle(r->bus, 5);
     return NULL;
 }
@@ -133,7 +140,7 @@ bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char
     snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
     while (kn_join_handle(r->bus, 0) > 0)
-        ; // what was said before is not part of it
+        ; // drop messages from before the start
     if (log_path && !open_log(r, log_path, error, error_size)) return false;
     r->started = true;
     if (pthread_create(&r->thread, NULL, run, r) == 0) return true;
@@ -150,6 +157,7 @@ bool kn_record_stop(kn_record *r, char *error, size_t error_size)
         r->started = false;
     }
     if (!r->log) return true;
+    // Data in the buffer of the stream may fail to reach the disk only now.
     if (fflush(r->log->f) != 0 && !*r->log_error) snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
     lcm_eventlog_destroy(r->log);
     r->log = NULL;

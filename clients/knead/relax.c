@@ -1,4 +1,4 @@
-// knead relax: a specimen is compressed and held; how its stress falls.
+// knead relax: a specimen is compressed and held, and the fall of its stress is recorded.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -27,14 +27,17 @@ static const char help[] =
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
 
+// Samples during the ramp; samples of the hold, evenly spaced in the logarithm of time over five decades.
 enum { RAMP_SAMPLES = 100, SAMPLES_PER_DECADE = 40, DECADES = 5 };
 
+// Append the present state of the bench to the table.
 static void add(kn_table *t, const kn_bench *b, double begin_s)
 {
     kn_table_add(t, (double[]){b->time_s, b->time_s - begin_s, b->strain, b->stress_pa,
                                b->strain > 0 ? b->stress_pa / b->strain : 0, b->force_n});
 }
 
+// Bring the specimen to its strain, by a ramp or a step. *begin_s: when the hold begins.
 static int press(kn_bench *b, kn_table *t, double *begin_s)
 {
     const kn_bench_options *opt = b->opt;
@@ -48,23 +51,26 @@ static int press(kn_bench *b, kn_table *t, double *begin_s)
     return code;
 }
 
-// What the table and the terminal say of one run: stress when the strain is reached, just after, and down to 1/2, 1/e,
-// 1/10 of that.
+// Results of one run: peak stress at the end of the ramp, stress at the beginning and at the end of the hold, and the
+// times when the stress has fallen to 1/2, 1/e and 1/10 of its value at the beginning of the hold.
 typedef struct reading {
     double peak_pa, begin_pa, end_pa, fallen_s[3];
 } reading;
 
 static const double share[3] = {0.5, 0.36787944117144233, 0.1};
 
+// Record the times at which the stress passes one of the three levels between two samples.
 static void fall(reading *r, double from_s, double from_pa, double to_s, double to_pa)
 {
     for (int i = 0; i < 3; i++) {
         double level = share[i] * r->begin_pa;
-        if (from_pa > level && to_pa <= level && to_pa > 0) // between two samples it falls exponentially
+        // Interpolate exponentially between the samples.
+        if (from_pa > level && to_pa <= level && to_pa > 0)
             r->fallen_s[i] = from_s + (to_s - from_s) * log(from_pa / level) / log(from_pa / to_pa);
     }
 }
 
+// Run one specimen: press, hold, and sample the stress.
 static int relax(kn_bench *b, kn_table *t, reading *r)
 {
     const kn_bench_options *opt = b->opt;
@@ -74,16 +80,17 @@ static int relax(kn_bench *b, kn_table *t, reading *r)
     int code = press(b, t, &begin_s);
     *r = (reading){.peak_pa = b->stress_pa, .fallen_s = {NAN, NAN, NAN}};
     if (code == KN_EXIT_OK) code = kn_bench_strain(b, opt->strain, 0);
-    // the block's own mass swings for a few steps when the plate stops
+    // The mass of the block swings for a few steps when the plate stops. Wait for ten steps before the hold is read.
     if (b->model && code == KN_EXIT_OK) code = kn_bench_advance(b, b->time_s + 10 * b->model->def.solver.dt_s);
     r->begin_pa = b->stress_pa;
     add(t, b, begin_s);
     for (int i = 0; i <= SAMPLES_PER_DECADE * DECADES && code == KN_EXIT_OK; i++) {
         double from_s = b->time_s, from_pa = b->stress_pa;
         double held = opt->hold_s * pow(10, (double)i / SAMPLES_PER_DECADE - DECADES);
+        // Skip times that lie before the present one, as in the ten steps above.
         if (begin_s + held <= from_s) continue;
         code = kn_bench_advance(b, begin_s + held);
-        if (b->time_s <= from_s) continue; // less than a step of the lattice
+        if (b->time_s <= from_s) continue; // the interval is shorter than a step of the lattice
         fall(r, from_s - begin_s, from_pa, b->time_s - begin_s, b->stress_pa);
         add(t, b, begin_s);
     }
@@ -107,6 +114,7 @@ static void print_row(const char *name, const reading *r)
     printf("\n");
 }
 
+// Run the element and then, if asked for, the lattice. A bench without a model is an element.
 static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;
@@ -133,6 +141,7 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
+// Write the table and draw stress against time, once over linear and once over logarithmic axes.
 static int finish(const kn_bench *b, const kn_table *t)
 {
     static const kn_axes axes[] = {

@@ -3,17 +3,20 @@
 #include <math.h>
 #include <string.h>
 
-static const double lightest_n_m = 100.0; // of a coupling that nobody has said, for the reservoir
-static const double fade_s = 0.017;
-static const double hold_s = 3.5e-3;      // without news a force stands for 3 ms, by the watchdogs' ticks
-static const double slope_n_per_ms = 0.5; // of every transition, or as fast as the clamp fades: core/safety.h
-static const double smoothing = 0.01;     // of the round trip
-static const double longest_s = 0.05;     // without a render: the local model has faded by then
-static const double step_s = 0.01;        // its longest
-static const double any_n = 1e3;          // the model does not clamp: a wild message must reach the guard as it is
+static const double lightest_n_m = 100.0; // least coupling assumed for the energy reservoir of the passivity controller
+static const double fade_s = 0.017;       // time in which the force fades after a stop
+static const double hold_s = 3.5e-3;      // time that a force is held without news: 3 ms in the watchdogs' ticks
+// Largest slope of a transition of the force. If a fade from the force limit is steeper, its slope is allowed instead;
+// see core/safety.h.
+static const double slope_n_per_ms = 0.5;
+static const double smoothing = 0.01; // weight of a new round trip in the mean
+static const double longest_s = 0.05; // longest time that one render covers; the local model has faded by then
+static const double step_s = 0.01;    // longest step of the local model
+static const double any_n = 1e3;      // force limit of the model, so high that wild forces reach the guard
 
 static double norm(const double v[3]) { return sqrt(kn_dot(v, v)); }
 
+// Return the stiffness of the coupling as felt by the hand, N/m.
 static double coupling(const kn_render_def *d)
 {
     bool own = d->coupling_n_m > 0.0;
@@ -25,6 +28,7 @@ void kn_render_init(kn_render *r, const kn_render_def *def)
     const kn_device_def *d = &def->device;
     memset(r, 0, sizeof *r);
     r->def = *def;
+    // A passivity controller needs the mass of the device.
     if (d->mass_kg > 0.0)
         kn_passivity_init(&r->passivity, &(kn_passivity_def){.mass_kg = d->mass_kg,
                                                              .round_trip_s = d->round_trip_s,
@@ -77,6 +81,7 @@ void kn_render_pose(kn_render *r, int64_t seq, const double position_m[3], const
     kn_contact_model_pose(&r->model, seq, x, v);
 }
 
+// Stop for a reason. The first reason stays.
 static void stop(kn_render *r, kn_render_stop why)
 {
     if (r->stop) return;
@@ -88,7 +93,9 @@ static void stop(kn_render *r, kn_render_stop why)
 bool kn_render_force(kn_render *r, const double scene_n[3], double age_s)
 {
     if (!isfinite(kn_dot(scene_n, scene_n))) return false;
+    // A first answer updates the mean of the round trip.
     if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
+    // A round trip that is too long stops the rendering of kneadd's forces, except with def.held.
     if (r->round_trip_s > KN_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_RENDER_FAR);
     kn_device_force(&r->def.device, scene_n, r->heard_n);
     r->news = true;
@@ -100,12 +107,14 @@ kn_contact_take kn_render_contact(kn_render *r, const kn_contact_unit *unit)
     return r->def.local ? kn_contact_model_take(&r->model, unit) : KN_CONTACT_FOREIGN;
 }
 
-// The contact under the poses since, at this moment; what its springs hold, J at the hand.
+// Step the local contact model to the present pose and write its force in device axes. Return the energy stored in the
+// model's springs as felt at the hand, J.
 static double replay(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3],
                      double force_n[3])
 {
     double x[3], v[3], scene_n[3], left_s = fmin(dt_s, longest_s);
     to_scene(r, position_m, velocity_m_s, x, v);
+    // A long interval is taken in steps of at most step_s.
     do {
         kn_contact_model_render(&r->model, fmin(left_s, step_s), x, v, scene_n);
         left_s -= step_s;
@@ -114,7 +123,9 @@ static double replay(kn_render *r, double dt_s, const double position_m[3], cons
     return r->def.device.force_scale / r->def.device.scale * kn_contact_model_energy(&r->model, x);
 }
 
-// A watchdog takes the force down: what the passivity controller makes of it meanwhile has the rest of the slope.
+// Move guarded_n towards wanted_n while a watchdog fades the force. wanted_n can change during the fade, because the
+// passivity controller acts. The fade and the change of wanted_n together must not exceed the largest slope, so the
+// change may use only the part of the slope that the fade leaves.
 static void fade(kn_render *r, double dt_s, const double wanted_n[3])
 {
     double faded_n = r->def.device.force_limit_n / (1e3 * fade_s), step_n[3];
@@ -124,23 +135,28 @@ static void fade(kn_render *r, double dt_s, const double wanted_n[3])
     for (int i = 0; i < 3; i++) r->guarded_n[i] += share * step_n[i];
 }
 
-// However often it is called: what has not been used of a ms's change grows with time, up to that of one ms, or, where
-// messages are missing, of as many as they are missing for, 3 at most: that long a force may be held.
+// Pass wanted_n through the impulse guard, whatever the rate of calls. The allowed change grows with time, up to the
+// change of one ms. When messages are missing, it grows up to the change of that many ms, 3 at most, because a force
+// may be held that long.
 static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news)
 {
     r->gap_s = fmin(r->gap_s + dt_s, longest_s);
     r->tick_s = fmin(r->tick_s + dt_s, longest_s);
+    // The guard counts whole ms.
     kn_guard_age(&r->guard, (int)(r->tick_s * 1e3));
     r->tick_s = fmod(r->tick_s, 1e-3);
+    // The allowance of this call.
     double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
     r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
-    if (r->stop) return; // the last good force fades
+    if (r->stop) return; // the last good force is kept and fades
+    // If the news is older than hold_s, a watchdog fades the force.
     if (!news && r->gap_s > hold_s) {
         fade(r, dt_s, wanted_n);
         return;
     }
     double before_n[3], changed_n[3];
     memcpy(before_n, r->guarded_n, sizeof before_n);
+    // Let the guard judge the change, and subtract the change from the allowance.
     kn_guard_result result = kn_guard_pass(&r->guard, wanted_n, r->allowed_n, r->guarded_n);
     for (int i = 0; i < 3; i++) changed_n[i] = r->guarded_n[i] - before_n[i];
     r->allowed_n = fmax(0.0, r->allowed_n - norm(changed_n));
@@ -152,16 +168,20 @@ static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news
 void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3], double share)
 {
     const double limit_n = r->def.device.force_limit_n;
+    // A device without mass has no passivity controller. The local model has news at every call.
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
-    double wanted_n[3],
-        stored_j = -1.0; // what kneadd's object has stored is not on the wire: the cap without knowledge
+    // kneadd does not send the energy stored in its object, so the controller uses its limit for the unknown case (-1).
+    double wanted_n[3], stored_j = -1.0;
     dt_s = fmax(dt_s, 0.0);
     if (r->def.local) stored_j = replay(r, dt_s, position_m, velocity_m_s, wanted_n);
     else memcpy(wanted_n, r->heard_n, sizeof wanted_n);
+    // The output stage: passivity, impulse guard, clamp, gain.
     if (observed) kn_passivity_filter(&r->passivity, position_m, velocity_m_s, stored_j, wanted_n, wanted_n);
     guard(r, dt_s, wanted_n, news);
+    // After a stop the force fades.
     if (r->stop) r->gain = fmax(0.0, r->gain - dt_s / fade_s);
     double size = norm(r->guarded_n);
+    // The clamp scales the force to the limit and keeps its direction.
     share *= size > limit_n ? r->gain * limit_n / size : r->gain;
     r->clamped += size > limit_n && news;
     r->news = false;

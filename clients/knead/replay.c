@@ -1,5 +1,5 @@
-// knead replay: a log through the daemon's own servo under a virtual clock. The replay is server/replay.h's; here is
-// what is written of it, and what is said about it.
+// knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/replay.h makes the replay.
+// This file writes the results and messages.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -45,8 +45,9 @@ static const char help[] =
     "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64
-#define SET_SIZE 80 // "solver.dt=" and a time
+#define SET_SIZE 80 // characters, enough for "solver.dt=" and a time
 
+// Command line. made[]: sets (`key=value`) made from other options. wide: the chosen solver exists in f64 only.
 typedef struct replay_options {
     kn_replay_def def;
     const char *sets[SETS_MAX];
@@ -55,19 +56,20 @@ typedef struct replay_options {
     bool hash, verify, real_time, wide;
 } replay_options;
 
+// One replay and its outputs.
 typedef struct replay_run {
     const replay_options *opt;
     kn_replay *replay;
     FILE *csv;
     lcm_eventlog_t *out;
     bool out_failed;
-    uint64_t initial_hash, hash; // of the object before the first tick; of the forces so far
-    int64_t verified;
-    bool probes[KN_PROBES_MAX]; // verified
+    uint64_t initial_hash, hash; // hash of the object before the first tick; hash of the forces so far
+    int64_t verified;            // number of forces compared
+    bool probes[KN_PROBES_MAX];  // probes with compared forces
     bool differs;
-    char difference[200];
+    char difference[200]; // message about the first difference
     double peak_n;
-    int64_t clock_ns; // of real time
+    int64_t clock_ns; // when the next tick is due, for --speed real
 } replay_run;
 
 // ---- options
@@ -77,6 +79,7 @@ static int bad(const char *option, const char *value, const char *expected)
     return kn_complain("replay", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
 }
 
+// Add a set `key=value` with a unit. If `key` is NULL, `value` is a complete set of the user.
 static int add_set(replay_options *opt, const char *key, const char *value, const char *unit)
 {
     int i = opt->def.set_count;
@@ -89,6 +92,7 @@ static int add_set(replay_options *opt, const char *key, const char *value, cons
     return KN_EXIT_OK;
 }
 
+// Set the kind of solver, or the linearisation of the implicit solver.
 static int set_solver(replay_options *opt, const char *name)
 {
     opt->wide = !strcmp(name, "rk4") || !strcmp(name, "fixed");
@@ -98,6 +102,8 @@ static int set_solver(replay_options *opt, const char *name)
     return bad("solver", name, "implicit, rk4, fixed, blend, secant or tangent");
 }
 
+// Choose the place of computation: this processor, the circuit (FPGA), or the twin (a bit-exact model of the circuit).
+// The circuit and its twin compute in integers, so both imply the fixed solver.
 static int set_backend(replay_options *opt, const char *name)
 {
     char why[KN_LINK_WHY];
@@ -109,6 +115,7 @@ static int set_backend(replay_options *opt, const char *name)
     return set_solver(opt, "fixed");
 }
 
+// A bare number is a time in seconds.
 static int set_dt(replay_options *opt, const char *text)
 {
     char *end;
@@ -116,7 +123,8 @@ static int set_dt(replay_options *opt, const char *text)
     return add_set(opt, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
 }
 
-// RK4 and the integers have only doubles: without a word about precision it gets them, so that a refusal names its limit.
+// Add precision f64 if the user gave none and the solver is rk4 or fixed, which exist in f64 only. A refusal by the
+// scene then names the limit and not the precision.
 static int complete_solver(replay_options *opt)
 {
     static const char key[] = "solver.precision=";
@@ -151,6 +159,7 @@ static int take_option(replay_options *opt, int option, const char *value)
     }
 }
 
+// Return true if the file starts with the magic number of an LCM event log.
 static bool is_log(const char *path)
 {
     unsigned char start[4] = {0};
@@ -177,7 +186,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    optind = 0; // a test calls this more than once
+    optind = 0; // a test calls this function more than once
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (option == 'h') {
             fputs(help, stdout);
@@ -200,8 +209,9 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
     return complete_solver(opt);
 }
 
-// ---- what is written
+// ---- output log
 
+// Append one encoded message to the output log.
 static void log_bytes(replay_run *run, int64_t utime, const char *prefix, const char *probe, void *bytes, int size)
 {
     char channel[64];
@@ -209,6 +219,7 @@ static void log_bytes(replay_run *run, int64_t utime, const char *prefix, const 
     if (size < 0 || !kn_log_write(run->out, utime, channel, bytes, (size_t)size)) run->out_failed = true;
 }
 
+// Write the scene with the state hash of the object before the first tick.
 static void log_scene(replay_run *run, int64_t utime)
 {
     knead_scene_t message;
@@ -220,7 +231,7 @@ static void log_scene(replay_run *run, int64_t utime)
     free(bytes);
 }
 
-// As on the bus: the poses, then the events, then the forces of a tick.
+// Write one tick in the order of the bus: poses, then events, then forces.
 static void log_tick(replay_run *run)
 {
     const kn_replay *r = run->replay;
@@ -248,10 +259,11 @@ static void log_tick(replay_run *run)
     }
 }
 
-// Of the bytes on the wire, which are the same on every machine, without the two fields that come from a clock.
-// Not what: a circuit and its twin give the same bits.
+// Flag for the place of computation. Comparisons ignore this flag, because a circuit and its twin give the same bits.
 static const int32_t where_computed = KNEAD_CONTACT_FORCE_T_FLAG_SHADOWED;
 
+// Hash the encoded bytes of a force message, which are the same on every machine. The two fields that depend on a clock
+// are set to 0 first.
 static void hash_force(replay_run *run, int p)
 {
     knead_contact_force_t message;
@@ -264,6 +276,7 @@ static void hash_force(replay_run *run, int p)
 
 // ---- verification
 
+// Record the first difference between log and replay. Later forces are not compared.
 static void differ(replay_run *run, int p, const char *what, double logged, double replayed)
 {
     run->differs = true;
@@ -274,6 +287,7 @@ static void differ(replay_run *run, int p, const char *what, double logged, doub
 
 static bool same_bits(double a, double b) { return memcmp(&a, &b, sizeof a) == 0; }
 
+// Compare the force of probe p with the log's, bit for bit.
 static void verify_force(replay_run *run, int p)
 {
     static const char *const contact[] = {"contact_force_n[0]", "contact_force_n[1]", "contact_force_n[2]"};
@@ -283,6 +297,7 @@ static void verify_force(replay_run *run, int p)
     if (!log || run->differs) return;
     run->verified++;
     run->probes[p] = true;
+    // The flags may differ only in the place of computation.
     if ((f->flags ^ log->flags) & ~where_computed) differ(run, p, "flags", log->flags, f->flags);
     if (!same_bits(f->gain, log->gain)) differ(run, p, "gain", log->gain, f->gain);
     for (int i = 0; i < 3; i++) {
@@ -298,18 +313,22 @@ static int complain_damage(const replay_run *run, const char *log)
                        log, run->replay->damage, (long long)run->verified);
 }
 
+// Report the result of --verify, the most serious reason first. Return the exit code.
 static int verdict(const replay_run *run)
 {
     const kn_replay_tally *tally = &run->replay->tally;
     const char *log = run->opt->def.log_path;
+    // Count the probes for the report.
     int probes = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) probes += run->probes[p];
+    // A gap makes the rest of the log incomparable.
     if (tally->gaps > 0)
         return kn_complain(
             "replay", KN_EXIT_FAILED,
             "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld", log,
             (long long)tally->gaps, (long long)tally->first_gap);
-    if (run->replay->damage[0] && !run->replay->same) return complain_damage(run, log); // then another computation
+    // The replay could not compute in the same way as the server that wrote the log.
+    if (run->replay->damage[0] && !run->replay->same) return complain_damage(run, log);
     if (run->differs)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log,
                            (long long)run->verified - 1, run->difference);
@@ -327,7 +346,7 @@ static int verdict(const replay_run *run)
     return KN_EXIT_OK;
 }
 
-// Why there is nothing to verify with, before any time is spent on it.
+// Refuse --verify before any work if there is nothing to compare with.
 static int refuse_verify(const replay_run *run)
 {
     const char *log = run->opt->def.log_path;
@@ -344,12 +363,14 @@ static int refuse_verify(const replay_run *run)
 
 // ---- the run
 
+// Sleep until the next millisecond of real time.
 static void keep_pace(replay_run *run)
 {
     run->clock_ns += 1000000;
     kn_clock_sleep(run->clock_ns);
 }
 
+// Use the forces of one tick: peak, hash, CSV, comparison, output log.
 static void take_tick(replay_run *run)
 {
     const kn_tick_out *out = &run->replay->tick.out;
@@ -364,6 +385,7 @@ static void take_tick(replay_run *run)
     if (run->out) log_tick(run);
 }
 
+// Report everything in the log that could not be used.
 static void tell(const replay_run *run)
 {
     const kn_replay *r = run->replay;
@@ -377,7 +399,7 @@ static void tell(const replay_run *run)
                     "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
                     "are coarse there",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
-    if (run->opt->verify) return; // and says the rest itself
+    if (run->opt->verify) return; // the verdict reports the rest
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
@@ -391,6 +413,7 @@ static void tell(const replay_run *run)
                     log, (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
+// Open the output files. An output may not be the log that is being read.
 static int open_outputs(replay_run *run)
 {
     const replay_options *opt = run->opt;
@@ -407,6 +430,7 @@ static int open_outputs(replay_run *run)
     return KN_EXIT_OK;
 }
 
+// Close the output files and check that they are complete.
 static int close_outputs(replay_run *run)
 {
     const char *path = NULL;
@@ -418,7 +442,7 @@ static int close_outputs(replay_run *run)
     return path ? kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", path) : KN_EXIT_OK;
 }
 
-// What the circuit did: 1 where it was not always the twin.
+// Report the ticks of the circuit. Return KN_EXIT_FAILED if the circuit and its twin ever differed.
 static int judge_circuit(replay_run *run)
 {
     kn_fpga_counts n;
@@ -455,10 +479,11 @@ static void tell_hash(uint64_t hash)
 {
     char text[24];
     snprintf(text, sizeof text, "0x%016llx", (unsigned long long)hash);
-    kn_result_text(kn_result(), "hash", text); // a JSON number has 53 bits
+    kn_result_text(kn_result(), "hash", text); // as text, because a JSON number has 53 bits only
     printf("hash %s\n", text);
 }
 
+// Run the whole replay and report. Return the exit code.
 static int play(replay_run *run)
 {
     kn_replay *r = run->replay;
@@ -471,6 +496,7 @@ static int play(replay_run *run)
     bool first = true;
     kn_progress bar = kn_progress_open("replay", (double)r->tally.ticks_total);
     while (kn_replay_step(r)) {
+        // The scene gets the log time of the first tick.
         if (first && run->out) log_scene(run, r->tick.utime);
         first = false;
         take_tick(run);
@@ -498,6 +524,7 @@ int kn_replay_main(int argc, char **argv)
     int code = parse(&opt, argc, argv, &done);
     if (code != KN_EXIT_OK || done) return code;
     bool no_device = false;
+    // If the circuit cannot be used, the device is at fault. Every other failure is bad input.
     opt.def.device_failed = &no_device;
     replay_run run = {.opt = &opt, .replay = kn_replay_create(&opt.def, error, sizeof error)};
     if (!run.replay) return kn_complain("replay", no_device ? KN_EXIT_DEVICE : KN_EXIT_USAGE, "%s", error);

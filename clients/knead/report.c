@@ -6,23 +6,27 @@
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-// The try whose pose this force echoes, NULL for none.
+// Return the try whose pose this force echoes, or NULL.
 static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_force_t *f)
 {
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
         if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1)
-            return t; // its last pose, which says that it leaves, is in no path
+            // The last pose of a try has the number sent + 1. It only announces that the hand leaves, and belongs to no
+            // path.
+            return t;
     }
     return NULL;
 }
 
-// Time along the path of the pose that the force echoes; the path begins with play_seq and has 1 ms per pose.
+// Return the time along the path of the pose that the force echoes, s. The path begins with play_seq and has 1 ms per
+// pose.
 static double path_time(const kn_attempt *t, const knead_contact_force_t *f)
 {
     return 1e-3 * (double)(f->seq - t->play_seq);
 }
 
+// Add one force of the last try to the table. Forces from before and after the path are left out.
 static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t, const knead_contact_force_t *f)
 {
     double s = path_time(t, f), contact_n = norm(f->contact_force_n);
@@ -30,8 +34,10 @@ static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t,
     if (!t->play_seq || s < 0.0 || after) return;
     r->gain_min = fmin(r->gain_min, f->gain);
     r->given_peak_n = fmax(r->given_peak_n, norm(f->force_n));
+    // The value at the end of the hold is that of the last force up to then.
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
     if (!f->contacts) return;
+    // Contact lasts from the first loaded tick to the last one.
     if (r->contact_s == 0.0) r->contact_from_s = s;
     r->contact_s = s - r->contact_from_s + 1e-3;
     if (contact_n > r->peak_n) r->peak_n = contact_n, r->peak_s = s;
@@ -52,13 +58,17 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
         r->matched += t != NULL;
         r->strange += t == NULL;
         r->missed += f->missed_cycles;
-        bool goes_on = before && before->session == f->session && f->tick > before->tick; // else kneadd began anew
+        // A smaller tick means that kneadd has started again.
+        bool goes_on = before && before->session == f->session && f->tick > before->tick;
         if (goes_on) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
         if (!t) continue;
-        if (f->flags & KN_FLAG_STALE) r->stale += f->seq < t->sent; // after the last one there is nothing newer
+        // A stale force counts only if a newer pose had been sent. Round trips are taken from forces that are not
+        // stale.
+        if (f->flags & KN_FLAG_STALE) r->stale += f->seq < t->sent;
         else if (trip_ns) trip_ns[trips++] = record->force[i].arrived_ns - f->sent_ns;
         if (t == last) add_to_table(r, hand, t, f);
     }
+    // A path without a hold has no such value.
     if (hand->def.path->hold_end_s == 0.0) r->hold_end_n = NAN;
     if (trips > 0) {
         qsort(trip_ns, (size_t)trips, sizeof *trip_ns, kn_ascending_i64);
@@ -89,6 +99,7 @@ void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double 
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
 }
 
+// Order poses by session and number.
 static int by_number(const void *a, const void *b)
 {
     const knead_probe_pose_t *x = a, *y = b;
@@ -99,10 +110,12 @@ static int by_number(const void *a, const void *b)
 void kn_report_csv(FILE *out, const kn_hand *hand, const kn_record *record, const char *probe)
 {
     kn_rows_head(out);
-    qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number); // they came in order, tries apart
+    // Poses come in order within a try, but tries are not in order of their session numbers.
+    qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
     int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
     for (int i = 0; i < record->force_count; i++) {
         const knead_contact_force_t *f = &record->force[i].force;
+        // Find the pose that the force echoes.
         knead_probe_pose_t key = {.session = f->session, .seq = f->seq};
         const knead_probe_pose_t *pose =
             bsearch(&key, record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 static json_t *root;
-static int terminal = -1; // stdout, kept
+static int terminal = -1; // copy of stdout while text goes to /dev/null
 
 void kn_result_open(void)
 {
@@ -25,6 +25,7 @@ json_t *kn_result(void) { return root; }
 json_t *kn_result_add(const char *list)
 {
     json_t *all = json_object_get(root, list), *one = root ? json_object() : NULL;
+    // The first object of a name creates the list.
     if (root && !all && json_object_set_new(root, list, all = json_array()) != 0) all = NULL;
     return json_array_append_new(all, one) == 0 ? one : NULL;
 }
@@ -44,7 +45,7 @@ void kn_result_bool(json_t *to, const char *name, bool value)
     if (to) json_object_set_new(to, name, json_boolean(value));
 }
 
-// What is not UTF-8, a file's name, is told as far as it is.
+// Set a text. In a text that is not UTF-8, such as a file name, every byte above 127 becomes '?', up to 255 characters.
 void kn_result_text(json_t *to, const char *name, const char *value)
 {
     if (!to || json_object_set_new(to, name, json_string(value)) == 0) return;
@@ -58,6 +59,7 @@ void kn_result_text(json_t *to, const char *name, const char *value)
 void kn_result_table(const char *list, const kn_table *t)
 {
     for (int r = 0, series = -1; root && r < t->rows; r++) {
+        // start[] has the first row of each series.
         while (series + 1 < t->series && t->start[series + 1] <= r) series++;
         json_t *row = kn_result_add(list);
         if (series >= 0) kn_result_text(row, "series", t->label[series]);

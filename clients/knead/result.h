@@ -1,26 +1,31 @@
 #ifndef KN_CLIENTS_RESULT_H
 #define KN_CLIENTS_RESULT_H
-// --json: what a subcommand has found, as one JSON object on stdout in place of the text for eyes. Names end with their
-// unit, SI unless they say otherwise; a number that is none is null.
+// Output of --json: a subcommand prints its results to stdout as one JSON object instead of text. The name of a number
+// ends with its unit; a name without a unit means SI units. A number that is not finite is written as null.
 //
-//     if (option == JSON) kn_result_open();              what is printed from there on goes nowhere
-//     kn_result_number(kn_result(), "force_n", 3.1);     nothing happens when nobody asked for it
-//     main calls kn_result_close
+//     if (option == JSON) kn_result_open();              from here on, printing to stdout has no effect
+//     kn_result_number(kn_result(), "force_n", 3.1);     without --json this call has no effect
+//     kn_result_close(code);                             called by main
 #include "clients/knead/table.h"
 #include <jansson.h>
 #include <stdint.h>
 
+// Begin the result and redirect stdout to /dev/null.
 void kn_result_open(void);
-json_t *kn_result(void);                 // the object, borrowed; NULL: not asked for, and then all below do nothing
-json_t *kn_result_add(const char *list); // a new object at the end of a list of that name; borrowed
+// Return the result object, which this module owns. Without --json return NULL; the functions below then do nothing.
+json_t *kn_result(void);
+// Append a new object to the list named `list`. Return the new object, which this module owns.
+json_t *kn_result_add(const char *list);
 
+// Set a member of an object.
 void kn_result_number(json_t *to, const char *name, double value);
 void kn_result_integer(json_t *to, const char *name, int64_t value);
 void kn_result_bool(json_t *to, const char *name, bool value);
 void kn_result_text(json_t *to, const char *name, const char *value);
-void kn_result_table(const char *list, const kn_table *table); // an object per row, by its columns and `series`
+// Append each row of a table to a list, as an object with the columns and `series` as names.
+void kn_result_table(const char *list, const kn_table *table);
 
-// Prints it, unless the code says that there is none: neither ok nor a check that failed.
+// Restore stdout and print the result if code is KN_EXIT_OK or KN_EXIT_FAILED. With other codes there is no result.
 void kn_result_close(int code);
 
 #endif

@@ -7,23 +7,27 @@
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
+// Allowances in the bounds of rig.h, N and m.
 static const double unheard_n = 2e-3, unseen_m = 2e-6;
 
-// Springs of arm and grip in series, N/m: what the intended path must be deeper by for a force at a wall.
+// Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
+// go force / stiffness deeper than the wall.
 static const double give_n_m[KN_GRIPS] = {[KN_GRIP_LIGHT] = 75.0, [KN_GRIP_NORMAL] = 218.2, [KN_GRIP_FIRM] = 606.1};
 
+// State of one run. way_n: forces on the link, a ring of the last trip_ms + 1 periods.
 typedef struct loop {
     const kn_rig_def *def;
     kn_arm arm;
     kn_passivity passivity;
     double way_n[KN_RIG_TRIP_MAX_MS + 1][3];
     kn_buzz force, side, position;
-    kn_turns turns, side_turns; // of the force: along z, along x
-    double stroke_j;            // given when the last stroke began
+    kn_turns turns, side_turns; // turns of the force along z and along x
+    double stroke_j;            // energy given to the hand when the last stroke began
     bool air;
     kn_rig_result result;
 } loop;
 
+// Compute the position along x of a slide: at rest until slide_from_s, then accelerated to slide_m_s within ramp_s.
 static void slide_along(double t_s, double *x_m, double *speed_m_s)
 {
     double since_s = fmax(0.0, t_s - slide_from_s), early_s = fmin(since_s, ramp_s);
@@ -31,6 +35,7 @@ static void slide_along(double t_s, double *x_m, double *speed_m_s)
     *x_m = -0.5 * slide_m + 0.5 * *speed_m_s * early_s + slide_m_s * (since_s - early_s);
 }
 
+// Compute position and velocity of the intended path at a time.
 static void path_at(const kn_rig_def *def, double t_s, double path_m[3], double path_m_s[3])
 {
     double depth_m = def->arm.grip == KN_GRIP_NONE ? 0.0 : press_n / give_n_m[def->arm.grip];
@@ -42,6 +47,7 @@ static void path_at(const kn_rig_def *def, double t_s, double path_m[3], double 
     if (def->motion == KN_RIG_TAP) {
         path_m[2] = tap_m * cos(w * t_s);
         path_m_s[2] = -tap_m * w * sin(w * t_s);
+        // A press goes down on half a cosine within 1 s and stays.
     } else if (t_s >= 1.0) {
         path_m[2] = -depth_m;
     } else {
@@ -50,6 +56,7 @@ static void path_at(const kn_rig_def *def, double t_s, double path_m[3], double 
     }
 }
 
+// Set up the loop at rest at the begin of the path.
 static void start(loop *l, const kn_rig_def *def)
 {
     kn_arm_def arm = def->arm;
@@ -59,6 +66,7 @@ static void start(loop *l, const kn_rig_def *def)
     l->def = def;
     if (def->motion == KN_RIG_LEAN) arm.bias_n[2] = -lean_n;
     kn_arm_init(&l->arm, &arm, at_m);
+    // Resolution: the force changes by this much when a position is read one encoder step further.
     double share = -expm1(-2.0 * PI * l->arm.def.velocity_hz * period_s);
     double per_step_n_m = def->coupling.stiffness_n_m + def->coupling.damping_n_s_m * share / period_s;
     l->result.resolution_n = arm.encoder_m * per_step_n_m;
@@ -77,7 +85,8 @@ static void start(loop *l, const kn_rig_def *def)
     l->air = true;
 }
 
-// A stroke is from air to air; what it gave is what the hand has more than before.
+// Update the results after one period. A stroke lasts from one time in the air to the next. The energy that a stroke
+// gave to the hand is the increase of the hand's energy during the stroke.
 static void account(loop *l)
 {
     double size = fabs(l->arm.force_n[2]), given_j = l->passivity.given_j;
@@ -94,12 +103,15 @@ static void account(loop *l)
     kn_turns_add(&l->side_turns, l->arm.force_n[0]);
 }
 
+// Run one period. Return false if the simulation has blown up.
 static bool tick(loop *l, int n, kn_rig_object *object, void *self)
 {
     const kn_rig_def *def = l->def;
     double path_m[3], path_m_s[3], out_n[3];
+    // The object writes the newest force; the oldest force of the ring arrives at the device.
     double *slot = l->way_n[n % (def->trip_ms + 1)], *wanted_n = l->way_n[(n + 1) % (def->trip_ms + 1)];
     double stored_j = object(self, l->arm.position_m, l->arm.velocity_m_s, slot);
+    // The controller always observes. Its output is used only if def->passivity is set.
     kn_passivity_filter(&l->passivity, l->arm.position_m, l->arm.velocity_m_s, stored_j, wanted_n, out_n);
     path_at(def, n * period_s, path_m, path_m_s);
     kn_arm_tick(&l->arm, def->passivity ? out_n : wanted_n, path_m, path_m_s);
@@ -108,6 +120,7 @@ static bool tick(loop *l, int n, kn_rig_object *object, void *self)
     return isfinite(l->arm.x_m[2]) && fabs(l->arm.x_m[2]) < 1.0;
 }
 
+// Reset all measures, so that only the motion from now on is judged.
 static void judge_from_here(loop *l)
 {
     kn_buzz_reset(&l->force);
@@ -133,6 +146,7 @@ kn_rig_result kn_rig_run(const kn_rig_def *def, kn_rig_object *object, void *sel
     r->position_rms_m = kn_buzz_rms(&l.position);
     r->turns = r->strokes ? (double)l.turns.count / r->strokes : 0.0;
     r->acted = l.passivity.acted;
+    // Compare with the bounds of rig.h.
     bool rough =
         r->force_rms_n > 1.5 * r->resolution_n + unheard_n || r->position_rms_m > 1.5 * l.arm.def.encoder_m + unseen_m;
     bool slide = def->motion == KN_RIG_SLIDE;

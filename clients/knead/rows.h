@@ -1,10 +1,11 @@
 #ifndef KN_CLIENTS_ROWS_H
 #define KN_CLIENTS_ROWS_H
-// Poses and forces as CSV, a row per tick and live probe: the table of `knead replay`, `knead export` and `knead probe`.
+// CSV table of poses and forces. It has one row per tick and live probe (a probe with a session). `knead replay`,
+// `knead export` and `knead probe` write this table.
 #include "server/replay.h"
 #include <stdio.h>
 
-typedef struct kn_row_of_force { // one row
+typedef struct kn_row_of_force { // one row of the table
     int64_t tick, execution_ns;
     double time_s;
     const char *probe;
@@ -13,8 +14,11 @@ typedef struct kn_row_of_force { // one row
     double residual;
 } kn_row_of_force;
 
+// Write the header line.
 void kn_rows_head(FILE *out);
+// Write one row.
 void kn_rows_add(FILE *out, const kn_row_of_force *row);
-void kn_rows_tick(FILE *out, const kn_replay *replay, int probe); // of the last tick of a probe that is live
+// Write the row of a live probe for the last tick of a replay.
+void kn_rows_tick(FILE *out, const kn_replay *replay, int probe);
 
 #endif

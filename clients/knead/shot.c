@@ -7,7 +7,7 @@
 struct kn_shot {
     kn_renderer *renderer;
     int width, height;
-    int vertex_count, triangle_count; // of the mesh that the renderer has
+    int vertex_count, triangle_count; // of the mesh that the renderer holds
     float (*rest)[3];
     int (*triangle)[3];
 };
@@ -24,6 +24,7 @@ kn_shot *kn_shot_open(int width, int height, int samples, char *error, size_t er
     return NULL;
 }
 
+// Return true if the renderer already holds this mesh.
 static bool same_mesh(const kn_shot *shot, const kn_still *s)
 {
     return shot->vertex_count == s->vertex_count && shot->triangle_count == s->triangle_count &&
@@ -40,7 +41,8 @@ static void forget_mesh(kn_shot *shot)
     shot->triangle = NULL;
 }
 
-// What a film of one object does once: skin, creases, the camera's place.
+// Give the mesh to the renderer, which then computes skin, creases and camera. In a film of one object this happens
+// only once.
 static bool load_mesh(kn_shot *shot, const kn_still *s)
 {
     if (same_mesh(shot, s)) return true;
@@ -50,7 +52,7 @@ static bool load_mesh(kn_shot *shot, const kn_still *s)
         return false;
     shot->rest = malloc((size_t)s->vertex_count * sizeof *s->rest);
     shot->triangle = malloc((size_t)s->triangle_count * sizeof *s->triangle);
-    if (!shot->rest || !shot->triangle) return true; // it is loaded anew with the next picture
+    if (!shot->rest || !shot->triangle) return true; // without these copies the next picture loads the mesh again
     shot->vertex_count = s->vertex_count;
     shot->triangle_count = s->triangle_count;
     memcpy(shot->rest, s->rest, (size_t)s->vertex_count * sizeof *s->rest);
@@ -58,7 +60,7 @@ static bool load_mesh(kn_shot *shot, const kn_still *s)
     return true;
 }
 
-// Caption, bar, legend.
+// Write caption, bar and legend on the picture.
 static bool write_on(const kn_shot *shot, const kn_still *s, const kn_scale *scale, uint8_t *rgba, char *error,
                      size_t error_size)
 {

@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+// Find a tool that can be coupled to a device; a plate cannot. Return NULL if there is none.
 static const kn_probe_def *find(const kn_model_def *def, const char *name)
 {
     for (int i = 0; i < def->probe_count; i++) {
@@ -11,7 +12,7 @@ static const kn_probe_def *find(const kn_model_def *def, const char *name)
     return NULL;
 }
 
-// By halving between far above and in the middle of the object.
+// Find the height of first contact by bisection between a point far above and the middle of the object.
 static double touch_height(const kn_slab *slab, const kn_model_def *def)
 {
     double extent_m[3], at_m[3] = {0.0};
@@ -37,6 +38,7 @@ bool kn_slab_open(kn_slab *slab, const kn_scene *scene, const char *tool, const 
                  tool ? tool : "");
         return false;
     }
+    // The model gets this tool alone, with the coupling under test.
     def.probe[0] = *probe;
     def.probe[0].coupling_n_m = coupling->stiffness_n_m;
     def.probe[0].coupling_n_s_m = coupling->damping_n_s_m;
@@ -68,6 +70,7 @@ double kn_slab_touch(void *self, const double position_m[3], const double veloci
     kn_probe_input *in = &slab->input.probe[0];
     memcpy(in->position_m, position_m, sizeof in->position_m);
     memcpy(in->velocity_m_s, velocity_m_s, sizeof in->velocity_m_s);
+    // z = 0 of the rig is the height of first contact.
     in->position_m[2] += slab->touch_m;
     slab->diverged |= kn_step(slab->model, slab->state, &slab->input, &slab->output) != KN_OK;
     memcpy(force_n, slab->output.probe[0].force_n, sizeof slab->output.probe[0].force_n);

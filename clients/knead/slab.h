@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_SLAB_H
 #define KN_CLIENTS_SLAB_H
-// A scene's object under one of its tools as the object of a rig (rig.h): the lattice itself instead of one element.
+// Slab: the object of a scene under one of the scene's tools, for use as the object of a rig (rig.h). The whole lattice
+// is stepped. A pad (pad.h), in contrast, is one lumped element.
 #include "clients/knead/rig.h"
 #include "core/coupling.h"
 #include "core/scene/scene.h"
@@ -11,17 +12,18 @@ typedef struct kn_slab {
     kn_state *state;
     kn_input input;
     kn_output output;
-    double touch_m; // height at which the tool, over the middle, just touches: the rig's 0
+    double touch_m; // height at which the tool just touches the middle of the object; z = 0 of the rig
     bool diverged;
 } kn_slab;
 
-// Of the tool that has that name, NULL: the first one that can be coupled; with this coupling. False and one line in
-// error. Allocates.
+// Build the lattice with one tool and this virtual coupling. tool: name of the tool; NULL: the first tool that can be
+// coupled. kn_slab_close frees the memory. Return false and one line in `error` on failure.
 bool kn_slab_open(kn_slab *slab, const kn_scene *scene, const char *tool, const kn_coupling *coupling, char *error,
                   size_t error_size);
 void kn_slab_close(kn_slab *slab);
 
-// A kn_rig_object: one step of the lattice. What it has stored is not known.
+// Step the lattice once and write the force on the device to `force_n`. Return -1, because the stored energy is not
+// known. The function has the type kn_rig_object. slab: a kn_slab.
 double kn_slab_touch(void *slab, const double position_m[3], const double velocity_m_s[3], double force_n[3]);
 
 #endif

@@ -1,4 +1,5 @@
-// knead stability: what happens at the extremes, some thousands of small scenes beside their converged answers.
+// knead stability: solves some thousands of small scenes with extreme parameters and compares each result with that of
+// a converged reference solver (trial.h).
 #include "clients/knead/atlas.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -43,6 +44,7 @@ typedef struct options {
     const char *family, *csv, *plot;
 } options;
 
+// The help lists the families of maps, so it is printed in three parts.
 static void print_help(void)
 {
     fputs(help, stdout);
@@ -107,6 +109,7 @@ int kn_stability_main(int argc, char **argv)
     bool done = false;
     int code = parse(&opt, argc, argv, &done);
     if (code != KN_EXIT_OK || done) return code;
+    // Check that the outputs can be written before the long computation starts.
     if (opt.csv) code = kn_output_try("stability", opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_plot_try("stability", opt.plot);
     if (code != KN_EXIT_OK) return code;
@@ -116,7 +119,7 @@ int kn_stability_main(int argc, char **argv)
     bool sound = kn_atlas_print(&atlas);
     if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
-    // not in the text, which is the same every time
+    // The time goes to stderr, so that the text on stdout is the same in every run.
     if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
     kn_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;

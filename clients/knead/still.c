@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Remove all tools, and release the shapes of unions.
 static void drop_tools(kn_still *s)
 {
     for (int i = 0; i < s->view.probe_count; i++)
@@ -25,6 +26,7 @@ void kn_still_free(kn_still *s)
     memset(s, 0, sizeof *s);
 }
 
+// Allocate and copy the mesh. Use the present shape as the shape at rest until the shape at rest is known.
 static bool fill(kn_still *s, int vertex_count, const float *now, int triangle_count, const int *triangle)
 {
     s->vertex_count = vertex_count;
@@ -39,7 +41,7 @@ static bool fill(kn_still *s, int vertex_count, const float *now, int triangle_c
     return true;
 }
 
-// Colour tells the three kinds of material apart: dough, jelly, clay. A flat object has flat tools.
+// Choose the colour by the kind of material, so that dough, jelly and clay differ. A flat object has flat tools.
 static void paint(kn_view_scene *view, const kn_model_def *def)
 {
     static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
@@ -51,6 +53,7 @@ static void paint(kn_view_scene *view, const kn_model_def *def)
     else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
 }
 
+// Compute the shape at rest. Return false if the surface of the model is not the mesh of the still.
 static bool rest_shape(kn_still *s, const kn_model *model, const kn_surface *surface)
 {
     if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
@@ -77,7 +80,7 @@ bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
     return ok;
 }
 
-// Of vertices first, which the surface numbers, then of both ends of every edge.
+// Set the values of the vertices from those of their nodes.
 static bool measure(kn_still *s, const kn_model *model, const double *value)
 {
     kn_surface *surface = kn_surface_create(model);
@@ -88,6 +91,7 @@ static bool measure(kn_still *s, const kn_model *model, const double *value)
     return ok;
 }
 
+// List all edges of the lattice, with the value at both ends. Without values edge_value stays NULL.
 static bool list_edges(kn_still *s, const kn_model *model, const kn_state *state, const double *value)
 {
     kn_springs springs;
@@ -122,6 +126,7 @@ bool kn_still_measure(kn_still *s, const kn_model *model, const kn_state *state,
 
 bool kn_still_told(kn_still *s, const kn_live *live, kn_measure what)
 {
+    // The mesh messages contain stress and residual strain only if the scene asks for them.
     const float *told = what == KN_MEASURE_STRESS ? live->mesh.stress_pa : live->mesh.residual_strain;
     if (what != KN_MEASURE_DISPLACEMENT && (!told || s->vertex_count != live->mesh.vertex_count)) return false;
     if (!s->value) s->value = malloc(((size_t)s->vertex_count + 1) * sizeof *s->value);
@@ -160,6 +165,7 @@ void kn_still_probe(kn_still *s, const kn_probe_def *def, const double position_
     kn_shape *tool = &s->tool[s->view.probe_count];
     kn_view_probe *p = &s->view.probe[s->view.probe_count++];
     p->def = *def;
+    // The shape of a union is shared by reference count.
     if (def->parts) {
         *tool = *def->parts;
         p->def.parts = tool;
@@ -183,10 +189,12 @@ void kn_still_hand(kn_still *s, const double position_m[3], const double orienta
 bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_size)
 {
     char why[400];
+    // The message stands in error until the mesh has been copied.
     snprintf(error, error_size, "out of memory");
     if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
         return false;
     error[0] = 0;
+    // Build the model of the scene that was heard. Its surface shows whether the mesh belongs to this scene.
     kn_model *model = live->scene ? kn_model_build(&live->scene->model, why, sizeof why) : NULL;
     kn_surface *surface = model ? kn_surface_create(model) : NULL;
     bool known = surface && rest_shape(s, model, surface);

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_STILL_H
 #define KN_CLIENTS_STILL_H
-// An object at one moment, complete for the renderer: shape at rest, shape now, triangles, tools. Filled from a state
-// that was stepped here, or from what is heard on the bus.
+// Still: all that the renderer needs to draw an object at one moment: shape at rest, present shape, triangles and
+// tools. A still is filled from a state of this process, or from messages on the bus.
 #include "clients/knead/live.h"
 #include "clients/viewer/renderer.h"
 #include "core/gauge.h"
@@ -12,41 +12,50 @@ typedef struct kn_still {
     int vertex_count, triangle_count;
     float (*rest)[3], (*now)[3]; // [vertex_count] m
     int (*triangle)[3];
-    kn_shape tool[KN_PROBES_MAX]; // what view's unions are made of: the scene may be gone before they are drawn
-    kn_view_scene view; // colour of the material and the tools; where from and in which style are the caller's
-    float *value;       // [vertex_count] of a measure, in its unit; NULL: none was asked for
-    int edge_count;     // every edge of the lattice, when they were asked for
-    float (*edge)[2][3], (*edge_value)[2]; // [edge_count] ends, m; their measure, or NULL
-    char caption[128];                     // the caller's
+    // Copies of the shapes of tools that are unions. The copies are needed because the scene may be freed before the
+    // tools are drawn.
+    kn_shape tool[KN_PROBES_MAX];
+    // Colour of the material, and the tools. The camera and the style are set by the caller.
+    kn_view_scene view;
+    float *value;                          // [vertex_count] values of a measure, in its unit; NULL: no measure wanted
+    int edge_count;                        // number of edges of the lattice; 0: no edges wanted
+    float (*edge)[2][3], (*edge_value)[2]; // [edge_count] both ends, m; values of the measure at both ends, or NULL
+    char caption[128];                     // set by the caller
 } kn_still;
 
-// All return false when memory is short. still: zeroed but for view.
+// Fill a still from a state. still must be zeroed except for view. Return false when memory is short.
 bool kn_still_state(kn_still *still, const kn_model *model, const kn_state *state);
 
-// The same state's measure at the vertices and, with edges, the lattice inside. gauge: of that model; NULL: edges only.
+// Add the values of the measure `what` at the vertices. If `edges` is true, also add the edges of the lattice. gauge: a
+// gauge of this model; NULL: add no measure, only the edges. Return false when memory is short.
 bool kn_still_measure(kn_still *still, const kn_model *model, const kn_state *state, kn_gauge *gauge, kn_measure what,
                       bool edges);
 
-// The measure of a still that is of the mesh in live: displacement always, the others when it tells them (the scene's
-// mesh.measures). False: it does not, or memory is short. Allocates nothing the second time.
+// Add the values of the measure `what` to a still that was filled from the same `live`. The displacement is always
+// known. Other measures are known only if the mesh messages contain them (mesh.measures of the scene). Return false if
+// the measure is not known or memory is short. Memory is allocated at the first call only.
 bool kn_still_told(kn_still *still, const kn_live *live, kn_measure what);
 
-// Places on a colour scale from 0 to top for the renderer, out of value and edge_value, which they replace.
+// Divide `value` and `edge_value` by `top` in place. The results are places on the renderer's colour scale, on which 1
+// stands for `top`.
 void kn_still_scale(kn_still *still, double top);
-double kn_still_most(const kn_still *still); // of value and edge_value
+// Return the maximum of value and edge_value.
+double kn_still_most(const kn_still *still);
 
-// What live has heard; live->mesh must be whole. error says what is missing when the scene does not go with the mesh,
-// "" else: then there are no tools, and the shape of now stands for that at rest.
+// Fill a still from the messages in `live`. live->mesh must be complete. If the scene is missing or does not fit the
+// mesh, write the reason to `error`, add no tools and use the present shape as the shape at rest. Otherwise `error` is
+// "". Return false when memory is short.
 bool kn_still_live(kn_still *still, const kn_live *live, char *error, size_t error_size);
 
-// The same mesh at its newest tick, with the tools that somebody holds. Allocates nothing.
+// Update a still to the newest tick of its mesh. Show the tools that somebody holds. Nothing is allocated.
 void kn_still_update(kn_still *still, const kn_live *live);
 
-// orientation_wxyz: all 0 is level.
+// Add a tool at this pose. orientation_wxyz: all 0 means level. gain: the tool's gain in kneadd; 0: the tool takes no
+// part in the model.
 void kn_still_probe(kn_still *still, const kn_probe_def *def, const double position_m[3],
                     const double orientation_wxyz[4], const double force_n[3], double gain);
 
-// Where the hand is that holds the tool that was added last.
+// Set the pose of the hand that holds the tool that was added last.
 void kn_still_hand(kn_still *still, const double position_m[3], const double orientation_wxyz[4]);
 void kn_still_free(kn_still *still);
 

@@ -1,4 +1,4 @@
-// knead sweep: a specimen is swung; storage and loss modulus against frequency.
+// knead sweep: strains a specimen sinusoidally at several frequencies and measures storage and loss modulus.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -31,8 +31,9 @@ static const char help[] =
 static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",
                                       "linear_strain", "harmonics",  NULL};
 
-// Smallest p0/|stress per unit strain| over the dampers that depend on stress; infinite without one. `stress`:
-// amplitude at this node per unit strain at the ends.
+// Return the largest strain of the whole specimen at which all dampers stay linear. This strain is the least p0/|stress
+// per unit strain| of all dampers that depend on stress, or infinity if there is none. `stress`: amplitude of the
+// stress at this node per unit strain of the whole specimen.
 static double linear_strain(const kn_network *net, const double *moduli, double omega, int node, double stress)
 {
     const kn_element *e = &net->element;
@@ -41,16 +42,18 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     if (n->kind < KN_ELEMENT_SERIES)
         return kn_part_thins(&net->part[n->leaf]) ? net->part[n->leaf].p0_pa / stress : INFINITY;
     kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
+    // Parts in series carry the whole stress, parts in parallel a share of it.
     for (int i = 0; i < n->count; i++) {
         double part[2], share = stress;
         kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
         if (n->kind == KN_ELEMENT_PARALLEL)
-            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]); // by stiffness
+            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]); // shares are proportional to stiffness
         least = fmin(least, linear_strain(net, moduli, omega, n->child[i], share));
     }
     return least;
 }
 
+// Compute the moduli for vanishing amplitude, where every damper has its viscosity at rest.
 static void linear(const kn_bench *b, double hz, double row[6])
 {
     double moduli[KN_ELEMENT_MAX], omega = 2 * acos(-1.0) * hz;
@@ -61,7 +64,9 @@ static void linear(const kn_bench *b, double hz, double row[6])
     row[5] = 0;
 }
 
-// One period: Fourier sums of the stress over the strain. rms: of the whole stress, without its mean.
+// Strain the specimen for one period and compute the Fourier sums of the stress. row[1]: modulus in phase with the
+// strain. row[2]: modulus a quarter period ahead. row[5]: share of the stress (rms without the mean) outside of the
+// fundamental.
 static int swing_once(kn_bench *b, double hz, int period, double row[6])
 {
     enum { SAMPLES = 64 };
@@ -75,6 +80,7 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
         mean += b->stress_pa / SAMPLES;
         square += b->stress_pa * b->stress_pa / SAMPLES;
     }
+    // Mean square of the whole stress without its mean, and of the fundamental alone.
     double all = square - mean * mean, fundamental = (sine * sine + cosine * cosine) / 2;
     row[1] = sine / b->opt->amplitude;
     row[2] = cosine / b->opt->amplitude;
@@ -82,6 +88,7 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
     return KN_EXIT_OK;
 }
 
+// Swing until the fundamental repeats within 1e-5, for 500 periods at most. *repeats: false if it did not.
 static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
 {
     enum { PERIODS = 500 };
@@ -99,6 +106,7 @@ static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
     return code;
 }
 
+// Measure at frequencies that are evenly spaced on a logarithmic scale.
 static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;

@@ -41,11 +41,13 @@ void kn_table_add(kn_table *t, const double *row)
     memcpy(t->cell + (size_t)t->rows++ * (size_t)t->width, row, (size_t)t->width * sizeof *row);
 }
 
+// Return the number in this row and column of the table.
 static double cell(const kn_table *t, int row, int column)
 {
     return t->cell[(size_t)row * (size_t)t->width + (size_t)column];
 }
 
+// Return the row after the last row of a series.
 static int end_of(const kn_table *t, int series) { return series + 1 < t->series ? t->start[series + 1] : t->rows; }
 
 void kn_table_text(const char *text, FILE *f)
@@ -53,6 +55,7 @@ void kn_table_text(const char *text, FILE *f)
     const bool quoted = text[strcspn(text, ",\"\r\n")];
     if (quoted) putc('"', f);
     for (const char *c = text; *c; c++) {
+        // A quote inside quotes is doubled.
         if (*c == '"') putc('"', f);
         putc(*c, f);
     }
@@ -75,6 +78,7 @@ int kn_table_write(const kn_table *t, const char *subcommand, const char *path)
 
 // ---- gnuplot
 
+// Write the rows of a series as a named data block of gnuplot.
 static void write_data(FILE *f, const kn_table *t, int series)
 {
     fprintf(f, "$series%d << END\n", series);
@@ -85,27 +89,31 @@ static void write_data(FILE *f, const kn_table *t, int series)
 
 enum { PANEL = 600, HEIGHT = 460, ROW = 22, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 }; // pixels
 
+// Return true if a curve is drawn dashed: a second curve, or the second series of a pair.
 static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
 {
     return (a->y2 && y == a->y2) || (t->pairs && series % 2);
 }
 
-// One colour for a series, and for what belongs to it; two curves of a single one have two.
+// Return the line type of a curve. A series and its second curve or partner share a colour. If there is only one
+// series, its two curves have a colour each.
 static int hue(const kn_table *t, const kn_axes *a, int series, int y)
 {
     if (t->series == 1) return 1 + (a->y2 && y == a->y2);
     return 1 + (t->pairs ? series / 2 : series);
 }
 
+// Write the plot command of one curve.
 static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series, int y)
 {
-    const bool bound = a->y2 && y == a->y2 && t->series > 1; // what the first curve is beside: without points
+    // The second curve of several series is only a reference and has no points.
+    const bool bound = a->y2 && y == a->y2 && t->series > 1;
     fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lt %d%s notitle, ", series, a->x + 1, a->x_scale, y + 1,
             a->y_scale, a->points && !bound ? "linespoints" : "lines", hue(t, a, series, y),
             dashed(t, a, series, y) ? " dt 2" : "");
 }
 
-// Which of two curves is which: within the axes; what the series are stands below, once.
+// Write a key inside the axes that names the two curves. The names of the series are written once, below the panels.
 static void write_names(FILE *f, const kn_table *t, const kn_axes *a)
 {
     const char *const names[] = {a->y_name, a->y2 ? a->y2_name : NULL};
@@ -120,6 +128,7 @@ static void write_names(FILE *f, const kn_table *t, const kn_axes *a)
     fprintf(f, "NaN notitle\n");
 }
 
+// Write one panel: labels, ranges, curves and key.
 static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 {
     fprintf(f, "unset logscale\nset format '%%g'\nset key top right opaque\nset xlabel ");
@@ -137,13 +146,14 @@ static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
     write_names(f, t, a);
 }
 
+// Return the number of rows in the legend, three series per panel and row. A single series needs no legend.
 static int legend_rows(const kn_table *t, int count)
 {
     const int across = 3 * count;
     return t->series > 1 ? (t->series + across - 1) / across : 0;
 }
 
-// Below the panels, of a plot without axes.
+// Write the legend below the panels, as the key of a plot without axes.
 static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows, int high)
 {
     fprintf(f,
@@ -160,6 +170,7 @@ static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows,
     fprintf(f, "NaN notitle\n");
 }
 
+// Write the whole script: data, panels from left to right, legend.
 static void write_script(FILE *f, const kn_table *t, const char *title, const kn_axes *axes, int count, int high)
 {
     const int rows = legend_rows(t, count), wide = PANEL * count;

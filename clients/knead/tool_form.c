@@ -8,15 +8,18 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
-#define STEPS 12                    // to a quarter of a turn
-#define AROUND (4 * (STEPS + 1))    // of a ring: every quarter has both of its ends
-#define RINGS (2 * (STEPS + 1))     // the lower and the upper half, likewise
-#define POINTS (RINGS * AROUND + 2) // and the middles of both ends
+#define STEPS 12                    // steps in a quarter turn
+#define AROUND (4 * (STEPS + 1))    // points of a ring: every quarter has both of its ends
+#define RINGS (2 * (STEPS + 1))     // rings: lower and upper half, each with both of its ends
+#define POINTS (RINGS * AROUND + 2) // and the poles of both ends
 #define TRIANGLES (2 * AROUND * RINGS)
 
-// Every solid of shape.h but meshes is a ball that rolls within a smaller one: a box, a disc, a line, a point.
-typedef struct core {                       // about its middle
-    double half_m[3], disc_m, roll_m, up_m; // half extents; radius of a disc; the ball; where the middle is
+// Every solid of shape.h except a mesh is the space that a ball covers while its centre moves through a core: a box, a
+// disc, a line or a point.
+// half_m: half extents of the box or line. disc_m: radius of the disc. roll_m: radius of the ball. up_m: height of the
+// core's middle.
+typedef struct core {
+    double half_m[3], disc_m, roll_m, up_m;
 } core;
 
 static core core_of(const kn_solid *p)
@@ -29,6 +32,8 @@ static core core_of(const kn_solid *p)
     }
 }
 
+// Compute a point of the surface. `around`: index within the ring. `ring`: index of the ring, counted from the bottom.
+// Each quarter of a turn belongs to one corner of the core, so quarters are joined by flat strips.
 static void point_of(const core *c, int ring, int around, float out[3])
 {
     static const double quarter = 1.5707963267948966;
@@ -43,6 +48,7 @@ static void point_of(const core *c, int ring, int around, float out[3])
     out[2] = (float)(c->up_m + (upper ? c->half_m[2] : -c->half_m[2]) + c->roll_m * sin(theta));
 }
 
+// Append a triangle, unless it has no area.
 static void add_triangle(kn_tool_form *f, int a, int b, int c)
 {
     double ab[3], ac[3], across[3];
@@ -51,12 +57,13 @@ static void add_triangle(kn_tool_form *f, int a, int b, int c)
         ac[k] = (double)f->xyz[c][k] - (double)f->xyz[a][k];
     }
     kn_cross(ab, ac, across);
-    if (kn_dot(across, across) < 1e-24) return; // of a sphere's pole, of a sharp edge
+    if (kn_dot(across, across) < 1e-24) return; // at the pole of a sphere or at a sharp edge
     f->triangle[f->triangle_count][0] = a;
     f->triangle[f->triangle_count][1] = b;
     f->triangle[f->triangle_count++][2] = c;
 }
 
+// Append a solid: rings of points, a point at each end, and triangles between them.
 static void add_solid(kn_tool_form *f, const kn_solid *part)
 {
     const core c = core_of(part);
@@ -67,6 +74,7 @@ static void add_solid(kn_tool_form *f, const kn_solid *part)
         const float z = (float)(c.up_m + (end ? 1 : -1) * (c.half_m[2] + c.roll_m));
         memcpy(f->xyz[f->point_count++], (float[]){0, 0, z}, 3 * sizeof(float));
     }
+    // A strip of triangles from the lower end through all rings to the upper end.
     for (int a = 0; a < AROUND; a++) {
         const int b = (a + 1) % AROUND, top = first + (RINGS - 1) * AROUND;
         add_triangle(f, middle, first + b, first + a);
@@ -78,6 +86,7 @@ static void add_solid(kn_tool_form *f, const kn_solid *part)
     }
 }
 
+// Append the triangles of a tool that is a mesh.
 static void add_field(kn_tool_form *f, const kn_field *field)
 {
     const int first = f->point_count;
@@ -88,7 +97,7 @@ static void add_field(kn_tool_form *f, const kn_field *field)
         add_triangle(f, first + field->triangle[i][0], first + field->triangle[i][1], first + field->triangle[i][2]);
 }
 
-// From the part's frame to the tool's.
+// Move points from the frame of the part to the frame of the tool.
 static void put_part(const kn_solid *part, float (*xyz)[3], int count)
 {
     for (int i = 0; i < count; i++) {
@@ -101,6 +110,7 @@ static void put_part(const kn_solid *part, float (*xyz)[3], int count)
     }
 }
 
+// Return the shape of a tool. A plate becomes a thin box.
 static kn_shape shape_of(const kn_model *model, int probe)
 {
     const kn_probe_def *def = &model->def.probe[probe];
@@ -113,6 +123,7 @@ static kn_shape shape_of(const kn_model *model, int probe)
 
 bool kn_tool_form_make(kn_tool_form *f, const kn_model *model, int probe)
 {
+    // Count first, so that the arrays are allocated once.
     const kn_shape shape = shape_of(model, probe);
     size_t points = 1, triangles = 0;
     for (const kn_solid *p = shape.part; p < shape.part + shape.part_count; p++) {

@@ -1,20 +1,25 @@
 #ifndef KN_CLIENTS_TOOL_FORM_H
 #define KN_CLIENTS_TOOL_FORM_H
-// The surface of a tool as triangles, for files: what the contact feels (core/shape.h), a round one in steps of 7.5
-// degrees. A plate, which has no thickness to the contact, is 2 mm of it as in the pictures.
+// Surface of a tool as triangles, for export to files. The surface is the one that the contact computation uses
+// (core/shape.h). A round tool is divided in steps of 7.5 degrees. The contact computation gives a plate no thickness;
+// here a plate is 2 mm thick, as in the pictures.
 #include "core/model.h"
 #include <stdint.h>
 
-typedef struct kn_tool_form { // in the tool's frame; point 0 is its origin, in no triangle
+// A surface in the frame of its tool. Point 0 is the origin of the frame and belongs to no triangle.
+typedef struct kn_tool_form {
     int point_count, triangle_count;
     float (*xyz)[3];
     int32_t (*triangle)[3]; // counter-clockwise from outside
 } kn_tool_form;
 
-bool kn_tool_form_make(kn_tool_form *form, const kn_model *model, int probe); // false: memory is short
-void kn_tool_form_free(kn_tool_form *form);                                   // zeroed is fine
+// Make the surface of a tool. Return false when memory is short.
+bool kn_tool_form_make(kn_tool_form *form, const kn_model *model, int probe);
+// Free a surface. A zeroed one is allowed.
+void kn_tool_form_free(kn_tool_form *form);
 
-// Where it is: out[point_count][3], m. orientation_wxyz: all 0 is level; a plate always is.
+// Place a surface at a pose and write its points to out[point_count][3], m. orientation_wxyz: all 0 means level. A
+// plate is always level.
 void kn_tool_form_place(const kn_tool_form *form, const kn_probe_def *def, const double position_m[3],
                         const double orientation_wxyz[4], float (*out)[3]);
 

@@ -1,4 +1,5 @@
-// knead touch: what a tool of a running kneadd --touch touches, as a picture in the terminal, as lines or as JSON.
+// knead touch: shows the contact of a tool on a running kneadd --touch, as a picture in the terminal, as lines or as
+// JSON.
 #include "clients/knead/commands.h"
 #include "clients/knead/join.h"
 #include "clients/knead/complain.h"
@@ -14,10 +15,10 @@
 #include <unistd.h>
 
 #define CHANNEL "KNEAD_TOUCH_"
-#define CELLS 8
-#define FRAME_MS 40      // between two pictures: 25 per second
-#define SILENCE_MS 300   // patches come every 4 ms
-#define PATIENCE_MS 4000 // for the first one
+#define CELLS 8          // cells of the pressure map along each side
+#define FRAME_MS 40      // least time between two pictures: 25 per second
+#define SILENCE_MS 300   // a patch comes every 4 ms; after this time nobody holds the tool
+#define PATIENCE_MS 4000 // time to wait for the first patch
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
@@ -34,11 +35,12 @@ static const char help[] =
 
 typedef struct watch {
     const char *probe, *url;
-    double seconds; // INFINITY: for ever
+    double seconds; // INFINITY: without end
     bool json, once, draws, help;
-    char name[64];                 // of the tool that is looked at; "": none yet
-    knead_touch_patch_t patch;     // the newest
-    int64_t heard, drawn, touched; // messages; of them the last one drawn; those with something in them
+    char name[64];             // of the tool that is shown; "": none yet
+    knead_touch_patch_t patch; // the newest patch
+    // Number of messages; the number when the last picture was drawn; number of messages with a contact.
+    int64_t heard, drawn, touched;
     int64_t heard_ms, first_us;
     bool on_screen;
 } watch;
@@ -82,8 +84,9 @@ static int parse(watch *w, int argc, char **argv)
     return kn_complain("touch", KN_EXIT_USAGE, "%s", error);
 }
 
-// --- said -----------------------------------------------------------------------------------------------------------
+// --- output ---------------------------------------------------------------------------------------------------------
 
+// Print the patch in words.
 static void print_words(const watch *w)
 {
     const knead_touch_patch_t *t = &w->patch;
@@ -126,13 +129,14 @@ static void print_json(const watch *w)
     puts("]}");
 }
 
-// Highest v on top; the fullest cell is @, what pulls ~.
+// Draw the pressure map in place, with the highest v on top. The fullest cell is '@', and a cell that pulls is '~'.
 static void draw(watch *w)
 {
     static const char ramp[] = " .:-=+*#%@";
     const int steps = (int)sizeof ramp - 2;
     double most = 0;
     for (int i = 0; i < CELLS * CELLS; i++) most = fmax(most, w->patch.pressure_pa[i / CELLS][i % CELLS]);
+    // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
     if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("nobody holds it");
@@ -154,8 +158,9 @@ static void draw(watch *w)
     w->drawn = w->heard;
 }
 
-// --- heard ----------------------------------------------------------------------------------------------------------
+// --- messages -------------------------------------------------------------------------------------------------------
 
+// Return true if all numbers are finite.
 static bool all_finite(const knead_touch_patch_t *t)
 {
     double sum = t->area_m2 + t->peak_pressure_pa;
@@ -164,11 +169,13 @@ static bool all_finite(const knead_touch_patch_t *t)
     return isfinite(sum);
 }
 
+// Take a contact patch. If the user named no tool, the tool of the first patch is shown from then on.
 static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     watch *w = user;
     knead_touch_patch_t patch;
     const char *name = channel + strlen(CHANNEL);
+    // With --once the first contact ends the program.
     if (w->once && w->touched > 0) return;
     if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &patch) < 0 || !all_finite(&patch)) return;
     if (!*w->name) snprintf(w->name, sizeof w->name, "%s", name);
@@ -183,17 +190,20 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     fflush(stdout);
 }
 
+// Return the time to stop: after --seconds or, if --seconds was not given, after PATIENCE_MS if no patch has arrived.
 static int64_t until_ms(const watch *w, int64_t start_ms)
 {
     if (isfinite(w->seconds)) return start_ms + (int64_t)(1e3 * w->seconds);
     return w->heard ? INT64_MAX : start_ms + PATIENCE_MS;
 }
 
+// Listen and draw until the end. Return the exit code.
 static int look(watch *w, kn_join *bus)
 {
     int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;
     for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout); now_ms = kn_live_now_ms()) {
         kn_join_handle(bus, FRAME_MS);
+        // When messages stop, draw once more to say that nobody holds the tool.
         bool stale = w->heard && now_ms - w->heard_ms > SILENCE_MS;
         if (!w->draws || now_ms - drawn_ms < FRAME_MS || (w->heard == w->drawn && !stale)) continue;
         draw(w);

@@ -1,12 +1,15 @@
 // knead tpa: texture profile analysis, two bites by a plate wider than the specimen (Bourne 1978).
 //
-//     force        F1                        hardness      F1, most force of the first bite
-//       |         /|                         cohesiveness  (A3 + A4)/(A1 + A2)
-//       |        / |\          F2            springiness   way of the second bite / way of the first, from touch to
-//       depth |   A1  /A |  \        /|            resilience    A2/A1 |      / 2 |   \  A3  / |A4          areas:
-//       force over the way of the plate, down or up, while it touches
-//       +-----/----+----\----/--+----- time
-//            down   up   wait
+//     force
+//       |          F1                       hardness      F1, largest force of the first bite
+//       |         /|\                       cohesiveness  (A3 + A4)/(A1 + A2)
+//       |        / | \         F2           springiness   way of the second bite / way of the first, from touch to
+//       |       /  |  \        /|\                        full depth
+//       |   A1 / A2|   \   A3 / | \ A4      resilience    A2/A1
+//       +-----/----+----\----/--+--\-- time
+//            down   up   wait  down up
+//
+// A1 to A4 are areas of the force over the way of the plate, down or up, while the plate touches.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -33,17 +36,20 @@ static const char help[] =
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
 
+// State of the plate. Places are strains of the untouched specimen. peak_n and area_j belong to the present stroke.
 typedef struct plate {
     kn_bench *b;
     kn_table *t;
     int bite;
     bool touches;
-    double from, rate_per_s, start_s; // where it is, as a strain of the untouched specimen
-    double peak_n, area_j, touched;   // of this stroke; strain at which it touched, negative before
+    double from, rate_per_s, start_s; // the plate is at from + rate_per_s * (t - start_s)
+    double peak_n, area_j, touched;   // touched: strain at the first touch of this bite, negative before
 } plate;
 
+// Return where the plate is at time t.
 static double place(const plate *p, double t) { return p->from + p->rate_per_s * (t - p->start_s); }
 
+// Append the present state to the table, and keep the largest force of the stroke.
 static void add(plate *p)
 {
     const kn_bench *b = p->b;
@@ -52,6 +58,7 @@ static void add(plate *p)
     p->peak_n = fmax(p->peak_n, b->force_n);
 }
 
+// Let the plate touch: from now on the plate imposes the strain.
 static int touch(plate *p)
 {
     p->touches = true;
@@ -59,20 +66,22 @@ static int touch(plate *p)
     return kn_bench_strain(p->b, p->b->strain, p->rate_per_s);
 }
 
+// Let the plate go: from now on the specimen recovers without load.
 static int let_go(plate *p)
 {
     p->touches = false;
     return kn_bench_load(p->b, 0);
 }
 
-// Whether the plate must let go or touch now: it does not pull, and it does not go through.
+// Return true if the plate must let go or touch now. The plate cannot pull, and it cannot pass through the specimen.
 static bool changes(const plate *p)
 {
     if (p->touches) return p->b->stress_pa < 0;
     return p->rate_per_s > 0 && place(p, p->b->time_s) >= p->b->strain;
 }
 
-// Finds the moment of the change between `before`, the bench as it was, and now; the bench stands just after it.
+// Find the moment of the change between `before`, an earlier state of the bench, and now, by bisection. Leave the bench
+// just after that moment.
 static int find_change(plate *p, const kn_bench *before)
 {
     double low = before->time_s, high = p->b->time_s;
@@ -84,10 +93,12 @@ static int find_change(plate *p, const kn_bench *before)
         if (changes(p)) high = middle;
         else low = middle;
     }
+    // The last state tried may lie before the change, so step to the upper bound.
     *p->b = *before;
     return code == KN_EXIT_OK ? kn_bench_advance(p->b, high) : code;
 }
 
+// Advance to until_s, and let the plate touch or let go on the way.
 static int go(plate *p, double until_s)
 {
     kn_bench *b = p->b, before = *b;
@@ -95,17 +106,19 @@ static int go(plate *p, double until_s)
     int code = kn_bench_advance(b, until_s);
     bool change = code == KN_EXIT_OK && changes(p);
     if (change) code = find_change(p, &before);
+    // Add the area of force over way by the trapezoidal rule.
     double way = KN_BENCH_HEIGHT_M * fabs(p->rate_per_s);
     p->area_j += 0.5 * (force_n + fmax(b->force_n, 0)) * way * (b->time_s - before.time_s);
     if (change && code == KN_EXIT_OK) {
         code = p->touches ? let_go(p) : touch(p);
         add(p);
+        // The rest of the interval goes on in the new state, which may change again.
         if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
     }
     return code;
 }
 
-// One way of the plate, or its rest (rate 0).
+// Run one stroke of the plate, or its rest (rate 0).
 static int stroke(plate *p, double from, double rate_per_s, double seconds)
 {
     enum { SAMPLES = 250 };
@@ -114,7 +127,7 @@ static int stroke(plate *p, double from, double rate_per_s, double seconds)
     p->rate_per_s = rate_per_s;
     p->start_s = p->b->time_s;
     p->peak_n = p->area_j = 0;
-    if (p->touches) { // it turns round
+    if (p->touches) { // the plate turns round
         code = kn_bench_strain(p->b, p->b->strain, rate_per_s);
         if (code == KN_EXIT_OK && changes(p)) code = let_go(p);
     } else if (changes(p)) code = touch(p);
@@ -126,10 +139,12 @@ static int stroke(plate *p, double from, double rate_per_s, double seconds)
     return code;
 }
 
+// Results of one bite.
 typedef struct bite {
     double peak_n, down_j, up_j, touched;
 } bite;
 
+// Run one bite: down, up, wait.
 static int take_bite(plate *p, int number, double wait_s, bite *r)
 {
     const kn_bench_options *opt = p->b->opt;
@@ -140,13 +155,15 @@ static int take_bite(plate *p, int number, double wait_s, bite *r)
     snprintf(label, sizeof label, "%s bite", number == 1 ? "first" : "second");
     kn_table_series(p->t, label);
     int code = stroke(p, 0, rate, seconds);
+    // A plate that never touched has its touch at full depth.
     *r = (bite){.peak_n = p->peak_n, .down_j = p->area_j, .touched = p->touched < 0 ? opt->strain : p->touched};
     if (code == KN_EXIT_OK) code = stroke(p, opt->strain, -rate, seconds);
     r->up_j = p->area_j;
-    if (code == KN_EXIT_OK && p->touches) code = let_go(p); // it has come up as far as the specimen was high
+    if (code == KN_EXIT_OK && p->touches) code = let_go(p); // the plate is back at the height of the untouched specimen
     return code == KN_EXIT_OK && wait_s > 0 ? stroke(p, 0, 0, wait_s) : code;
 }
 
+// Print the numbers, and write them as JSON.
 static void print(const kn_bench *b, const bite r[2])
 {
     const kn_bench_options *opt = b->opt;

@@ -9,15 +9,17 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAGIC 0x656361727444424bu                  // "KBDtrace": with times of the ticks
-enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 }; // of a file that is believed: core/scene's lattice, 4.6 hours
+#define MAGIC 0x656361727444424bu // "KBDtrace": the format with times of the ticks
+// Largest sizes that are accepted from a file: the largest lattice of core/scene, and 4.6 hours.
+enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 };
 
+// Beginning of a trace file.
 typedef struct head {
-    uint64_t magic, program, hash; // hash: of what follows the head
-    kn_trace trace;                // its pointers mean nothing
+    uint64_t magic, program, hash; // hash: of everything after the head
+    kn_trace trace;                // the pointers in it are not valid
 } head;
 
-typedef struct record { // of a play
+typedef struct record { // a replay being recorded
     kn_trace *trace;
     kn_replay *replay;
     int64_t room;
@@ -31,6 +33,7 @@ void kn_trace_free(kn_trace *t)
     memset(t, 0, sizeof *t);
 }
 
+// Make room for more ticks.
 static bool grow(record *r)
 {
     int64_t room = r->room ? 2 * r->room : 4096;
@@ -44,6 +47,7 @@ static bool grow(record *r)
     return true;
 }
 
+// Record one tick. Only ticks with contact have a time.
 static bool take_tick(record *r)
 {
     kn_trace *t = r->trace;
@@ -66,7 +70,7 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// Median and p90 of the times; false: out of memory.
+// Compute median and p90 of the times. Return false when memory is short.
 static bool take_times(kn_trace *t)
 {
     float *sorted = malloc((size_t)t->ticks * sizeof *sorted);
@@ -87,12 +91,14 @@ bool kn_trace_calm(kn_trace *t, const kn_trace *other)
     return take_times(t);
 }
 
+// Record the displacements at the end.
 static bool take_shape(record *r)
 {
     kn_trace *t = r->trace;
     const kn_model *model = r->replay->model;
     const kn_state *state = kn_replay_state(r->replay);
-    bool block = !model->def.mesh; // of a composite: at all nodes of its fine lattice
+    // A composite block is recorded at all nodes of its fine lattice.
+    bool block = !model->def.mesh;
     t->nodes = block ? model->grid.nodes : model->node_count;
     t->spacing_m = model->def.spacing_m;
     for (int k = 0; k < 3 && block; k++) t->grid[k] = model->def.nodes[k];
@@ -112,11 +118,13 @@ static bool take_shape(record *r)
     return t->shape_m;
 }
 
+// Replay the log to its end and record the trace. *why: reason of a failure.
 static bool play(record *r, const volatile sig_atomic_t *stop, const char **why)
 {
     kn_trace *t = r->trace;
     *why = "not enough memory";
     while (kn_replay_step(r->replay)) {
+        // Recording begins at the first tick in which a probe has a session.
         bool begun = t->ticks > 0;
         for (int p = 0; p < t->probes; p++) begun |= r->replay->tick.out.force[p].live;
         if (begun && !take_tick(r)) return false;
@@ -125,7 +133,7 @@ static bool play(record *r, const volatile sig_atomic_t *stop, const char **why)
     }
     if (t->ticks == 0) *why = "no hand has a tool in it";
     if (t->ticks == 0 || !take_shape(r)) return false;
-    return take_times(t); // where none touches, whoever looks at the forces finds none
+    return take_times(t); // if no tool ever touched, both are 0; the comparison of the forces reports that case
 }
 
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
@@ -145,6 +153,7 @@ bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_ato
 
 // ---- as a file
 
+// Hash the arrays of a trace.
 static uint64_t hash_of(const kn_trace *t)
 {
     uint64_t hash = kn_hash_bytes(KN_HASH_SEED, t->force_n, (size_t)(t->ticks * t->probes) * sizeof *t->force_n);
@@ -158,6 +167,7 @@ bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program)
     head h = {.magic = MAGIC, .program = program, .hash = hash_of(t), .trace = *t};
     h.trace.force_n = h.trace.shape_m = NULL;
     h.trace.us = NULL;
+    // The process id in the name prevents two processes from writing the same file.
     int length = snprintf(half, sizeof half, "%s.%d", path, (int)getpid());
     FILE *f = length < PATH_MAX ? fopen(half, "wb") : NULL;
     if (!f) return false;
@@ -170,6 +180,7 @@ bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program)
     return ok;
 }
 
+// Check the sizes in a head before anything is allocated.
 static bool sensible(const kn_trace *t)
 {
     bool block = t->grid[0] != 0;
@@ -181,6 +192,7 @@ static bool sensible(const kn_trace *t)
     return t->nodes <= NODES_MAX && (!block || cells == (double)t->nodes) && t->spacing_m > 0;
 }
 
+// Read the arrays. The size of the file must agree with the head, and the hash must be right.
 static bool read_body(kn_trace *t, FILE *f, uint64_t hash)
 {
     size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;

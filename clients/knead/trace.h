@@ -1,44 +1,55 @@
 #ifndef KN_CLIENTS_TRACE_H
 #define KN_CLIENTS_TRACE_H
-// What one replay of a log leaves behind to compare with another: the force of every tick, the shape at the end, and
-// what it cost. The ticks are those from the first pose on; two replays of one log have the same ones.
+// Trace: the results of one replay of a log, for comparison with other replays. A trace holds the force of every tick,
+// the shape at the end and the processor time of every tick. Its ticks are counted from the first pose on, so two
+// replays of one log have the same ticks.
 //
-// As a file it is this machine's own bytes, written under another name and renamed when whole: whoever is killed leaves
-// no half a trace. A file that is none, or is another program's, is told from one that is missing.
+// A trace file has the byte order and layout of this machine. The file is written under another name and renamed when
+// it is complete, so an interrupted program leaves no partial trace. A damaged file, and a file of another program, are
+// reported differently from a missing one.
 #include "server/replay.h"
 #include <signal.h>
 
 typedef struct kn_trace {
     int64_t ticks, probes;
-    double (*force_n)[3];   // [ticks * probes] contact force, before any device limit; 0 of a probe without a session
-    int64_t nodes, grid[3]; // nodes along x, y, z, 0: a mesh
+    double (*force_n)[3];   // [ticks * probes] contact force before any device limit; 0 for a probe without a session
+    int64_t nodes, grid[3]; // nodes along x, y, z; 0: the object is a mesh
     double spacing_m;
     double (*shape_m)[3]; // [nodes] displacement after the last tick
-    int64_t faults;       // latched: poses that stopped are in the log, a jump of the force is the computation's
-    int64_t diverged;
-    kn_replay_tally tally;    // of the replay, at its end
-    float *us;                // [ticks] of this thread's processor time; 0: no tool touched the object
-    double median_us, p90_us; // of those in which one did
-    int64_t sitting; // which sweep's serial pass these times are of, 0: others ran beside it, they mean nothing
+    // Number of latched faults. A fault for missing poses comes from the log, but a fault for a jump of the force comes
+    // from the computation.
+    int64_t faults;
+    int64_t diverged;         // number of ticks in which the solver gave numbers that are not finite
+    kn_replay_tally tally;    // tally of the replay at its end
+    float *us;                // [ticks] processor time of the replaying thread; 0: no tool touched the object
+    double median_us, p90_us; // median and 90th percentile of the times in `us` that are not 0
+    // Identifier of the sweep's serial pass in which the times were measured. 0: other processes ran at the same time,
+    // so the times mean nothing.
+    int64_t sitting;
 } kn_trace;
 
-// Replays. False and one line in error; a log that holds no tick, or *stop becoming true, is also one.
+// Replay a log and record the trace. Return false and one line in `error` on failure. It is a failure if no hand holds
+// a tool in the log, or if *stop becomes true.
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
                    size_t error_size);
-void kn_trace_free(kn_trace *t); // a zeroed one is fine
+// Free a trace. A zeroed one is allowed.
+void kn_trace_free(kn_trace *t);
 
-// Takes the lesser of two times of every tick: a tick is the same work in both, and what disturbed the one hardly ever
-// disturbed the other. (The p90 of a whole play on a busy machine is a third too large.)
-bool kn_trace_calm(kn_trace *t, const kn_trace *other); // false: out of memory
+// Replace the time of every tick in `t` by the lesser of its times in `t` and `other`, two replays of the same run. The
+// work of a tick is the same in both replays, and a disturbance by other processes rarely hits the same tick in both.
+// On a busy machine the p90 of a single replay is a third too large. Return false when memory is short.
+bool kn_trace_calm(kn_trace *t, const kn_trace *other);
 
 typedef enum kn_trace_found { KN_TRACE_FOUND, KN_TRACE_MISSING, KN_TRACE_DAMAGED, KN_TRACE_FOREIGN } kn_trace_found;
 
-// program: hash of the one that played; FOREIGN: it was another.
+// Save or load a trace file. program: hash of the program file that made the replay. If another program made the file,
+// kn_trace_load returns FOREIGN.
 bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program);
 kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program);
-kn_trace_found kn_trace_peek(const char *path, uint64_t program); // the same without keeping it
+// Check a file without keeping its contents.
+kn_trace_found kn_trace_peek(const char *path, uint64_t program);
 
-// Hash of a file's bytes; false when it cannot be read.
+// Hash the bytes of a file. Return false if the file cannot be read.
 bool kn_trace_hash(const char *path, uint64_t *hash);
 
 #endif

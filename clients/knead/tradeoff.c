@@ -1,5 +1,6 @@
-// knead tradeoff: speed against accuracy of a scene under a recorded hand. What is played is plan.h's, by whom
-// crew.h's, what comes out front.h's and chart.h's; here is the order of things, and the points that go into the scene.
+// knead tradeoff: measures speed and accuracy of many solver settings, by replaying a recorded hand on a scene. plan.h
+// plans the runs, crew.h replays them, front.h and chart.h evaluate and show the results. This file runs these steps in
+// order, and contains the list of usual points and the choice of points for the scene.
 #include "clients/knead/chart.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -14,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// One sweep.
 typedef struct sweep {
     kn_tradeoff_options opt;
     kn_plan plan;
@@ -31,11 +33,11 @@ typedef struct sweep {
 #define ONE_TOLERANCE(value) .tolerances = 1, .tolerance = {value}
 
 static const kn_axes_def usual[] = {
-    // the scene's lattice and step: how much work, and how it is dealt out
+    // On the scene's lattice and step: the number of iterations, and how iterations are spread over steps.
     {BOTH, F32, .counts = 8, .count = {2, 3, 4, 6, 8, 12, 16, 24}, ONE_TOLERANCE(0)},
     {BOTH, F32, .counts = 4, .count = {2, 4, 8, 16}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
-    // more than one linearisation; double precision
+    // More than one linearisation, and double precision.
     {BLEND, F32, .counts = 2, .count = {4, 8}, .tolerances = 3, .tolerance = {0, 1e-3, 1e-4}, .passes = 1, .pass = {2}},
     {.methods = 2,
      .method = {KN_METHOD_BLEND, KN_METHOD_RK4},
@@ -50,6 +52,7 @@ static const kn_axes_def quick[] = {
     {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
 
+// Add the usual points: first on the scene's lattice, then on other lattices, then with half of the step.
 static bool add_usual(sweep *s, char *error, size_t error_size)
 {
     kn_plan *plan = &s->plan;
@@ -59,7 +62,8 @@ static bool add_usual(sweep *s, char *error, size_t error_size)
         if (!kn_plan_add(plan, &list[i], false, error, error_size)) return false;
     const kn_model_def *def = &plan->scene->model;
     kn_axes_def other = {BOTH, F32, .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)};
-    if (!def->mesh) { // half as fine, and half as fine again
+    // A lattice of double spacing and, without --quick, one of spacing / 1.5.
+    if (!def->mesh) {
         other.spacings = s->opt.quick ? 1 : 2;
         other.spacing_m[0] = 2 * def->spacing_m;
         other.spacing_m[1] = def->spacing_m / 1.5;
@@ -72,15 +76,17 @@ static bool add_usual(sweep *s, char *error, size_t error_size)
     return kn_plan_add(plan, &other, false, error, error_size);
 }
 
+// Plan the runs: the scene's own settings, the points, and their references.
 static bool make_plan(sweep *s, char *error, size_t error_size)
 {
     static const int counts[] = {4, 8, 16};
     kn_axes_def *axes = &s->opt.axes;
+    // Defaults of the axes for which the user gave no list.
     if (axes->counts == 0) {
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
     }
-    if (axes->tolerances == 0) axes->tolerances = 1; // which is 0
+    if (axes->tolerances == 0) axes->tolerances = 1; // the tolerance 0
     s->plan.scene_path = s->opt.scene;
     s->plan.log_path = s->opt.log;
     s->plan.sets = s->opt.sets;
@@ -101,6 +107,7 @@ static void print_begin(const sweep *s)
     fflush(stdout);
 }
 
+// Explain the times. Warn if they are not comparable, because they come from several passes or from a busy machine.
 static void print_times(const sweep *s)
 {
     int64_t first = 0;
@@ -120,6 +127,8 @@ static void print_times(const sweep *s)
     putchar('\n');
 }
 
+// Print the points named fast, balanced and accurate. MISSED marks a point outside of the bounds that its name
+// promises.
 static void print_named(const sweep *s)
 {
     double budget_us = 1e6 * s->plan.scene->budget_s;
@@ -139,7 +148,7 @@ static void print_named(const sweep *s)
     }
 }
 
-// How to have a point that has no name.
+// Print the options that select a point without a name.
 static void print_sets(const sweep *s, const kn_row *r)
 {
     kn_run_sets sets;
@@ -149,6 +158,7 @@ static void print_sets(const sweep *s, const kn_row *r)
     putchar('\n');
 }
 
+// Print a point that is more accurate than the named ones but needs another lattice, step or precision.
 static void print_elsewhere(const sweep *s)
 {
     char name[96];
@@ -160,6 +170,7 @@ static void print_elsewhere(const sweep *s)
     print_sets(s, r);
 }
 
+// Print the most accurate point within --budget-us.
 static int pick(const sweep *s)
 {
     char name[96];
@@ -191,6 +202,7 @@ static int write_csv(const sweep *s)
                             strerror(errno));
 }
 
+// Evaluate the traces, print and write all results. Return the exit code.
 static int report(sweep *s)
 {
     if (!kn_front_make(&s->front, &s->plan, s->traces))
@@ -213,7 +225,7 @@ static int report(sweep *s)
     return code == KN_EXIT_OK && s->opt.budget_us > 0 ? pick(s) : code;
 }
 
-// What will be written, before the hours of work that it would be the end of.
+// Check that the outputs can be written, before the long computation. An output must not be one of the input files.
 static int try_files(const sweep *s)
 {
     const kn_tradeoff_options *opt = &s->opt;
@@ -227,6 +239,7 @@ static int try_files(const sweep *s)
     return code == KN_EXIT_OK && opt->write ? kn_points_try(&s->plan) : code;
 }
 
+// Plan, replay and report. The crew is closed in any case.
 static int run(sweep *s)
 {
     char error[512];
@@ -252,6 +265,7 @@ int kn_tradeoff_main(int argc, char **argv)
     sweep *s = calloc(1, sizeof *s);
     if (!s) return kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
     int code = kn_tradeoff_options_parse(&s->opt, argc, argv, &done);
+    // --job is set when GNU parallel runs this program for a single run.
     if (code == KN_EXIT_OK && !done) code = s->opt.job ? kn_job_play(s->opt.job) : run(s);
     for (int i = 0; i < s->plan.count; i++) kn_trace_free(&s->traces[i]);
     kn_plan_close(&s->plan);

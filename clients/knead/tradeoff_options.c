@@ -70,9 +70,10 @@ static int bad(const char *option, const char *text, const char *expected)
     return kn_complain("tradeoff", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
 }
 
-// One item of a list into slot i of an axis.
+// Parse one item of a list into slot i of an axis. Return false if the item is not valid.
 typedef bool (*take_item)(kn_axes_def *axes, int i, const char *text);
 
+// Parse a whole number in least..most.
 static bool whole(const char *text, long least, long most, long *value)
 {
     char *end;
@@ -80,6 +81,7 @@ static bool whole(const char *text, long least, long most, long *value)
     return end != text && *end == '\0' && *value >= least && *value <= most;
 }
 
+// Parse a quantity > 0 in unit_text. Only the unit "1" may be left out.
 static bool quantity(const char *text, const char *unit_text, double *value)
 {
     kn_unit unit;
@@ -131,6 +133,7 @@ static bool take_pass(kn_axes_def *a, int i, const char *text)
 static bool take_tolerance(kn_axes_def *a, int i, const char *text)
 {
     a->tolerances = i + 1;
+    // The slot is 0 already.
     if (!strcmp(text, "0")) return true;
     return quantity(text, "1", &a->tolerance[i]) && a->tolerance[i] < 1;
 }
@@ -147,6 +150,7 @@ static bool take_spacing(kn_axes_def *a, int i, const char *text)
     return quantity(text, "m", &a->spacing_m[i]);
 }
 
+// The options that take lists. most: largest number of items.
 static const struct axis {
     char letter;
     const char *option;
@@ -162,6 +166,7 @@ static const struct axis {
     {'d', "dt", KN_AXIS_MAX, take_step, "at most 32 times like '0.5 ms', 1 ms divided by a whole number, with commas"},
     {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', with commas"}};
 
+// Parse a list separated by commas.
 static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const char *text)
 {
     int i = 0;
@@ -179,6 +184,7 @@ static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const ch
 static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
 {
     long jobs;
+    // Options with lists first.
     for (size_t i = 0; i < sizeof list_axes / sizeof *list_axes; i++)
         if (list_axes[i].letter == letter) return take_list(opt, &list_axes[i], value);
     switch (letter) {
@@ -205,6 +211,7 @@ static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
     }
 }
 
+// Check combinations of options.
 static int check(const kn_tradeoff_options *opt)
 {
     if (opt->write && opt->set_count > 0)
@@ -239,7 +246,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, b
                                             {NULL, 0, NULL, 0}};
     memset(opt, 0, sizeof *opt);
     opt->jobs = 1;
-    optind = 0; // a test calls this more than once
+    optind = 0; // a test calls this function more than once
     for (int letter; (letter = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (letter == 'h') {
             fputs(help, stdout);
@@ -249,6 +256,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, b
         int code = take_option(opt, letter, optarg);
         if (code != KN_EXIT_OK) return code;
     }
+    // A job needs no other arguments.
     if (opt->job) return KN_EXIT_OK;
     if (argc - optind != 2)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; knead tradeoff --help tells the rest");

@@ -6,21 +6,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ERROR_MAX 0.05  // below what a hand feels, see trial.h
-#define ERROR_MOST 0.07 // where the step itself costs that
+#define ERROR_MAX 0.05  // bound of both errors, below what a hand feels; see trial.h
+#define ERROR_MOST 0.07 // largest bound if the step itself costs more than ERROR_MAX
+// Verdicts: total variation relative to the reference (chattering), force relative to the reference (diverged).
 #define VARIATION_MAX 1.5
 #define BLOWN_UP 100.0
-#define SPEED_MAX 0.03 // m/s, of the hand
-#define DEVICE_S 1e-3
+#define SPEED_MAX 0.03 // m/s, largest speed of the hand
+#define DEVICE_S 1e-3  // period of a device
+// Linearisations that the reference may take. A step that takes all of them has missed its tolerance.
 #define REFERENCE_PASSES 100
 
 const char *const kn_way_name[KN_WAYS] = {"default", "secant", "tangent", "f64", "rk4"};
 const char *const kn_judgement_name[KN_JUDGEMENTS] = {"right", "refused", "chattering", "wrong", "diverged", "died"};
 
-typedef struct trace { // what came of a trial
+typedef struct trace { // record of one run
     int steps, nodes;
-    double (*way)[3];      // [steps] force on the probe, or where the top is
-    double (*shape[2])[3]; // [nodes] displacements at the end of the pressing, and at the end
+    double (*way)[3];      // [steps] force on the probe, or, without a probe, mean displacement of the top
+    double (*shape[2])[3]; // [nodes] displacements at the end of the pressing and at the end
     bool refused, diverged, loose;
     char reason[120];
 } trace;
@@ -34,46 +36,53 @@ static void trace_free(trace *t)
 
 // --- the hand -------------------------------------------------------------------------------------------------------
 
-#define DOWN 0.4 // of the time: there
-#define STAY 0.6 // until then
-#define LOADED 0.5
+#define DOWN 0.4   // share of the time after which the tool is at its depth
+#define STAY 0.6   // share of the time after which the tool moves up again
+#define LOADED 0.5 // share of the time for which the load is on
 
+// Rise from 0 to 1 on half a cosine.
 static double smooth(double s) { return s <= 0 ? 0 : s >= 1 ? 1 : 0.5 - 0.5 * cos(acos(-1.0) * s); }
 
 static double length_s(const kn_trial *t) { return t->steps * t->def.solver.dt_s; }
 
-// Depth of the tool's foot below the top at a time.
+// Return the depth of the tool's foot below the top at a time, m.
 static double depth_at(const kn_trial *t, double time_s)
 {
+    // The speed limit bounds the depth: the peak speed of the half cosine is pi/2 times its mean.
     double whole = length_s(t), fastest = SPEED_MAX * DOWN * whole * 2 / acos(-1.0);
     double depth = fmin(t->depth_m, fastest), above = 0;
     return -above + (depth + above) * (smooth(time_s / (DOWN * whole)) - smooth((time_s / whole - STAY) / (1 - STAY)));
 }
 
+// Return the input of a step that ends at time_s.
 static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, double dt)
 {
     kn_input in = {0};
     double whole = length_s(t), rest[3] = {1, 1, 1};
-    if (t->hand == KN_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) { // that it is still there at half time
+    // The half step makes sure that the step that ends at half time still has the load, in spite of rounding.
+    if (t->hand == KN_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) {
         kn_model_def_extent(&t->def, rest);
+        // Choose the load that strains the material, from rest, to the wanted strain within the time of the load.
         double compliance = kn_material_compliance(&t->def.material, LOADED * whole);
+        // A single column of nodes has the cross section of a cell.
         double across = t->def.spacing_m * t->def.spacing_m;
         if (t->def.mesh || t->def.nodes[0] > 1) across = rest[0] * rest[1];
         in.top_load_n = t->strain * across / compliance;
     }
     if (t->def.probe_count == 0) return in;
+    // The pose is that at the begin of the step, with the mean velocity of the step.
     double depth = depth_at(t, time_s - dt), next = depth_at(t, time_s);
     const kn_probe_def *probe = &m->def.probe[0];
     in.probe[0].attached = true;
     in.probe[0].position_m[2] = m->rest_m[m->top[0]][2] + kn_foot_m(probe) - depth;
     in.probe[0].velocity_m_s[2] = (depth - next) / dt;
-    // never straight down: on a symmetric path rounding alone would decide which way a soft block buckles
+    // Never go straight down: on a symmetric path rounding alone would decide to which side a soft block buckles.
     static const double aside[2] = {0.05, 0.03};
     for (int k = 0; k < 2; k++) {
         in.probe[0].position_m[k] = aside[k] * depth;
         in.probe[0].velocity_m_s[k] = aside[k] * (next - depth) / dt;
     }
-    // three steps of the trial's own, whatever this one is
+    // The jump lasts three steps of the trial itself, also in runs with shorter steps.
     double at = (time_s - 0.5 * dt) / t->def.solver.dt_s - floor(0.25 * t->steps);
     if (t->hand == KN_HAND_JUMP && at > 0 && at < 3)
         for (int k = 0; k < 3; k++) in.probe[0].position_m[k] += t->jump_m[k];
@@ -88,7 +97,7 @@ static void displacement(const kn_model *m, const kn_state *s, int node, double 
     for (int k = 0; k < 3; k++) u[k] -= m->rest_m[node][k];
 }
 
-// The nodes of the upper half move down until its height is that share of itself.
+// Move the upper nodes down until the height of the topmost cells is `squeezed` times its rest height.
 static void squeeze(const kn_trial *t, const kn_model *m, kn_state *s)
 {
     double high = 0;
@@ -100,6 +109,7 @@ static void squeeze(const kn_trial *t, const kn_model *m, kn_state *s)
     }
 }
 
+// Add the sample of a step: the force on the probes, or, without a probe, the mean displacement of the top.
 static void read_sample(const kn_model *m, const kn_state *s, const kn_output *out, double sample[3])
 {
     for (int p = 0; p < m->def.probe_count; p++)
@@ -111,6 +121,7 @@ static void read_sample(const kn_model *m, const kn_state *s, const kn_output *o
     }
 }
 
+// Return true if all displacements are finite.
 static bool finite_shape(const trace *t, int which)
 {
     double sum = 0;
@@ -119,6 +130,7 @@ static bool finite_shape(const trace *t, int which)
     return isfinite(sum);
 }
 
+// Step through the trial and record it. substeps: steps of the solver in one step of the trial.
 static void follow(const kn_trial *t, const kn_model *m, kn_state *s, int substeps, trace *out)
 {
     double dt = m->def.solver.dt_s;
@@ -129,9 +141,11 @@ static void follow(const kn_trial *t, const kn_model *m, kn_state *s, int subste
             kn_output now;
             out->diverged |= kn_step(m, s, &in, &now) != KN_OK;
             out->loose |= now.passes == REFERENCE_PASSES;
+            // Average forces over the substeps. Take the displacement of the top from the last substep.
             if (m->def.probe_count > 0 || k == substeps - 1) read_sample(m, s, &now, out->way[i]);
         }
         for (int k = 0; k < 3 && m->def.probe_count > 0; k++) out->way[i][k] /= substeps;
+        // Keep the shape at the end of the pressing (or of the load), and at the end.
         int which = i + 1 == t->steps ? 1 : 0;
         if (which || i + 1 == (int)((t->hand == KN_HAND_LOAD ? LOADED : STAY) * t->steps))
             for (int n = 0; n < m->node_count; n++) displacement(m, s, n, out->shape[which][n]);
@@ -139,12 +153,12 @@ static void follow(const kn_trial *t, const kn_model *m, kn_state *s, int subste
     out->diverged |= !finite_shape(out, 0) || !finite_shape(out, 1);
 }
 
-// A device is sent a force every millisecond: those of shorter steps are averaged over it, or over an eighth of all
-// where that is less. A light node may bounce between the plate and the block a hundred times in between.
+// Average the forces over a millisecond, because a device receives one force per millisecond. The window is at most an
+// eighth of the trial. Without averaging, a light node could bounce between plate and block a hundred times per window.
 static void average(const kn_trial *t, trace *x)
 {
     int window = (int)fmin(ceil(DEVICE_S / t->def.solver.dt_s - 1e-9), t->steps / 8.0);
-    for (int i = t->steps - 1; i > 0; i--) { // from behind: what is read is not written yet
+    for (int i = t->steps - 1; i > 0; i--) { // from the end, because older samples are read after a sample is written
         int count = window < i + 1 ? window : i + 1;
         for (int k = 0; k < 3; k++) {
             double sum = 0;
@@ -154,6 +168,7 @@ static void average(const kn_trial *t, trace *x)
     }
 }
 
+// Run a trial with these settings. A refusal is a valid result. Return false when memory is short.
 static bool run(const kn_trial *t, const kn_model_def *def, int substeps, trace *out)
 {
     *out = (trace){.steps = t->steps};
@@ -183,6 +198,8 @@ static bool run(const kn_trial *t, const kn_model_def *def, int substeps, trace 
 
 // --- the ways -------------------------------------------------------------------------------------------------------
 
+// Return the settings of the reference, with the time step divided by `substeps`. The finer reference (substeps > 1) is
+// used only to estimate the time-step error, so a tolerance of 1e-4 is enough for it.
 static kn_model_def reference_def(const kn_trial *t, int substeps)
 {
     kn_model_def def = t->def;
@@ -196,6 +213,7 @@ static kn_model_def reference_def(const kn_trial *t, int substeps)
     return def;
 }
 
+// Return the settings of a way.
 static kn_model_def way_def(const kn_trial *t, kn_way way)
 {
     kn_model_def def = t->def;
@@ -212,6 +230,7 @@ static kn_model_def way_def(const kn_trial *t, kn_way way)
 
 // --- judging --------------------------------------------------------------------------------------------------------
 
+// Return the norm of a - b over n rows; b NULL: of a.
 static double norm2(const double (*a)[3], const double (*b)[3], int n)
 {
     double sum = 0;
@@ -225,6 +244,7 @@ static double norm2(const double (*a)[3], const double (*b)[3], int n)
 
 #define ROWS(x) ((const double(*)[3])(x))
 
+// Return part / whole, and 0 for 0 / 0.
 static double share(double part, double whole) { return part == 0 ? 0 : part / whole; }
 
 static double way_error(const trace *a, const trace *b)
@@ -242,6 +262,7 @@ static double shape_error(const trace *a, const trace *b)
     return share(error, whole);
 }
 
+// Return the largest force.
 static double peak(const trace *t)
 {
     double most = 0;
@@ -249,6 +270,7 @@ static double peak(const trace *t)
     return most;
 }
 
+// Return the total variation of the forces divided by their peak. The force before the first step counts as 0.
 static double variation(const trace *t)
 {
     double sum = 0, zero[3] = {0};
@@ -260,11 +282,12 @@ static double variation(const trace *t)
     return share(sum, peak(t));
 }
 
+// Compare a run x with the reference. finer: reference with half the step.
 static kn_score judge(const trace *x, const trace *ref, const trace *finer, double bound)
 {
     kn_score s = {.verdict = KN_TRIAL_REFUSED};
     snprintf(s.reason, sizeof s.reason, "%s", x->refused ? x->reason : ref->reason);
-    if (x->refused || ref->refused || finer->refused) return s; // what has no answer cannot be judged
+    if (x->refused || ref->refused || finer->refused) return s; // without a reference there is nothing to judge by
     s.verdict = KN_TRIAL_DIVERGED;
     if (x->diverged || !(peak(x) <= BLOWN_UP * peak(ref))) return s;
     s.force = way_error(x, ref);
@@ -276,7 +299,8 @@ static kn_score judge(const trace *x, const trace *ref, const trace *finer, doub
     return s;
 }
 
-// An explicit method does not share the error of the answer's step, which is some twice the difference to half of it.
+// Return the bound of both errors. An explicit method does not share the error of the reference's step, which is about
+// twice the difference to half the step.
 static double bound_of(kn_way way, double step_error)
 {
     if (way == KN_WAY_RK4) return ERROR_MAX + 2 * step_error;
@@ -287,6 +311,7 @@ bool kn_trial_run(const kn_trial *trial, unsigned ways, kn_outcome *outcome)
 {
     trace ref = {0}, finer = {0};
     kn_model_def def = reference_def(trial, 1), half = reference_def(trial, 2);
+    // Set all verdicts to DIED first. If the process dies before the judgement, this verdict remains.
     kn_outcome none = {0};
     for (int w = 0; w < KN_WAYS; w++) none.score[w].verdict = KN_TRIAL_DIED;
     *outcome = none;

@@ -1,46 +1,53 @@
 #ifndef KN_CLIENTS_TRIAL_H
 #define KN_CLIENTS_TRIAL_H
-// A trial: one small scene, one thing that is done to it, and what a solver makes of it beside the answer it should
-// have given. `knead stability` is some thousands of these.
+// Trial: one small scene, one action on it, and a comparison of a solver's result with a reference. `knead stability`
+// runs some thousands of trials.
 //
-// Reference. The same scene, path and time step in f64, linearised again until the law itself is met and solved by
-// conjugate gradients, both to 1e-7 of the step's own residual (where that is small: 1e-10 of the largest of the last
-// second): the step that design and equations ask for, with no solver's error left in it.
+// Reference R(dt): the same scene, path and time step dt, computed in f64. In each time step the law of the edges is
+// relinearised, and the equations are solved by conjugate gradients, until the residual is 1e-7 of the residual at the
+// start of the step. If the residual at the start is small, the bound is 1e-10 of the largest residual of the last
+// second. So R(dt) is the exact solution of the time step's equations, free of solver errors. R(dt/2) is the same with
+// half the time step and is solved to 1e-4.
 //
-//     solver error        |x - R(dt)| / |R(dt)|      what iterations, linearisation and f32 cost: this is judged
-//     time-step error     |R(dt) - R(dt/2)| / |R(dt/2)|   what the step itself costs, for any solver; reported apart
+//     solver error        |x - R(dt)| / |R(dt)|           error by iterations, linearisation and f32; judged
+//     time-step error     |R(dt) - R(dt/2)| / |R(dt/2)|   error by the time step, for any solver; reported separately
 //
-// in the Euclidean norm over the force of all steps (where no probe is: over the way of the top), and over all nodes'
-// displacements at the end of the pressing and at the end of all, whichever is worse, against the larger of the two.
+// x is the result of the solver under test. |.| is the Euclidean norm. Each error is computed for forces and for
+// shapes. Force error: norm over the forces of all steps, or, without a probe, over the displacements of the top.
+// Shape error: norm over the displacements of all nodes, at the end of the pressing and at the end of the trial. The
+// larger difference of the two times is divided by the larger norm of the two times.
 //
-// Judgements.
-//     right        both errors below 5 %: a hand tells forces apart from 7 % on (Pang, Tan, Durlach 1991). Where the
-//                  step itself costs more than that, below what it costs, those 7 % at most: a node that bounces off
-//                  the plate once more or less is nobody's error
-//     chattering   total variation over peak more than 1.5 times that of the calmer of R(dt), R(dt/2)
-//     wrong        finite, calm and somewhere else
-//     diverged     a number that is none, or a force a hundred times the reference's
-//     refused      the model cannot be built, and the reason is a sentence
-// An explicit method does not share the step's own error: it may be off by that of R(dt) besides, twice the above.
-// Forces are averaged over a millisecond where steps are shorter, as a device gets them. No path is symmetric: rounding
-// alone would decide which way a soft block buckles.
+// Judgements:
+//     right        the force error and the shape error are below 5 %, because a hand tells forces apart from 7 % on
+//                  (Pang, Tan, Durlach 1991). If the time-step error is above 5 %, the bound is the time-step error,
+//                  but 7 % at most, because no solver is to blame if a node bounces off the plate once more or less
+//     chattering   total variation / peak of the forces is more than 1.5 times that of R(dt) or R(dt/2), whichever is
+//                  smaller
+//     wrong        finite and not chattering, but an error is above its bound
+//     diverged     a number is not finite, or a force is above a hundred times the reference's peak
+//     refused      the model cannot be built; `reason` tells why
+// An explicit method does not share the time-step error of R(dt), so its bound is larger by that error, which is about
+// twice the time-step error above. If the time step is shorter than a millisecond, forces are averaged over a
+// millisecond, because a device receives one force per millisecond. No path is symmetric, because on a symmetric path
+// rounding alone would decide to which side a soft block buckles.
 #include "core/step.h"
 
+// Action on the object.
 typedef enum kn_trial_hand {
-    KN_HAND_PRESS, // down from just above, stay, and up again; at most 3 cm/s fast
-    KN_HAND_JUMP,  // the same, but on the way down the pose is somewhere else for three steps' time
-    KN_HAND_LOAD,  // a dead load on the top for half of the time
-    KN_HAND_NONE   // left alone
+    KN_HAND_PRESS, // from the undeformed top down to depth_m, stay, and up again; at most 3 cm/s
+    KN_HAND_JUMP,  // as PRESS, but for three steps on the way down the pose is displaced by jump_m
+    KN_HAND_LOAD,  // a dead load on the top for the first half of the time
+    KN_HAND_NONE   // no action
 } kn_trial_hand;
 
 typedef struct kn_trial {
     kn_model_def def;
     kn_trial_hand hand;
-    int steps;          // of def.solver.dt_s
-    double depth_m;     // PRESS, JUMP: how far; less where the time is too short for it
-    double jump_m[3];   // JUMP
-    double strain;      // LOAD: what a body at rest would give way in that time
-    double squeezed;    // V/V0 that the object's topmost cells begin with, 1: at rest; negative: inside out
+    int steps;          // number of time steps of def.solver.dt_s
+    double depth_m;     // PRESS, JUMP: depth; reduced if 3 cm/s would be exceeded
+    double jump_m[3];   // JUMP: displacement of the pose
+    double strain;      // LOAD: sets the load: strain that the material, from rest, reaches under it in half the time
+    double squeezed;    // V/V0 of the object's topmost cells at the start; 1: at rest; negative: inside out
     kn_simplices *mesh; // owned; def.mesh points at it
 } kn_trial;
 
@@ -50,31 +57,36 @@ typedef enum kn_judgement {
     KN_TRIAL_CHATTERING,
     KN_TRIAL_WRONG,
     KN_TRIAL_DIVERGED,
-    KN_TRIAL_DIED, // the process that tried it, before it came to a judgement
+    KN_TRIAL_DIED, // the process of the trial ended before the result was judged
     KN_JUDGEMENTS
 } kn_judgement;
 
-// How a trial is solved. The first is what a scene gets that says nothing.
+// Ways of solving a trial. KN_WAY_DEFAULT uses the solver settings of the trial. Each other way changes one setting.
 typedef enum kn_way { KN_WAY_DEFAULT, KN_WAY_SECANT, KN_WAY_TANGENT, KN_WAY_F64, KN_WAY_RK4, KN_WAYS } kn_way;
 
+// Result of one way.
 typedef struct kn_score {
     kn_judgement verdict;
-    double force, shape, variation; // errors; total variation of the trace over the reference's
-    char reason[120];               // of a refusal, or a death
+    // Force error, shape error, and total variation / peak of the way's forces, divided by that of the reference.
+    double force, shape, variation;
+    char reason[120]; // reason of the verdict REFUSED or DIED
 } kn_score;
 
+// Result of a trial.
 typedef struct kn_outcome {
     kn_score score[KN_WAYS];
     double step_error; // time-step error of the reference, the worse of force and shape
-    bool loose;        // a step of the reference did not reach 1e-7
+    bool loose;        // the reference missed its tolerance of 1e-7 in at least one time step
 } kn_outcome;
 
 extern const char *const kn_way_name[KN_WAYS];
 extern const char *const kn_judgement_name[KN_JUDGEMENTS];
 
-// Solves a trial in the ways of a bit mask and judges each; until it is judged a way has died. False: memory is short.
+// Solve a trial in several ways and judge each result. ways: bit mask of the ways, bit w for the kn_way w. Until a way
+// is judged, its verdict in *outcome is DIED. Return false when memory is short.
 bool kn_trial_run(const kn_trial *trial, unsigned ways, kn_outcome *outcome);
 
+// Free the mesh of a trial.
 void kn_trial_free(kn_trial *trial);
 
 #endif

@@ -1,4 +1,4 @@
-// knead view: pictures of an object, from the bus, from a recording, from a snapshot, or at rest.
+// knead view: draws an object from the bus, a recording or a snapshot, or a scene at rest.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/lineup.h"
@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// One moment of all of them.
+// Move each object to its moment, and make its still.
 static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
 {
     int code = kn_lineup_open(l, o);
@@ -23,6 +23,7 @@ static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
     return code == KN_EXIT_OK ? kn_lineup_stills(l, e) : code;
 }
 
+// Draw one picture of all objects.
 static int picture(const kn_view_options *o)
 {
     char error[400];
@@ -42,6 +43,7 @@ static int picture(const kn_view_options *o)
 
 // ---- a range image
 
+// Write the heights of the first object above the table as an image of 16 bits.
 static int range_image(const kn_view_options *o)
 {
     char error[400];
@@ -52,6 +54,7 @@ static int range_image(const kn_view_options *o)
     uint16_t *level = malloc(2 * (size_t)o->width * (size_t)o->height);
     if (code == KN_EXIT_OK && !level) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
     if (code == KN_EXIT_OK) {
+        // The frame fits the object at rest and now, and gives the size of a pixel and the height of a level.
         const float(*rest)[3] = (const float(*)[3])s->rest, (*now)[3] = (const float(*)[3])s->now;
         kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, rest, now);
         kn_range_draw(&r, now, s->triangle_count, (const int(*)[3])s->triangle, level);

@@ -9,17 +9,21 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct film { // at work
+typedef struct film { // a film in progress
     const kn_view_options *o;
     bool live;
+    // Number of pictures; 0: not known before the first pass over the recordings.
     int pictures;
-    kn_extent extent; // of all pictures, when it is known beforehand
+    kn_extent extent; // of all pictures, if known beforehand
     kn_lineup lineup;
     kn_film *out;
 } film;
 
+// Return the time of a picture in the recording, s.
 static double moment(const kn_view_options *o, int picture) { return o->from_s + picture * o->speed / o->fps; }
 
+// Return the number of ticks of all recordings together, for the progress bar. `all`: all ticks; otherwise the ticks
+// stepped so far.
 static double ticks(const kn_lineup *l, bool all)
 {
     double sum = 0;
@@ -31,6 +35,7 @@ static double ticks(const kn_lineup *l, bool all)
     return sum;
 }
 
+// Report an error if all recordings end before --from.
 static int check_from(const film *f)
 {
     double last_s = -INFINITY;
@@ -41,17 +46,18 @@ static int check_from(const film *f)
                        f->lineup.count > 1 ? "the last of the recordings" : f->o->file[0], last_s);
 }
 
-// The first time through the recordings.
+// Step through the recordings for the first time: count the pictures and measure the extent.
 static int survey(film *f)
 {
     kn_lineup *l = &f->lineup;
-    const bool rests = f->pictures > 0; // only the camera moves
+    // Without a recording nothing moves but the camera, and the number of pictures is given.
+    const bool rests = f->pictures > 0;
     int code = kn_lineup_open(l, f->o);
     if (code == KN_EXIT_OK && rests) code = kn_lineup_stills(l, &f->extent);
     kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
     while (code == KN_EXIT_OK && !rests && moment(f->o, f->pictures) <= f->o->to_s) {
         code = kn_lineup_to(l, moment(f->o, f->pictures));
-        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // that moment is in none of them
+        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches this moment
         code = kn_lineup_stills(l, &f->extent);
         kn_lineup_drop(l);
         kn_progress_step(&bar, ticks(l, false));
@@ -59,7 +65,8 @@ static int survey(film *f)
     }
     kn_progress_close(&bar);
     if (code == KN_EXIT_OK && f->pictures == 0) code = check_from(f);
-    if (code == KN_EXIT_OK && f->pictures == 0) { // one tick: it is at from, and the end
+    // A recording of one tick has its beginning and its end at the same moment.
+    if (code == KN_EXIT_OK && f->pictures == 0) {
         f->pictures = 1;
         code = kn_lineup_stills(l, &f->extent);
     }
@@ -67,6 +74,7 @@ static int survey(film *f)
     return code;
 }
 
+// Draw all pictures and pass them to the film.
 static int shoot(film *f)
 {
     const kn_view_options *o = f->o;
@@ -76,22 +84,24 @@ static int shoot(film *f)
     for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !kn_interrupted; picture++) {
         kn_extent now = f->extent;
         code = kn_lineup_to(l, moment(o, picture));
-        // what is live does not wait for a picture that takes long: the one before stands for those that were missed
+        // A live object does not wait for a slow picture. The previous picture is repeated for those that were missed.
         const bool late = f->live && picture > 0 && l->source[0].time_s > moment(o, picture + 1);
         if (code == KN_EXIT_OK && !late) code = kn_lineup_stills(l, &now);
+        // Turn the camera for --orbit.
         for (int i = 0; i < l->panels; i++) {
             l->still[i].view.azimuth_deg += o->orbit_deg_s * picture / o->fps;
             l->still[i].view.turns = o->orbit_deg_s != 0;
         }
         if (code == KN_EXIT_OK && !late) code = kn_lineup_shoot(l, f->live ? &now : &f->extent, !f->live);
         kn_lineup_drop(l);
-        if (code == KN_EXIT_OK && !kn_film_add(f->out, l->rgba)) break; // kn_film_keep says why
+        if (code == KN_EXIT_OK && !kn_film_add(f->out, l->rgba)) break; // kn_film_keep gives the reason
         kn_progress_step(&bar, picture + 1);
     }
     kn_progress_close(&bar);
     return code;
 }
 
+// Open the film, draw the pictures, and keep the file if the film is complete.
 static int develop(film *f)
 {
     char error[400];
@@ -110,15 +120,16 @@ int kn_view_film(const kn_view_options *o)
 {
     char error[200];
     film f = {.o = o, .live = o->file_count == 0, .extent = kn_extent_none};
-    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // else the recordings say how many
+    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // otherwise the survey counts the pictures
     int code = kn_output_try("view", o->video);
     if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error))
         code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (code == KN_EXIT_OK && !f.live) code = survey(&f);
     if (code == KN_EXIT_OK) code = kn_lineup_open(&f.lineup, o);
+    // Begin again for the second pass.
     if (code == KN_EXIT_OK && !f.live) code = kn_lineup_to(&f.lineup, o->from_s);
     if (code == KN_EXIT_OK) {
-        kn_interrupt_watch(); // from here on there is something to clear away
+        kn_interrupt_watch(); // from here on an interrupt must clear away the unfinished film
         code = develop(&f);
     }
     kn_lineup_close(&f.lineup);

@@ -1,11 +1,11 @@
 #ifndef KN_CLIENTS_VIEW_FILM_H
 #define KN_CLIENTS_VIEW_FILM_H
-// `knead view --video`: the moments of a recording, or what is served while it is, picture by picture to a film.
-//
-// A recording is stepped twice: first for what the film needs as a whole, so that neither colours nor camera jump: the
-// end of the colour scale, the box of everywhere the object comes to, and how many pictures there are.
+// `knead view --video`: writes a film of a recording, or of the object that a running kneadd serves.
+// A recording is replayed twice. The first pass finds values that hold for the whole film: the end of the colour scale,
+// the box of all places that the object reaches, and the number of pictures. So neither colours nor camera jump.
 #include "clients/knead/view_options.h"
 
-int kn_view_film(const kn_view_options *options); // an exit code, after a complaint
+// Write a film. Return an exit code. On failure, print an error message.
+int kn_view_film(const kn_view_options *options);
 
 #endif

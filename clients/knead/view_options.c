@@ -72,7 +72,7 @@ static bool style(const char *text, kn_view_options *o)
     return i < 4;
 }
 
-// Where azimuth and elevation begin.
+// Set azimuth and elevation from the name of a camera. --azimuth and --elevation may change them later.
 static bool camera(const char *text, kn_view_options *o)
 {
     static const struct {
@@ -89,13 +89,13 @@ static bool camera(const char *text, kn_view_options *o)
     return false;
 }
 
-typedef struct asked {                 // what cannot be in options yet
-    double azimuth_deg, elevation_deg; // NAN: as the camera
-    bool sized;
-    int moments; // of --at; 0: not given
+typedef struct asked {                 // options that are applied after all others are known
+    double azimuth_deg, elevation_deg; // NAN: as set by --camera
+    bool sized;                        // --size was given
+    int moments;                       // number of moments of --at; 0: not given
 } asked;
 
-// "0.5,2,end"
+// Parse a list of moments such as "0.5,2,end".
 static bool moments(const char *text, kn_view_options *o, asked *a)
 {
     char one[32];
@@ -112,7 +112,8 @@ static bool moments(const char *text, kn_view_options *o, asked *a)
     return false;
 }
 
-static const char *take(kn_view_options *o, asked *a, int option, const char *text) // NULL, or what was expected
+// Take one option. Return NULL, or a text that describes a valid value.
+static const char *take(kn_view_options *o, asked *a, int option, const char *text)
 {
     switch (option) {
     case 'd': o->depth = text; return NULL;
@@ -154,7 +155,7 @@ bool kn_view_has(const kn_view_options *o, kn_view_kind kind)
     return kind == KN_VIEW_BUS && o->file_count == 0;
 }
 
-// By what it begins with: a name may be anything.
+// Find the kind of a file from its first bytes, not from its name. A text file is taken for a scene.
 static int tell_kind(const char *path, kn_view_kind *kind)
 {
     static const uint8_t log[4] = {0xed, 0xa1, 0xda, 0x01}, snapshot[6] = {0x89, 'K', 'N', 'E', 'A', 'D'};
@@ -172,6 +173,7 @@ static int tell_kind(const char *path, kn_view_kind *kind)
     return KN_EXIT_OK;
 }
 
+// Check the files against each other: no output may be an input, and --scene belongs to snapshots.
 static int check_files(kn_view_options *o, const char *out, const char *option)
 {
     if (kn_output_same(o->scene, out)) REFUSE("--%s %s: is being read, expected another file to write", option, out);
@@ -186,20 +188,23 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
     for (int i = 0; i < o->file_count; i++)
         if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
             REFUSE("%s: is a snapshot, expected --scene FILE with the scene that it is of", o->file[i]);
+    // --scene alone shows the scene at rest.
     if (o->scene && o->file_count == 0) o->file[o->file_count] = o->scene, o->kind[o->file_count++] = KN_VIEW_SCENE;
     return KN_EXIT_OK;
 }
 
-// ---- all together
+// ---- checks of all options together
 
-// One recording at several moments is several objects; one moment is that of all.
+// Assign the moments of --at to the objects. One recording at several moments counts as several objects. A single
+// moment is for all objects.
 static int share_out(kn_view_options *o, const asked *a)
 {
     if (a->moments == 0) return KN_EXIT_OK;
     if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (o->video) REFUSE("--at: expected --from and --to for a film");
     for (int i = 1; a->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
-    while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) { // of the only one
+    // Repeat the only file.
+    while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
         o->file[o->file_count] = o->file[0];
         o->kind[o->file_count++] = o->kind[0];
     }
@@ -209,6 +214,7 @@ static int share_out(kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
+// Check the options of a film. A recording, a live object and an object at rest allow different ones.
 static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
@@ -227,6 +233,7 @@ static int check_film(const kn_view_options *o)
     return KN_EXIT_OK;
 }
 
+// Check the options of a range image, which has one object and a fixed camera.
 static int check_depth(const kn_view_options *o, const asked *a)
 {
     const kn_view_scene usual = kn_view_scene_default();
@@ -238,6 +245,7 @@ static int check_depth(const kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
+// Convert --top to SI units. Without --color and with --compare, the scale is that of the distance.
 static int check_scale(kn_view_options *o)
 {
     if (!o->top) return KN_EXIT_OK;
@@ -250,7 +258,7 @@ static int check_scale(kn_view_options *o)
            kn_measure_top_example(measure));
 }
 
-// Several stand side by side: 4:3 each, as long as that fits on a screen.
+// Set the default size. Several objects stand side by side in panels of 4:3, as long as that fits on a screen.
 static void default_size(kn_view_options *o)
 {
     const int panels = o->file_count + o->compare;
@@ -260,6 +268,7 @@ static void default_size(kn_view_options *o)
     o->height = 480;
 }
 
+// Check all options together.
 static int check(kn_view_options *o, const asked *a)
 {
     const char *out = o->video ? o->video : o->depth ? o->depth : o->png;
@@ -279,6 +288,7 @@ static int check(kn_view_options *o, const asked *a)
     const char *gl = getenv("KNEAD_GL");
     if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);
     if (o->depth && (code = check_depth(o, a)) != KN_EXIT_OK) return code;
+    // --azimuth and --elevation override the camera.
     if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
     if (isfinite(a->elevation_deg)) o->look.elevation_deg = a->elevation_deg;
     if (o->video) return check_film(o);
@@ -309,7 +319,7 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
                            .height = 720,
                            .look = kn_view_scene_default()};
     o->look.hands = true;
-    opterr = 0; // our own words
+    opterr = 0; // this file writes its own messages
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
         const char *word = argv[optind - 1];
         if (option == ':') REFUSE("%s: expected a value", word);

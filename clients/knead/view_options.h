@@ -1,39 +1,42 @@
 #ifndef KN_CLIENTS_VIEW_OPTIONS_H
 #define KN_CLIENTS_VIEW_OPTIONS_H
-// What `knead view` was asked for.
+// Command line of `knead view`.
 #include "clients/viewer/renderer.h"
 #include "core/gauge.h"
 
 #define KN_VIEW_FILES_MAX 4
 
+// Sources of an object to draw: a running kneadd on the bus, a log, a snapshot, or a scene at rest.
 typedef enum kn_view_kind { KN_VIEW_BUS, KN_VIEW_LOG, KN_VIEW_SNAPSHOT, KN_VIEW_SCENE } kn_view_kind;
 
 typedef struct kn_view_options {
-    const char *png, *video, *depth; // what is written: one of them
-    int file_count;                  // what is drawn; 0: the bus
+    const char *png, *video, *depth; // output file; exactly one of them is set
+    int file_count;                  // number of files, one object each; 0: draw the object on the bus
     const char *file[KN_VIEW_FILES_MAX];
-    kn_view_kind kind[KN_VIEW_FILES_MAX]; // told by their first bytes
-    const char *scene;                    // that a snapshot is of, or NULL
+    kn_view_kind kind[KN_VIEW_FILES_MAX]; // kind of each file, recognised by its first bytes
+    const char *scene;                    // scene of a snapshot, or NULL
     const char *url, *mesh_url;
-    double at_s[KN_VIEW_FILES_MAX]; // of each recording; INFINITY: end
-    double wait_s;                  // for a server
-    double from_s, to_s;            // a film's part of the recording; INFINITY: to its end
-    double seconds;                 // a film of what is live; 0: not given
-    double fps, speed, orbit_deg_s; // of a film
+    double at_s[KN_VIEW_FILES_MAX]; // moment to draw of each recording; INFINITY: the end of the recording
+    double wait_s;                  // time to wait for a server
+    double from_s, to_s;            // part of a recording to film; to_s INFINITY: to the end of the recording
+    double seconds;                 // length of a film without a recording; 0: not given
+    double fps, speed, orbit_deg_s; // settings of a film
     int width, height;
-    kn_view_scene look; // where from, style
+    kn_view_scene look; // camera and style
     int measure;        // kn_measure; -1: none
-    const char *top;    // as asked for
-    double top_si;      // 0: what the picture needs
-    bool compare;       // two files, and a panel with the second's distance from the first
+    const char *top;    // text of --top
+    double top_si;      // end of the colour scale in SI units; 0: the largest value in the picture
+    bool compare;       // draw two files, and in a third panel the distance of the second object from the first
     bool plain, help;
 } kn_view_options;
 
 extern const char kn_view_help[];
 
-// An exit code, after a complaint. Paths and URLs point into argv.
+// Parse the command line. Return an exit code. On failure, print an error message. Paths and URLs in `options` point
+// into argv.
 int kn_view_parse(int argc, char **argv, kn_view_options *options);
 
-bool kn_view_has(const kn_view_options *options, kn_view_kind kind); // among its files
+// Return true if at least one of the objects has this kind.
+bool kn_view_has(const kn_view_options *options, kn_view_kind kind);
 
 #endif

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SETTLE_MS 50 // after the first whole mesh: the probes' forces, and a mesh that is not older than they are
+// Time after the first whole mesh for the forces of the probes to arrive, and for a mesh that is at least as recent.
+#define SETTLE_MS 50
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
 
@@ -24,6 +25,7 @@ static void forget_scene(kn_source *s)
     s->scene = NULL;
 }
 
+// Load a scene with sets and create its state at rest.
 static int load_scene(kn_source *s, const char *path, const char *const *sets, int set_count)
 {
     char error[400];
@@ -40,13 +42,14 @@ static int open_scene(kn_source *s) { return load_scene(s, s->path, NULL, 0); }
 
 // ---- a snapshot
 
-// The scene as it was served: with what was set over it at run time, which the snapshot tells.
+// Restore a snapshot. The scene is loaded with the sets that were made at run time, which the snapshot contains.
 static int open_saved(kn_source *s, const char *scene, const uint8_t *bytes, size_t size)
 {
     char error[400], room[KN_SETS_BYTES];
     const char *list[KN_SETS_MAX];
     kn_sets sets;
     int code = load_scene(s, scene, NULL, 0);
+    // A snapshot's sets can be read only with the name of its scene. So a scene with sets is loaded twice.
     if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
         forget_scene(s);
         code = load_scene(s, scene, list, kn_sets_list(&sets, room, list));
@@ -71,6 +74,7 @@ static int open_snapshot(kn_source *s, const char *scene)
     return code;
 }
 
+// Add the tools of a snapshot. A tool that is not attached is drawn at the pose of its hand.
 static void tools_of_saved(const kn_source *s, kn_still *still)
 {
     for (int i = 0; i < s->model->def.probe_count; i++) {
@@ -96,6 +100,7 @@ static int open_log(kn_source *s)
     return KN_EXIT_OK;
 }
 
+// Step a recording to the tick nearest to at_s.
 static int step_log(kn_source *s, double at_s)
 {
     kn_replay *r = s->replay;
@@ -103,6 +108,7 @@ static int step_log(kn_source *s, double at_s)
         if (kn_replay_step(r)) s->time_s = r->tick.time_s;
         else s->ended = true;
     }
+    // Report damage once.
     if (s->ended && r->damage[0])
         fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", s->path, r->damage), r->damage[0] = 0;
     if (isinf(s->time_s))
@@ -110,6 +116,7 @@ static int step_log(kn_source *s, double at_s)
     return KN_EXIT_OK;
 }
 
+// Add the tools of the last tick of a recording.
 static void tools_of_log(const kn_replay *r, kn_still *still)
 {
     for (int i = 0; i < r->tick.out.probes; i++) {
@@ -117,13 +124,14 @@ static void tools_of_log(const kn_replay *r, kn_still *still)
         if (!f->live) continue;
         kn_still_probe(still, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n,
                        f->gain);
-        const kn_pose *hand = &r->servo.tool[i]; // as the clutch has it
+        const kn_pose *hand = &r->servo.tool[i]; // the pose after the clutch
         if (r->servo.last[i].session != 0) kn_still_hand(still, hand->position_m, hand->orientation_wxyz);
     }
 }
 
 // ---- the bus
 
+// Report which messages did not arrive on the bus.
 static int unheard(const kn_view_options *o, const kn_live *live)
 {
     const char *what = live->heard[0] ? "a server, but no mesh" : live->heard[1] ? "no whole mesh" : "nothing";
@@ -132,6 +140,7 @@ static int unheard(const kn_view_options *o, const kn_live *live)
         kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
+// Join the bus and wait for a whole mesh and the scene.
 static int open_bus(kn_source *s, const kn_view_options *o)
 {
     char error[400];
@@ -147,6 +156,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     bool settling = false;
     while ((now_ms = kn_live_now_ms()) < end_ms) {
         kn_live_listen(&s->live, (int)(end_ms - now_ms));
+        // When both are there, listen a little longer for the tools.
         if (settling || !s->live.mesh.whole || !s->live.scene) continue;
         settling = true;
         end_ms = kn_live_now_ms() + SETTLE_MS;
@@ -155,6 +165,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     return s->live.mesh.whole ? KN_EXIT_OK : unheard(o, &s->live);
 }
 
+// Listen until at_s.
 static void listen_to(kn_source *s, double at_s)
 {
     int64_t left_ms;
@@ -163,6 +174,7 @@ static void listen_to(kn_source *s, double at_s)
     s->time_s = 1e-3 * (double)(kn_live_now_ms() - s->opened_ms);
 }
 
+// Report that the mesh messages do not contain the measure of --color.
 static int untold(const kn_live *live, kn_measure what)
 {
     const int bit = what == KN_MEASURE_STRESS ? KN_MESH_STRESS : KN_MESH_RESIDUAL;
@@ -176,6 +188,7 @@ static int untold(const kn_live *live, kn_measure what)
                        name);
 }
 
+// Make a still of the live object. Without its scene, the object is drawn without tools and colours.
 static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
 {
     char error[400];
@@ -185,14 +198,14 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (error[0] && !s->told) {
         fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
                 error);
-        s->told = true; // once for a film
+        s->told = true; // once per film
     }
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
              s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);
     return KN_EXIT_OK;
 }
 
-// ---- all of them
+// ---- all kinds of sources
 
 int kn_source_open(kn_source *s, const kn_view_options *o, int file)
 {
@@ -212,12 +225,13 @@ int kn_source_to(kn_source *s, double at_s)
     return s->kind == KN_VIEW_LOG ? step_log(s, at_s) : KN_EXIT_OK;
 }
 
-// What --color and --style need of a state.
+// Add the values of --color and the edges of --style to a still of a state.
 static bool measured(kn_source *s, const kn_view_options *o, const kn_model *model, const kn_state *state,
                      kn_still *still)
 {
     const bool edges = o->look.style == KN_VIEW_EDGES, colored = o->measure >= 0;
     if (!colored && !edges) return true;
+    // A gauge belongs to one model, so make a new one when the recording has changed its model.
     const int changes = s->replay ? s->replay->changes : 0;
     if (colored && (!s->gauge || s->gauged != changes)) {
         kn_gauge_destroy(s->gauge);
@@ -229,7 +243,8 @@ static bool measured(kn_source *s, const kn_view_options *o, const kn_model *mod
                             colored ? (kn_measure)o->measure : KN_MEASURE_DISPLACEMENT, edges);
 }
 
-// What a caption calls it: objects of several files by these, whose scenes may have one name.
+// Return the name of the object in a caption. Different files are named by their file names, because their scenes may
+// have the same name.
 static const char *name_of(const kn_source *s, const kn_view_options *o)
 {
     const char *base = strrchr(s->path, '/');

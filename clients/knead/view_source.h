@@ -1,43 +1,48 @@
 #ifndef KN_CLIENTS_VIEW_SOURCE_H
 #define KN_CLIENTS_VIEW_SOURCE_H
-// Where `knead view` gets an object from: a running kneadd, a recording that is stepped to a moment, a snapshot, or a
+// Sources of the objects of `knead view`: a running kneadd, a recording that is stepped to a moment, a snapshot, or a
 // scene at rest.
 //
-//     kn_source_open -> kn_source_to a moment -> kn_source_still, as often as pictures are wanted -> kn_source_close
+//     kn_source_open -> kn_source_to a moment -> kn_source_still, as often as pictures are needed -> kn_source_close
 //
-// Every int is an exit code; other than KN_EXIT_OK: a line on stderr has said why.
+// Each function that returns an int returns an exit code. If the code is not KN_EXIT_OK, the function has printed the
+// reason on stderr.
 #include "clients/knead/live.h"
 #include "clients/knead/still.h"
 #include "clients/knead/view_options.h"
 #include "server/replay.h"
 #include "server/snapshot.h"
 
-typedef struct kn_source { // read only
+typedef struct kn_source { // read-only for the caller
     kn_view_kind kind;
     const char *path;  // NULL: the bus
-    double time_s;     // a recording's: since its first session began; the bus's: since it was opened
-    bool ended;        // nothing comes after that
-    kn_replay *replay; // of a recording
-    kn_live live;      // of the bus
-    kn_scene *scene;   // of a scene or a snapshot: these three
+    double time_s;     // present moment. Recording: since its first session began; bus: since the bus was opened
+    bool ended;        // nothing comes after time_s
+    kn_replay *replay; // recording only
+    kn_live live;      // bus only
+    // Scene or snapshot only:
+    kn_scene *scene;
     kn_model *model;
     kn_state *state;
-    kn_saved *saved; // of a snapshot
+    kn_saved *saved; // snapshot only
     int64_t opened_ms;
-    bool told;       // that its scene is not known
-    kn_gauge *gauge; // while one is needed
-    int gauged;      // of the model after so many changes in the recording
+    bool told;       // the warning about an unknown scene has been printed
+    kn_gauge *gauge; // created when a measure is needed for the first time
+    int gauged;      // how often the recording's model had changed when `gauge` was created
 } kn_source;
 
-// The options' file of that number; the bus until the first whole mesh is there and its tools are, when there are none.
+// Open a source. file: index of the file in `options`. If `options` has no files, join the bus and wait for the first
+// complete mesh and the tools.
 int kn_source_open(kn_source *source, const kn_view_options *options, int file);
 
-// To the tick nearest to at_s of a recording, or its end; of the bus, until that moment; nothing else moves. One that
-// has `ended` before stays where it is.
+// Move a source forward to the moment at_s. A recording is stepped to the tick nearest to at_s, or to its end. On the
+// bus, receive messages until at_s. A snapshot, a scene at rest, and a recording that has ended do not change.
 int kn_source_to(kn_source *source, double at_s);
 
-// What it is now, with --color's numbers and --style's edges. still: zeroed but for view.
+// Make a still of the object at the present moment, with the values of --color and the edges of --style. `still` must
+// be zeroed except for still->view.
 int kn_source_still(kn_source *source, const kn_view_options *options, kn_still *still);
-void kn_source_close(kn_source *source); // zeroed is fine
+// Close a source. A zeroed one is allowed.
+void kn_source_close(kn_source *source);
 
 #endif

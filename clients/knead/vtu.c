@@ -8,25 +8,29 @@
 
 #define TEXT(s) ((const xmlChar *)(s))
 
-// ---- a file that libxml2 writes into, and that is known to be whole
+// ---- an XML file whose write errors are all detected
 
+// An open XML file.
 typedef struct kn_pvd {
     FILE *file;
     xmlTextWriter *xml;
-    bool failed; // a word that libxml2 did not take
+    bool failed; // a call of libxml2 has failed
     char path[4096];
 } sheet;
 
 static int put(void *file, const char *bytes, int size) { return (int)fwrite(bytes, 1, (size_t)size, file); }
 
+// Record whether a call of libxml2 failed: its result is then below 0.
 static void say(sheet *s, int result) { s->failed |= result < 0; }
 
+// Write the reason of a failure to error.
 static bool explain(const sheet *s, char *error, size_t size)
 {
     snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written to its end");
     return false;
 }
 
+// Open a file and write the root element. Its attributes are the same for both types of files.
 static bool sheet_open(sheet *s, const char *path, const char *type, const char *header, char *error, size_t size)
 {
     *s = (sheet){0};
@@ -51,6 +55,7 @@ static bool sheet_open(sheet *s, const char *path, const char *type, const char 
     return true;
 }
 
+// Close all elements and the file. Return false if anything failed since the file was opened.
 static bool sheet_close(sheet *s, char *error, size_t size)
 {
     say(s, xmlTextWriterEndDocument(s->xml));
@@ -71,8 +76,9 @@ static void attribute(sheet *s, const char *name, int64_t value)
 static void begin(sheet *s, const char *element) { say(s, xmlTextWriterStartElement(s->xml, TEXT(element))); }
 static void end(sheet *s) { say(s, xmlTextWriterEndElement(s->xml)); }
 
-// Bytes of the numbers, then the numbers, in base64 as one: what VTK calls uncompressed inline binary. Files of this
-// machine's order of bytes, which is little-endian wherever Knead is built (core/fixed.h, server/snapshot.h).
+// Write an array: the number of bytes and then the numbers, together in base64. VTK calls this format uncompressed
+// inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built (core/fixed.h,
+// server/snapshot.h). tuples < 0: an array of -tuples tuples for the whole file.
 static void write_array(sheet *s, const char *name, const char *type, int components, int64_t tuples, const void *value,
                         size_t size)
 {
@@ -84,7 +90,8 @@ static void write_array(sheet *s, const char *name, const char *type, int compon
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("type"), TEXT(type)));
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("Name"), TEXT(name)));
     attribute(s, "NumberOfComponents", components);
-    if (tuples < 0) attribute(s, "NumberOfTuples", -tuples); // of a whole file, whose count nothing else says
+    // No other attribute states the count of an array for the whole file.
+    if (tuples < 0) attribute(s, "NumberOfTuples", -tuples);
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("format"), TEXT("binary")));
     if (block && text) {
         memcpy(block, &bytes, sizeof bytes);
@@ -97,6 +104,7 @@ static void write_array(sheet *s, const char *name, const char *type, int compon
     free(text);
 }
 
+// Write the arrays of the points or of the cells.
 static void write_arrays(sheet *s, const char *element, const kn_vtu_array *array, int arrays, int64_t tuples)
 {
     begin(s, element);
@@ -105,6 +113,7 @@ static void write_arrays(sheet *s, const char *element, const kn_vtu_array *arra
     end(s);
 }
 
+// Write the cells: the points of all cells, the end of each cell in them, and the type of each cell.
 static void write_cells(sheet *s, const kn_vtu *v)
 {
     begin(s, "Cells");

@@ -1,4 +1,5 @@
-// knead zwidth: how stiff a wall a device can hold without a buzz, against delay and its own friction, in simulation.
+// knead zwidth: finds, in simulation, the stiffest wall that a device can render without a buzz, for several delays and
+// frictions.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -43,17 +44,22 @@ static const char help[] =
     "  default           what a scene with this device takes (core/coupling.h), and whether it was calm\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
+// TRIPS, FRICTIONS, DAMPINGS: sizes of the tables below. SETS: most --set options.
 enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
 static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
-static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0}; // --quick: the second
-static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0};         // of the class's b_vc
+// Shares of the device's friction that are simulated. --quick takes only the second share.
+static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0};
+static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // shares of the class's b_vc
+// Range of the couplings that are tried, N/m, and the factor between two of them.
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
+// Steps of bisection after the ladder. Four steps narrow the factor 1.25 to 1.5 %.
 enum { HALVINGS = 4 };
 
 static const char *const columns[] = {
     "round_trip_ms", "friction_n_s_m", "largest_n_m", "largest_undamped_n_m", "largest_half_n_m", "largest_double_n_m",
     "colgate_n_m",   "delayed_n_m",    "default_n_m", "default_n_s_m",        "default_buzzes",   NULL};
 
+// The command line and the state of a survey.
 typedef struct zwidth {
     const char *device, *csv, *plot;
     const char *sets[SETS];
@@ -61,21 +67,23 @@ typedef struct zwidth {
     kn_grip grip;
     const kn_pad_def *material;
     const char *scene_path, *tool;
-    kn_scene *scene; // NULL: the material
+    kn_scene *scene; // NULL: material is used
     bool quick;
     kn_device_def profile;
-    kn_coupling most; // of the class, at a round trip of 1 ms
+    kn_coupling most; // default coupling of the device's class at a round trip of 1 ms
     kn_table table;
-    bool sound;
+    bool sound; // no default coupling has buzzed
     kn_progress bar;
-    int searched; // couplings, of its total
+    int searched; // couplings searched so far, for the bar
 } zwidth;
 
+// Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
 static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
 {
     kn_slab slab;
     char error[300];
-    if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error)) // it has been tried
+    // load_scene has opened this lattice before, with another coupling.
+    if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_rig_result){.buzzes = true};
     kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
     result.buzzes |= slab.diverged;
@@ -83,6 +91,7 @@ static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
     return result;
 }
 
+// Run the loop with one coupling. Return true if the loop buzzes.
 static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
 {
     kn_pad_contact c = {.coupling = coupling};
@@ -98,10 +107,12 @@ static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling
     return kn_rig_run(&def, kn_pad_touch, &c).buzzes;
 }
 
-// Upwards until the first buzz: above it there may be a calm island, which nobody could reach.
+// Find the largest coupling without a buzz by searching upwards until the first buzz. Larger couplings may be calm
+// again, but they are not searched, because they cannot be reached without a buzz.
 static double largest(const zwidth *z, double friction_n_s_m, int trip, double damping_n_s_m)
 {
     double calm = 0.0, loud = least_n_m;
+    // Climb the ladder, then bisect on a logarithmic scale.
     while (loud < most_n_m && !buzzes(z, friction_n_s_m, trip, (kn_coupling){loud, damping_n_s_m}))
         calm = loud, loud *= ladder;
     if (loud >= most_n_m || calm == 0.0) return calm;
@@ -113,6 +124,7 @@ static double largest(const zwidth *z, double friction_n_s_m, int trip, double d
     return calm;
 }
 
+// Measure one row of the table: largest couplings for all dampings, the bounds, and the default coupling.
 static void measure(zwidth *z, double friction_n_s_m, int trip)
 {
     double k[DAMPINGS], trip_s = 1e-3 * trip;
@@ -128,7 +140,8 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     double delayed = kn_coupling_delayed(friction_n_s_m, 1e-3, trip_s, z->most.damping_n_s_m);
     kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
                                        chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
-    kn_progress_close(&z->bar); // a row takes its place
+    kn_progress_close(&z->bar); // the row is printed in place of the bar
+    // The columns are printed in the order of b_vc.
     printf("%4d ms %9.3g", trip, friction_n_s_m);
     for (int i = 0; i < DAMPINGS; i++) {
         static const int order[DAMPINGS] = {1, 2, 0, 3};
@@ -138,6 +151,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     fflush(stdout);
 }
 
+// Print the head of the table and measure all rows. A series has one friction.
 static void survey(zwidth *z)
 {
     const kn_device_def *d = &z->profile;
@@ -161,6 +175,7 @@ static void survey(zwidth *z)
     }
 }
 
+// Draw the largest couplings beside the bounds.
 static int draw(const zwidth *z)
 {
     enum { TRIP = 0, LARGEST = 2, UNDAMPED = 3, COLGATE = 6, DELAYED = 7 };
@@ -249,6 +264,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     }
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
+    // Without a hand only a wall can hold the push of 1 N.
     if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
         return kn_complain("zwidth", KN_EXIT_USAGE,
                            "%s: without a hand the device only sinks in, expected --hand "
@@ -257,6 +273,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     return KN_EXIT_OK;
 }
 
+// Survey, print and write the results. Return the exit code.
 static int report(zwidth *z)
 {
     int code = KN_EXIT_OK;
@@ -274,7 +291,8 @@ static int report(zwidth *z)
     return code == KN_EXIT_OK && !z->sound ? KN_EXIT_FAILED : code;
 }
 
-// Whether the scene has such a tool is found out before the work.
+// Load the scene, and open its lattice once with any coupling. This checks before the long computation that the scene
+// has the tool.
 static int load_scene(zwidth *z)
 {
     kn_slab slab;
