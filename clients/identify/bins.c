@@ -2,17 +2,20 @@
 #include <math.h>
 #include <stdlib.h>
 
-// Of the readings that belong to one bin.
+// Sums over the readings of one bin.
 typedef struct sums {
     double weight, time, value, ln_value, least;
 } sums;
 
+// Store the means of the current bin. The value is a geometric mean, or an arithmetic mean if the values of the bin
+// differ too much.
 static void close_bin(kn_bins *b, const sums *s)
 {
     if (!(s->weight > 0)) return;
     const int k = b->count - 1;
     const double mean = s->value / s->weight;
     b->time_s[k] = s->time / s->weight;
+    // Readings near 0 have no useful logarithm.
     b->value[k] = s->least > 0.5 * mean ? exp(s->ln_value / s->weight) : mean;
     b->weight[k] = s->weight;
 }

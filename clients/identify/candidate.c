@@ -9,16 +9,16 @@
 #include <time.h>
 
 static const double atm_pa = 101325;
-static const double weak = 0.1;  // diagonals below this are not what `diagonals` means
-static const double alike = 0.1; // of a side of the box around the object, what a mesh of it may differ by
+static const double weak = 0.1;  // least diagonal stiffness that the structure `diagonals` keeps from the scene
+static const double alike = 0.1; // share of the object's extent by which the mesh's extent may differ
 static const double area_low = 0.2, area_high = 5;
 
-// ---- which there are
+// ---- list of structures
 
 typedef struct kind {
     const char *name, *words;
     bool mesh, gas;
-    const char *stiffness; // of diagonals; NULL: the scene's, 1 where these are weak
+    const char *stiffness; // stiffness of the diagonals; NULL: that of the scene, or 1 if it is below `weak`
 } kind;
 
 static const kind kinds[KN_CANDIDATES] = {
@@ -28,6 +28,7 @@ static const kind kinds[KN_CANDIDATES] = {
     {"mesh", "the edges of the mesh", true, false, NULL},
     {"mesh-pressure", "the edges of the mesh and inside pressure", true, true, NULL}};
 
+// Return whether the name is in the list `only`, or the list is absent.
 static bool is_wanted(const char *only, const char *name)
 {
     const size_t n = strlen(name);
@@ -36,6 +37,7 @@ static bool is_wanted(const char *only, const char *name)
     return !only;
 }
 
+// Complain about a name in the list that is not a structure.
 static bool are_known(const char *only, char *error, size_t error_size)
 {
     for (const char *at = only; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
@@ -52,7 +54,7 @@ static bool are_known(const char *only, char *error, size_t error_size)
     return true;
 }
 
-// The text of the scene, its object being the mesh when one is wanted and it has none; for the caller to free.
+// Return the text of the scene, freed by the caller. If a mesh is wanted and given, it replaces the scene's object.
 static char *text_for(const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error, size_t error_size)
 {
     char block[PATH_MAX + 100], path[PATH_MAX];
@@ -65,6 +67,7 @@ static char *text_for(const kn_scene *base, const kind *k, const kn_candidate_de
     return kn_graft(base->text, "object", block, error, error_size);
 }
 
+// Parse the scene with the settings of one structure.
 static kn_scene *scene_of(const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error,
                           size_t error_size)
 {
@@ -73,6 +76,7 @@ static kn_scene *scene_of(const kn_scene *base, const kind *k, const kn_candidat
     snprintf(stiffness, sizeof stiffness, "object.diagonal_stiffness=%.17g", e >= weak ? e : 1);
     if (k->stiffness) snprintf(stiffness, sizeof stiffness, "object.diagonal_stiffness=%s", k->stiffness);
     snprintf(pressure, sizeof pressure, "object.pressure=%s", k->gas ? "cells" : "none");
+    // A mesh has its own edges, so only the pressure is set for it.
     const char *const sets[] = {pressure, "object.accuracy=0", "object.structure=diagonals", stiffness};
     char *text = text_for(base, k, def, error, error_size);
     kn_scene *scene = text ? kn_scene_parse_beside(def->scene_path, def->scene_path, text, strlen(text), sets,
@@ -82,7 +86,7 @@ static kn_scene *scene_of(const kn_scene *base, const kind *k, const kn_candidat
     return scene;
 }
 
-// What else there is of one that has its scene.
+// Build the model and the surface at rest of a candidate that has its scene.
 static bool prepare(kn_candidate *c, char *error, size_t error_size)
 {
     char why[200];
@@ -104,6 +108,7 @@ static bool prepare(kn_candidate *c, char *error, size_t error_size)
     return c->rest_m;
 }
 
+// Make the scene, the model and the surface of one structure.
 static bool open_one(kn_candidate *c, const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error,
                      size_t error_size)
 {
@@ -111,6 +116,7 @@ static bool open_one(kn_candidate *c, const kn_scene *base, const kind *k, const
     c->scene = scene_of(base, k, def, error, error_size);
     if (!c->scene) return false;
     const kn_damper damper = c->scene->model.material.damper;
+    // The factor on gamma matters only if the damper depends on the stress.
     c->area = damper == KN_DAMPER_EXPONENTIAL || damper == KN_DAMPER_RAMP;
     return prepare(c, error, error_size);
 }
@@ -126,7 +132,8 @@ void kn_candidate_free(kn_candidate *c)
     memset(c, 0, sizeof *c);
 }
 
-// By their boxes, both of which stand in the middle of the scene: of another object a mesh would be fitted, too.
+// Compare the extents of mesh and object; both are centred in the scene. Without this check a mesh of another object
+// would be fitted, too.
 static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn_candidate_def *def, char *error,
                            size_t error_size)
 {
@@ -152,6 +159,7 @@ int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate
     kn_scene *base = ok ? kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size) : NULL;
     ok = base;
     for (int k = 0; ok && k < KN_CANDIDATES; k++) {
+        // Mesh structures need a mesh; the other structures need a block.
         const bool there = kinds[k].mesh ? def->mesh || base->model.mesh : !base->model.mesh;
         if (!there || !is_wanted(only, kinds[k].name)) continue;
         kn_candidate *c = &candidate[count++];
@@ -167,8 +175,9 @@ int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate
     return ok ? count : 0;
 }
 
-// ---- its fit
+// ---- the fit
 
+// Stretch the damper's law by a factor on gamma.
 static void stretch(kn_material *m, double factor)
 {
     m->p0_pa *= factor;
@@ -189,16 +198,17 @@ typedef struct work {
     const kn_evidence *evidence;
     void (*told)(void *of, int64_t ticks);
     void *of;
-    double shift_m[2]; // of the best so far, where the next search for it begins
+    double shift_m[2]; // shift of the best press so far; the next search for the shift begins there
     bool short_of_memory;
 } work;
 
-// A press of the structure with these numbers; what came of the best is kept.
+// Press the structure with these parameters and compute the residuals. Keep the result of the best press.
 static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *residual)
 {
     work *w = of;
     kn_candidate *c = w->candidate;
     const kn_evidence *e = w->evidence;
+    // Build the model with these parameters and repeat the press.
     const double pressure_pa = c->gas ? value[0] : c->pressure_pa, factor = c->area ? value[c->gas] : 1;
     const kn_model_def def = kn_candidate_model(c, pressure_pa, factor);
     kn_exhibit x = {.surface = c->best.surface, .rest_m = c->best.rest_m};
@@ -211,6 +221,7 @@ static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *resi
     kn_model_destroy(model);
     ok = ok && kn_evidence_compare(e, &x, shift_m, residual, NULL);
     for (int i = 0; ok && i < e->readings; i++) sum += residual[i] * residual[i];
+    // Keep the best press for the report and the files.
     if (ok && isfinite(sum) && (!c->found || sum < c->sum)) {
         kn_pressed_free(&c->best.pressed);
         c->best.pressed = x.pressed;
@@ -221,6 +232,7 @@ static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *resi
     return ok;
 }
 
+// Set up the search: unknowns with their bounds, and starts over the range of P0.
 static kn_search plan_of(const kn_candidate *c, const kn_evidence *e)
 {
     static const double start_atm[] = {0.1, 0.5, 2.5};
@@ -236,13 +248,14 @@ static kn_search plan_of(const kn_candidate *c, const kn_evidence *e)
         s.high[s.unknowns++] = area_high;
     }
     for (int i = 0; i < s.starts; i++) {
-        s.start[i][c->gas] = 1; // of gamma, where it is sought
+        s.start[i][c->gas] = 1; // start of the factor on gamma, if it is an unknown
         if (c->gas) s.start[i][0] = start_atm[i] * atm_pa;
         else s.start[i][0] = 1;
     }
     return s;
 }
 
+// Take values and intervals from the finished search.
 static void take(kn_candidate *c, const kn_search *s)
 {
     c->sought = s->unknowns;
@@ -251,6 +264,7 @@ static void take(kn_candidate *c, const kn_search *s)
     if (c->gas) {
         c->pressure_pa = s->value[0];
         kn_identified_take(&c->known[0], "inside_pressure", "Pa", s->value[0], kn_search_interval(s, 0, c->worth));
+        // A pressure near 0 whose interval is open below means that the fit has removed the gas.
         c->no_gas_left = c->known[0].interval.open_low && c->pressure_pa < 0.05 * atm_pa;
     }
     if (!c->area) return;
@@ -258,10 +272,12 @@ static void take(kn_candidate *c, const kn_search *s)
     c->area_factor = s->value[c->gas];
     *k = (kn_identified){0};
     kn_fit_interval i = kn_search_interval(s, c->gas, c->worth);
+    // The search has fitted the factor; gamma itself is reported.
     i.low *= c->gamma, i.high *= c->gamma;
     kn_identified_take(k, "gamma", "", c->gamma * c->area_factor, i);
 }
 
+// Return the rms difference of the force as a share of the largest force.
 static double pull_share(const kn_evidence *e, const kn_candidate *c)
 {
     double residual[KN_PULL_BINS], model_n[KN_PULL_BINS], sum = 0;
@@ -273,6 +289,7 @@ static double pull_share(const kn_evidence *e, const kn_candidate *c)
 
 double kn_candidate_work(const kn_candidate *c, const kn_evidence *e)
 {
+    // Typical numbers of presses per fit, indexed by gas and area: whether P0 and the factor on gamma are unknowns.
     static const double presses[2][2] = {{1, 4}, {7, 11}};
     return presses[c->gas][c->area] * (double)(kn_press_tick(&e->press, e->until_s) + 1);
 }
@@ -289,6 +306,7 @@ bool kn_candidate_fit(kn_candidate *c, const kn_evidence *e, void (*told)(void *
     memcpy(c->shift_m, w.shift_m, sizeof c->shift_m);
     bool ok = c->residual && (ran || !c->found);
     if (ok && c->found) {
+        // Compare the best press once more to get the residuals and misfits that belong to it.
         ok = kn_evidence_compare(e, &c->best, c->shift_m, c->residual, c->misfit);
         c->worth = kn_evidence_worth(e, c->residual);
         c->unknowns = s.unknowns + (e->align ? 2 : 0);
@@ -301,7 +319,7 @@ bool kn_candidate_fit(kn_candidate *c, const kn_evidence *e, void (*told)(void *
     return ok;
 }
 
-// ---- as a scene
+// ---- output as a scene
 
 char *kn_candidate_scene(const kn_candidate *c, const kn_candidate_def *def, char *error, size_t error_size)
 {
@@ -310,6 +328,7 @@ char *kn_candidate_scene(const kn_candidate *c, const kn_candidate_def *def, cha
     int count = 0;
     const kn_model_def found = kn_candidate_model(c, c->pressure_pa, c->area_factor);
     if (c->gas) snprintf(set[count++], sizeof *set, "object.inside_pressure=%.17g Pa", c->pressure_pa);
+    // A factor on gamma is written as a stretched damper law of the material.
     if (c->area) {
         snprintf(set[count++], sizeof *set, "material.p0=%.17g Pa", found.material.p0_pa);
         snprintf(set[count++], sizeof *set, "material.p1=%.17g Pa", found.material.p1_pa);

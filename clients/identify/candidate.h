@@ -1,81 +1,87 @@
 #ifndef KN_CLIENTS_IDENTIFY_CANDIDATE_H
 #define KN_CLIENTS_IDENTIFY_CANDIDATE_H
-// A structure that may explain what was measured, and the fit of it: the inside pressure P0 where it has gas, and the
-// factor on gamma, the stress area of an edge, where its material's damper depends on the stress.
+// A candidate: a structure of the object that may explain the measurements, and its fit to them. If the structure has
+// gas in its cells, the inside pressure P0 is an unknown. If the material's damper depends on the stress, a factor on
+// gamma, the stress area of an edge, is an unknown.
 //
 // clang-format off
 //     diagonals            sides, face and body diagonals               (a) of the first paper's figure 12
-//     pressure             sides, diagonals of 0.02, gas in every cell  (b), with what keeps it from shearing
+//     pressure             sides, diagonals of 0.02, gas in every cell  (b), with enough diagonals to prevent shearing
 //     both                 diagonals and gas                            (c)
 //     mesh, mesh-pressure  the edges of a mesh of tetrahedra or triangles, without and with gas in its elements
 // clang-format on
 //
-// gamma is what the stress that a damper feels is worked out with, |f|/(gamma kappa L0) (core/grid.h); springs and
-// dashpots do not see it. So gamma times s is the damper's law stretched: p0 s, p1 s, beta/s, c2 at p0 and p1 as it was
-// (core/law.h: T(b) becomes s T(b/s)). A scene can say that of its material, and needs no key of its own for it.
+// gamma turns the force f of an edge into the stress that drives its damper, |f|/(gamma kappa L0) (core/grid.h).
+// Springs and dashpots do not use gamma. A factor s on gamma thus stretches the law of the damper: p0, p1 and 1/beta
+// become s times as large, and the damping c2 at p0 and at p1 stays (core/law.h: T(b) becomes s T(b/s)). A scene
+// expresses the factor by these material parameters and needs no key of its own for it.
 #include "clients/identify/evidence.h"
 #include "clients/identify/identified.h"
 #include "clients/identify/search.h"
 
 #define KN_CANDIDATES 5
 #define KN_CANDIDATE_SETS 6
-#define KN_LEAST_PA 100.0 // of P0: what a scene takes
+#define KN_LEAST_PA 100.0 // limits of the inside pressure P0 in a scene, Pa
 #define KN_MOST_PA 1e7
 
 typedef struct kn_candidate {
     const char *name, *words; // "both", "diagonals and gas in every cell"
     kn_scene *scene;          // owned
-    kn_model *first;          // with the numbers of the scene, for its surface; owned
+    kn_model *first;          // model with the scene's own parameters; it defines the surface; owned
     kn_exhibit best;          // its surface is owned
     float (*rest_m)[3];
-    bool gas, area; // what is sought
+    bool gas, area; // whether P0, and the factor on gamma, are unknowns of the fit
     bool one_skin;  // the scene asks for gas in one skin around all cells, which no structure has
-    // of kn_candidate_fit
-    bool found;    // else it has no answer anywhere
-    char why[200]; // then why
+    // Set by kn_candidate_fit:
+    bool found;    // false: the model has no solution at any start
+    char why[200]; // why there is no solution; set if not found
     double pressure_pa, area_factor, shift_m[2];
     double gamma;           // of the model with area_factor 1
-    kn_identified known[2]; // of P0 and of the factor; those sought come first
-    int sought, unknowns;   // with the shifts
-    bool no_gas_left;       // P0 went to its lower bound
-    double sum, worth;      // S; independent readings
-    double *residual;       // [readings]
+    kn_identified known[2]; // P0, if it is an unknown; then gamma, if its factor is an unknown
+    // sought: number of these unknowns; unknowns: the same plus the two shifts of the images, if fitted
+    int sought, unknowns;
+    bool no_gas_left;  // P0 ended near 0, below 0.05 atm, and has no lower limit: the fit removed the gas
+    double sum, worth; // sum of squared residuals S; number of independent readings
+    double *residual;  // [readings]
     kn_relief_misfit misfit[KN_PRESS_MOMENTS];
-    double pull_share; // rms of force over the largest
+    double pull_share; // rms difference of the force over the largest measured force
     int presses;
-    bool settled, early; // as kn_search has them
+    bool settled, early; // as in kn_search
     double seconds;
 } kn_candidate;
 
-// A scene, or NULL and one line in error: path with the user's sets, then the structure's.
+// Sources of a candidate's scene: the scene file, changed by the user's --set, then by the settings of the structure.
 typedef struct kn_candidate_def {
     const char *scene_path;
     const char *const *sets;
     int set_count;
-    const char *mesh, *mesh_unit; // for the mesh structures; NULL: the scene's own
+    const char *mesh, *mesh_unit; // mesh for the two mesh structures; NULL: the scene's own mesh
 } kn_candidate_def;
 
-// What structures there are for that scene, by their names; all of them where only is NULL, else those between its
-// commas. Returns their number; 0 and one line in error: none, or a scene cannot be made.
+// List the structures that are possible for the scene. `only` limits them to names separated by commas; NULL: all.
+// Return the number of structures. Return 0 with one line in `error` if there are none or if a scene cannot be built.
 int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate_def *def, const char *only,
                        char *error, size_t error_size);
 void kn_candidate_free(kn_candidate *candidate);
 
-// The scene's definition with other numbers.
+// Return the model definition of the candidate's scene, with P0 and the factor on gamma replaced by these values.
 kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_pa, double area_factor);
 
-// told: as kn_press_play has it. Several candidates may be fitted at a time. False: memory is short.
+// Fit one candidate. Several threads may fit different candidates at once. `told` reports progress, as in
+// kn_press_play. Return false if memory runs out.
 bool kn_candidate_fit(kn_candidate *candidate, const kn_evidence *evidence, void (*told)(void *of, int64_t ticks),
                       void *of);
 
-// Ticks that the fit will play, about.
+// Estimate how many ticks of presses the fit will simulate.
 double kn_candidate_work(const kn_candidate *candidate, const kn_evidence *evidence);
 
-// A scene with what was found, that kneadd loads: its canonical text under a comment. NULL and one line in error.
+// Return a scene with the fitted parameters, as canonical text that kneadd loads; freed by the caller. On failure
+// return NULL with one line in `error`.
 char *kn_candidate_scene(const kn_candidate *candidate, const kn_candidate_def *def, char *error, size_t error_size);
 
-// The same block with the same numbers in cells half as wide, with nothing left to be sought: what of a misfit is the
-// lattice's. False and one line in error; finer is freed then.
+// Make in `finer` the same block with the fitted parameters, but with cells of half the width and without unknowns. The
+// misfit of `finer` shows how much of the error comes from the lattice. On failure return false with one line in
+// `error`; `finer` is then freed.
 bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *candidate, const kn_candidate_def *def, char *error,
                         size_t error_size);
 

@@ -13,7 +13,9 @@ bool kn_cell_next(char separator, const char **at, kn_cell *c)
     const char *p = *at + strspn(*at, separator == '\t' ? " " : " \t"), *end;
     c->quoted = *p == '"';
     c->text = p + c->quoted;
-    if (c->quoted) { // up to the quote before the next separator: within it one may be doubled, or the sign of inches
+    // A quoted cell ends at the quote before the next separator. A quote inside the cell may be doubled, or may be the
+    // inch sign.
+    if (c->quoted) {
         for (end = c->text; *end; end++)
             if (*end == '"' && end[1] == '"') end++;
             else if (*end == '"' && (!end[1] || end[1] == separator || isspace((unsigned char)end[1]))) break;
@@ -24,6 +26,8 @@ bool kn_cell_next(char separator, const char **at, kn_cell *c)
         while (*p && *p != separator && !(separator == ' ' && *p == '\t')) p++;
         c->length = (int)(p - c->text);
     }
+    // Strip blanks at the end and step over the separator. Only a separator other than a blank leaves an empty cell
+    // behind.
     while (c->length > 0 && isspace((unsigned char)c->text[c->length - 1])) c->length--;
     if (separator == ' ') p += strspn(p, " \t");
     else if (*p) p++;
@@ -32,8 +36,9 @@ bool kn_cell_next(char separator, const char **at, kn_cell *c)
     return true;
 }
 
-// Up to 15 digits over a power of ten up to 1e15, both exact: one division rounds as it should; the rest is
-// strtod's.
+// Read a plain decimal number faster than strtod. Up to 15 digits are divided by a power of ten up to 1e15. Both
+// numbers are exact in double precision, so the division rounds correctly. Return false for all other numbers; the
+// caller then uses strtod.
 static bool quick_number(const char *p, const char *end, char point, double *value)
 {
     static const double ten[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
@@ -65,6 +70,7 @@ kn_cell_content kn_cell_read(const kn_cell *c, char separator, double *value, bo
     char text[64];
     if (c->length == 0) return KN_CELL_MISSING;
     const bool may = separator != ',' || c->quoted;
+    // Most cells are plain numbers with a decimal point.
     if (quick_number(c->text, c->text + c->length, '.', value)) {
         if (memchr(c->text, '.', (size_t)c->length)) *dot = true;
         return KN_CELL_NUMBER;
@@ -73,6 +79,7 @@ kn_cell_content kn_cell_read(const kn_cell *c, char separator, double *value, bo
     snprintf(text, sizeof text, "%.*s", c->length, c->text);
     for (size_t i = 0; i < sizeof missing / sizeof *missing; i++)
         if (!strcasecmp(text, missing[i])) return KN_CELL_MISSING;
+    // A cell with other characters than those of a number is text. A decimal comma is turned into a point for strtod.
     if (strspn(text, "+-0123456789.,eE") != (size_t)c->length || !strpbrk(text, "0123456789")) return KN_CELL_TEXT;
     char *mark = may && !strchr(text, '.') ? strchr(text, ',') : NULL, *end;
     if (mark) *mark = '.', *comma = true;

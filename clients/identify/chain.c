@@ -4,27 +4,27 @@
 
 enum { STAGES = 5, UNITS = KN_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
 
-// Strains: the spring's, the Voigt units', the damper's.
+// Indices of the strains: the spring's, the Voigt elements', the damper's.
 enum { SPRING = 0, VOIGT = 1, DAMPER = KN_CHAIN_VOIGTS + 1 };
 
-static const double tolerance = 1e-7; // of a step, of the largest strain so far
+static const double tolerance = 1e-7; // error of one step, as a share of the largest strain so far
 
 #define GAMMA 0.25
-// Coefficients over the diagonal's GAMMA: they multiply GAMMA h times the rates.
+// Coefficients divided by the diagonal GAMMA: they multiply GAMMA h times the rates.
 static const double weight[STAGES][STAGES] = {
     {0},
     {1. / 2 / GAMMA},
     {17. / 50 / GAMMA, -1. / 25 / GAMMA},
     {371. / 1360 / GAMMA, -137. / 2720 / GAMMA, 15. / 544 / GAMMA},
     {25. / 24 / GAMMA, -49. / 48 / GAMMA, 125. / 16 / GAMMA, -85. / 12 / GAMMA}};
-// of order 4 less order 3
+// Coefficients of the embedded error: the solution of order 4 minus that of order 3.
 static const double against[STAGES] = {-3. / 16 / GAMMA, -27. / 32 / GAMMA, 25. / 32 / GAMMA, 0, 1. / 4 / GAMMA};
 
 typedef struct drive {
-    bool load;          // else the strain's rate is prescribed
-    double nominal_pa;  // load
-    bool constant_area; // load
-    double rate_per_s;  // strain
+    bool load;          // true: a load is given; false: the rate of the strain is given
+    double nominal_pa;  // under a load
+    bool constant_area; // under a load
+    double rate_per_s;  // under a strain drive
 } drive;
 
 typedef struct state {
@@ -38,7 +38,7 @@ double kn_chain_viscosity(const kn_chain *chain, double stress_pa)
     return chain->alpha_pa_s * exp(-chain->beta_per_pa * fmin(fmax(fabs(stress_pa), chain->p0_pa), chain->p1_pa));
 }
 
-// Flow rate of the damper and its slope; 0 without one.
+// Return the flow rate of the damper at stress p, and its slope. Both are 0 without a damper.
 static double flow(const kn_chain *chain, double p, double *slope)
 {
     *slope = 0;
@@ -56,21 +56,23 @@ static double total(const double *x)
     return sum;
 }
 
-// The units without the damper in stages of one length h: each takes up share p + rest, straight in the stress p.
+// The elements other than the damper in a stage of length h. Each takes up the strain share * p + rest, linear in the
+// stress p.
 typedef struct stage {
-    double h, share[UNITS], all; // their sum
+    double h, share[UNITS], all; // all: the sum of the shares
 } stage;
 
 static stage stage_of(const kn_chain *chain, double h)
 {
     stage g = {.h = h};
     if (chain->spring_pa > 0) g.share[SPRING] = 1 / chain->spring_pa;
+    // An implicit Euler stage of a Voigt element: c x' + k x = p.
     for (int i = 0; i < chain->voigts; i++) g.share[VOIGT + i] = h / (chain->c_pa_s[i] + h * chain->k_pa[i]);
     for (int i = 0; i < UNITS; i++) g.all += g.share[i];
     return g;
 }
 
-// What they take up beyond base at no stress.
+// Compute the strain that each element takes up beyond base at zero stress, and return the sum.
 static double rests(const kn_chain *chain, const stage *g, const double *base, double *out)
 {
     double sum = out[SPRING] = chain->spring_pa > 0 ? -base[SPRING] : 0;
@@ -81,8 +83,9 @@ static double rests(const kn_chain *chain, const stage *g, const double *base, d
     return sum;
 }
 
-// The stress of a stage that begins with the strains base, and what the units take up. Newton, and where that leaves
-// what is known of the root, halving: the sum rises with p.
+// Find the stress of a stage that begins with the strains `base`, and the strain that each element takes up. The method
+// is Newton's. The sum of the strains rises with p, so the root stays enclosed in an interval. If a Newton step leaves
+// that interval, the interval is halved instead.
 static bool meet(const kn_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
                  double *taken)
 {
@@ -92,20 +95,23 @@ static bool meet(const kn_chain *chain, const drive *d, const stage *g, const do
     for (int i = 0; i < NEWTON_MAX; i++) {
         rate = flow(chain, p, &steep);
         double sum = g->all * p + rest + g->h * rate, slope = g->all + g->h * steep;
+        // f is the residual in the stress under a load, or in the strain under a strain drive.
         double f = d->load ? p - d->nominal_pa + feedback * (begun + sum) : sum - g->h * d->rate_per_s;
         slope = d->load ? 1 + feedback * slope : slope;
         if (!isfinite(f) || !(slope > 0)) return false;
+        // f rises with p, so its sign tells on which side the root is.
         if (f > 0) high = p;
         else low = p;
         double next = p - f / slope;
-        bool there = fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa); // the next: its square
+        // Newton converges quadratically: the next error would be the square
+        bool there = fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa);
         bool over = fabs(p) < chain->p1_pa && fabs(next) > chain->p1_pa && chain->beta_per_pa > 0;
-        if (over) next = copysign(chain->p1_pa, next); // the slope has a kink there
+        if (over) next = copysign(chain->p1_pa, next); // the slope has a kink at P1
         if (!there && !(next > low && next < high) && isfinite(low) && isfinite(high)) next = (low + high) / 2;
         rate += steep * (next - p);
         p = next;
         if (there) break;
-        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // to rounding: halving has come to its end
+        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // halving has reached rounding
     }
     *stress = p;
     for (int i = 0; i < UNITS; i++) taken[i] += g->share[i] * p;
@@ -113,11 +119,13 @@ static bool meet(const kn_chain *chain, const drive *d, const stage *g, const do
     return true;
 }
 
-// Stress and rates that belong to the strains: a stage too short to change them.
+// Compute the stress and the rates that belong to the present strains. If the strain is given and the chain has no
+// spring, the stress follows from a stage that is too short to change the strains.
 static bool observe(const kn_chain *chain, const drive *d, state *s)
 {
     double taken[UNITS], steep, p = s->stress_pa;
     bool spring = chain->spring_pa > 0;
+    // Under a load the stress follows from the strain, else from the spring.
     if (d->load) p = d->nominal_pa * (1 - (d->constant_area ? 0 : total(s->x)));
     else if (spring) p = chain->spring_pa * s->x[SPRING];
     else {
@@ -132,13 +140,14 @@ static bool observe(const kn_chain *chain, const drive *d, state *s)
         if (chain->c_pa_s[i] > 0) s->rate[VOIGT + i] = (p - chain->k_pa[i] * s->x[VOIGT + i]) / chain->c_pa_s[i];
         others += s->rate[VOIGT + i];
     }
+    // The strain of the spring follows from the stress, so its rate balances the rates of the others.
     if (spring && d->load && !d->constant_area)
         s->rate[SPRING] = -d->nominal_pa * others / (chain->spring_pa + d->nominal_pa);
     else if (spring && !d->load) s->rate[SPRING] = d->rate_per_s - others;
     return true;
 }
 
-// One step of length h; its error of the largest strain, infinite where there is no answer.
+// Take one step of length h. Return its error as a share of the largest strain, or infinity if a stage has no solution.
 static double step(const kn_chain *chain, const drive *d, const state *from, double h, state *to)
 {
     double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
@@ -163,7 +172,8 @@ static double step(const kn_chain *chain, const drive *d, const state *from, dou
     return to->largest > 0 ? error / to->largest : 0;
 }
 
-// Readings of one piece, between its ends: all that lie in (from, to].
+// The readings to compute. When the integration passes the time of a reading, the reading is interpolated. Each step
+// fills in the readings in (from, to].
 typedef struct readings {
     int count, next;
     const double *time_s;
@@ -177,6 +187,7 @@ static double hermite(double a, double slope_a, double b, double slope_b, double
     return along_s * along_s * ((1 + 2 * s) * a + s * h * slope_a) + s * s * ((3 - 2 * s) * b - along_s * h * slope_b);
 }
 
+// Interpolate the readings between two states. A stress is computed from the interpolated strains.
 static bool read_between(const kn_chain *chain, const drive *d, const state *a, const state *b, readings *r)
 {
     for (; r->next < r->count && r->time_s[r->next] <= b->time_s; r->next++) {
@@ -189,7 +200,7 @@ static bool read_between(const kn_chain *chain, const drive *d, const state *a, 
     return true;
 }
 
-// Without a load every Voigt unit goes back by itself.
+// Relax without a load: every Voigt element returns by itself, in closed form.
 static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
 {
     double begun[UNITS], from = s->time_s;
@@ -209,13 +220,14 @@ static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
     s->stress_pa = 0;
 }
 
-// Follows a drive until a time.
+// Integrate under one drive until a time.
 static bool follow(const kn_chain *chain, const drive *d, state *s, double until_s, readings *r)
 {
     double span = until_s - s->time_s;
     if (!(span > 0)) return true;
     if (d->load && d->nominal_pa == 0 && isfinite(until_s)) return rest(chain, s, until_s, r), true;
-    if (chain->spring_pa > 0 && d->load) { // it gives way at once
+    // The spring deforms at once when the load changes.
+    if (chain->spring_pa > 0 && d->load) {
         double others = total(s->x) - s->x[SPRING];
         s->x[SPRING] = d->constant_area ? d->nominal_pa / chain->spring_pa
                                         : d->nominal_pa * (1 - others) / (chain->spring_pa + d->nominal_pa);
@@ -227,6 +239,8 @@ static bool follow(const kn_chain *chain, const drive *d, state *s, double until
         bool last = s->time_s + 1.0001 * h >= until_s;
         if (last) h = until_s - s->time_s;
         double error = step(chain, d, s, h, &next);
+        // A rejected step is repeated with a smaller h. The factor for h follows from the error estimate, which is of
+        // order 4 in h.
         if (error > tolerance) {
             h *= fmin(fmax(0.9 * pow(tolerance / error, 0.25), 0.1), 0.5);
             if (!(h > 1e-15 * span)) return false;
@@ -270,6 +284,7 @@ bool kn_chain_stress(const kn_chain *chain, int steps, const kn_chain_step *at, 
         double until = last ? time_s[count - 1] : at[i + 1].time_s, span = until - at[i].time_s;
         double grown = last ? 0 : at[i + 1].value - at[i].value;
         drive d = {.rate_per_s = span > 0 && !last ? grown / span : 0};
+        // A jump of strain is taken up by the spring alone.
         if (span == 0 && grown != 0) {
             if (!(chain->spring_pa > 0)) return false;
             s.x[SPRING] += grown;

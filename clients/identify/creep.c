@@ -1,4 +1,4 @@
-// knead identify creep: from creep curves to the numbers of the papers' element.
+// The command `knead identify creep`: find the parameters of the papers' element from creep curves.
 #include "clients/identify/creep_figures.h"
 #include "clients/identify/creep_report.h"
 #include "clients/identify/joint.h"
@@ -53,18 +53,18 @@ typedef struct work {
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     kn_joint joint;
-    double took_s; // the fit
+    double took_s; // duration of the fit
     kn_models models;
-    bool compared, served; // by a scene
+    bool compared, served; // served: a scene accepts the material
     int notes;
-    char note[KN_CREEP_NOTES][400]; // what is to be doubted, in words
+    char note[KN_CREEP_NOTES][400]; // notes on what is doubtful, as sentences
 } work;
 
-// ---- what is told
+// ---- printed results
 
 static const double gf_cm2 = 98.0665; // Pa
 
-// What the number is in the first paper's units, of a specimen of 1 cm.
+// Print a parameter in the units of the first paper, for a specimen of 1 cm.
 static void print_papers(const kn_identified *n, int which)
 {
     static const char *const unit[] = {"gf/cm^3", "gf s/cm^3", "gf s/cm^3", "cm^2/gf", "gf/cm^2", "gf/cm^2"};
@@ -93,7 +93,7 @@ static void print_curves(const work *w)
         const kn_curve *c = &w->curve[k];
         double most = 0;
         for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-        char runs[20] = "-"; // too few readings to say
+        char runs[20] = "-"; // too few readings to tell
         if (isfinite(j->runs[k])) snprintf(runs, sizeof runs, "%.2g", j->runs[k]);
         printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
                100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
@@ -107,6 +107,7 @@ static void print_curves(const work *w)
            w->took_s);
 }
 
+// Compare with the first paper's own method, curve by curve.
 static void print_stages(const work *w)
 {
     bool first = true;
@@ -129,8 +130,9 @@ static void print_stages(const work *w)
     }
 }
 
-// ---- what is to be doubted, in words
+// ---- notes on what is doubtful
 
+// Add a note: print it, and store it for the report and for --json.
 __attribute__((format(printf, 2, 3))) static void doubt(work *w, const char *format, ...)
 {
     va_list args;
@@ -150,6 +152,7 @@ static int under_load(const kn_curve *c)
     return n;
 }
 
+// Return whether the load changed within the two readings before this one.
 static bool follows_change(const kn_curve *c, int reading)
 {
     return reading < 2 || kn_joint_load(c, c->time_s[reading - 2]) != kn_joint_load(c, c->time_s[reading]);
@@ -160,18 +163,21 @@ static void doubt_curves(work *w)
     const kn_joint *j = &w->joint;
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
+        // Without a recovery after the load, k1 and c1 are determined by the creep alone.
         if (!isfinite(kn_joint_release(c)))
             doubt(w,
                   "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
                   "way, not on what came back",
                   c->name);
-        // noise is known to 1.7/sqrt(n) of itself, by its median; far below it, what is left is nothing to anybody
+        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). Residuals far
+        // below the noise are no concern.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             doubt(w,
                   "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
                   "moment of the load%s or a scale is wrong, and the intervals speak of noise alone",
                   c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits it)");
+        // Without readings under load, only the strain at the end of the load is known.
         if (under_load(c) == 0)
             doubt(w, "%s: no reading under its load: how it gave way is known from its end alone", c->name);
     }
@@ -181,17 +187,21 @@ static void doubt_all(work *w)
 {
     const kn_joint *j = &w->joint;
     char why[300];
+    // The report writes the material only if a scene accepts it.
     w->served = kn_material_served(&j->material, why, sizeof why);
     if (!w->served) doubt(w, "no scene takes this material: %s", why);
+    // A single load covers a short range of stresses, so the data can hardly separate beta, P0 and P1.
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
         doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
                  "beta cannot be told from P0 and P1; another load would tell them apart");
+    // If alpha and beta are strongly correlated, the data determine only a combination of both.
     if (fabs(j->alpha_beta) > 0.98)
         doubt(w,
               "alpha and beta are known together, not apart (correlation %.3f): the stresses lie within %.3g to "
               "%.3g kPa; a smaller and a larger load would part them",
               j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
+        // An outlier just after a change of load may come from a wrong time of that change.
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
         doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve while those around it are not%s", c->file,
@@ -202,6 +212,7 @@ static void doubt_all(work *w)
     }
 }
 
+// Write parameters and curves to --json.
 static void tell(const work *w)
 {
     const kn_joint *j = &w->joint;
@@ -237,6 +248,7 @@ static int write_csv(const work *w)
     bool ok = true;
     for (int k = 0; ok && k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
+        // Write every reading with the fitted strain, the stress and its weight.
         double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
         ok = fit && kn_joint_predict(&w->joint.material, c, fit);
         if (ok) kn_joint_stress(c, stress);
@@ -269,7 +281,7 @@ static int load(work *w)
     return code;
 }
 
-// Whether everything can be written, before the work.
+// Check that all outputs can be written before the work begins.
 static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
@@ -278,6 +290,7 @@ static int try_outputs(const kn_identify_options *opt)
     return code;
 }
 
+// Compare other models with the same curves, unless --no-models is given.
 static void compare(work *w)
 {
     char error[200];
@@ -308,7 +321,8 @@ static int write(const work *w, kn_document *d)
     if (code == KN_EXIT_OK && o->png)
         code = kn_creep_figures_fits(o->subcommand, o->png, w->curves, w->curve, &w->joint);
     if (code == KN_EXIT_OK && kn_document_is_open(d)) code = write_report(w, d);
-    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out); // last: no scene may take it
+    // Write the material last, since this fails if no scene accepts it.
+    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out);
     return kn_document_close(d, code);
 }
 
@@ -327,6 +341,7 @@ static int identify(work *w, int argc, char **argv)
     if (code == KN_EXIT_OK)
         code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "A material by creep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
+    // Fit all curves at once, and shift the curves to the fitted times of their loads.
     const double began_s = seconds();
     if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
@@ -338,6 +353,7 @@ static int identify(work *w, int argc, char **argv)
     print_numbers(&w->joint);
     print_curves(w);
     print_stages(w);
+    // Print the notes last, after all tables.
     compare(w);
     printf("\n");
     doubt_curves(w);

@@ -7,11 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LAW = 100 }; // points of a damper law
+enum { LAW = 100 }; // points of a plotted damper law
 
-enum { MEANS = 40 }; // of what is left
+enum { MEANS = 40 }; // means of the residuals in a plot
 
-typedef struct numbers { // of one curve, one block of memory
+typedef struct numbers { // values of one curve, in one block of memory
     double *fitted, *stress, *fitted_stress, *left, *since, *came_back, *fitted_back, *equation5;
     int means;
     double mean_s[MEANS], mean_left[MEANS];
@@ -27,13 +27,15 @@ static bool allocate(numbers *n, int count)
     return true;
 }
 
-// Means of neighbours, over their own standard deviation: a bend of the model that hides in the noise of single
-// readings stands out of it. The same number of readings in each after the early ones.
+// Average the residuals of neighbouring readings and divide each mean by the standard deviation of the mean. A
+// systematic deviation that is hidden in the noise of single readings becomes visible. Among the early readings a mean
+// spans at most half of the time before it. Later each mean has the same number of readings.
 static void average(numbers *n, const kn_curve *c)
 {
     n->means = 0;
     for (int i = 0, end; i < c->count; i = end) {
         const double from = c->time_s[i];
+        // A mean ends when it has its equal share of the remaining readings, or when the time has grown by half.
         const int most = (c->count - i) / (MEANS - n->means) + 1;
         double time = 0, sum = 0;
         for (end = i; end < c->count && end - i < most && (end == i || c->time_s[end] < 1.5 * from); end++)
@@ -44,6 +46,7 @@ static void average(numbers *n, const kn_curve *c)
     }
 }
 
+// Compute the fitted strain, both stresses and the residuals of a curve.
 static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint)
 {
     if (!allocate(n, c->count)) return false;
@@ -60,13 +63,14 @@ static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint)
     return true;
 }
 
-// What came back since the release, by measurement, joint fit and equation 5, all from the joint fit's strain at the
-// release on, so that they can be compared; how many readings that are.
+// Compute the recovered strain since the release, by measurement, by the joint fit and by equation 5. All three are
+// counted from the strain of the joint fit at the release, so that they can be compared. Return the number of readings.
 static int recover(numbers *n, const kn_curve *c, const kn_stages *s)
 {
     int begin = 0;
     while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
     if (begin == 0 || begin == c->count) return 0;
+    // The strain at the release is that of the last reading before it, unless a reading is exactly there.
     const double released = n->fitted[c->time_s[begin] == s->release_s ? begin : begin - 1];
     for (int i = begin; i < c->count; i++) {
         n->since[i - begin] = c->time_s[i] - s->release_s;
@@ -83,6 +87,7 @@ typedef struct law {
     double stress[LAW], c2[LAW];
 } law;
 
+// Sample the damper law of a material over a range of stresses.
 static void follow(law *l, const kn_material *m, double low_pa, double high_pa)
 {
     for (int i = 0; i < LAW; i++) {
@@ -123,6 +128,7 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
         (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
     add(&p[1], "of the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
     add(&p[1], "of the identified one", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
+    // Without the two stages there are no figures 8 and 9.
     if (!s) return kn_figure_draw(subcommand, path, c->name, p, 2, 2);
 
     const int back = recover(n, c, s);
@@ -134,6 +140,7 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     p[3] = damper_panel("damper (figure 9)");
     double low = INFINITY, high = 0;
     for (int i = 0; i < s->count; i++) low = fmin(low, s->stress_pa[i]), high = fmax(high, s->stress_pa[i]);
+    // Both laws are drawn over the stresses of this curve.
     follow(&joint_law, &joint->material, low, high);
     follow(&stages_law, &s->material, low, high);
     kn_figure_add(&p[3], (kn_figure_series){"by subtraction", s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3,
@@ -158,7 +165,7 @@ int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_cu
 
 // ---- all curves
 
-typedef struct all { // too large for a stack
+typedef struct all { // too large for the stack
     numbers of[KN_CURVES_MAX];
     kn_stages stages[KN_CURVES_MAX];
     bool staged[KN_CURVES_MAX];
@@ -167,7 +174,8 @@ typedef struct all { // too large for a stack
     int computed;
 } all;
 
-// Where c2 by subtraction is noise alone it says nothing: within three decades of the law.
+// Remove values of c2 by subtraction that differ from the law by more than a factor of 10^1.5, since they are only
+// noise.
 static void clip(kn_stages *s, const kn_material *m)
 {
     for (int i = 0; i < s->count; i++)
@@ -177,11 +185,13 @@ static void clip(kn_stages *s, const kn_material *m)
 static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
 {
     const numbers *n = &a->of[k];
+    // Only the first panel has names; the hues are the same in all panels.
     add(&a->panel[0], c->name, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
     add(&a->panel[0], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
     add(&a->panel[1], NULL, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
     add(&a->panel[1], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
     add(&a->panel[2], NULL, n->means, n->mean_s, n->mean_left, 1, KN_FIGURE_LINE, k + 1);
+    // Add the points of the two stages to the damper panel, if this curve has them.
     a->staged[k] = kn_stages_fit(&a->stages[k], c);
     if (!a->staged[k]) return;
     const kn_stages *s = &a->stages[k];
@@ -190,6 +200,7 @@ static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
                   (kn_figure_series){NULL, s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3, KN_FIGURE_POINTS, k + 1});
 }
 
+// Compute and draw all curves in four panels.
 static int draw_all(all *a, const char *subcommand, const char *path, int curves, const kn_curve *curve,
                     const kn_joint *joint)
 {

@@ -12,10 +12,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_CM2_PA 98.0665   // what the paper counts in
-enum { PAPER_FIGURES = 8 }; // curves that get a picture of their own
+#define GF_CM2_PA 98.0665   // the paper's unit of stress
+enum { PAPER_FIGURES = 8 }; // number of curves that get a plot of their own
 
-// ---- what was measured, what was found
+// ---- data and results
 
 static void curves(kn_document *d, const kn_creep_found *f)
 {
@@ -36,6 +36,7 @@ static void curves(kn_document *d, const kn_creep_found *f)
                      f->curve[0].constant_area ? ", taken as constant" : ", S h = S0 h0");
 }
 
+// Write the table of parameters and the links to the material.
 static void numbers(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "The material");
@@ -57,6 +58,7 @@ static void numbers(kn_document *d, const kn_creep_found *f)
                      f->joint->lowest_pa / 1e3, f->joint->highest_pa / 1e3);
 }
 
+// List the notes, or state that the residuals look like noise.
 static void trust(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "How far to trust it");
@@ -67,6 +69,7 @@ static void trust(kn_document *d, const kn_creep_found *f)
 
 // ---- pictures of the fit
 
+// Draw all fits in one plot, then the paper's figures for the first curves.
 static int fits(kn_document *d, const kn_creep_found *f)
 {
     char path[PATH_MAX], name[KN_CURVE_NAME + 40], alt[200];
@@ -94,6 +97,7 @@ static int fits(kn_document *d, const kn_creep_found *f)
     return KN_EXIT_OK;
 }
 
+// List how far the results of the first paper's two stages differ from the joint fit.
 static void two_stages(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "The first paper's two stages beside it");
@@ -113,6 +117,7 @@ static void two_stages(kn_document *d, const kn_creep_found *f)
     }
 }
 
+// Write the table of other models.
 static void models(kn_document *d, const kn_models *m)
 {
     char text[1000];
@@ -131,8 +136,9 @@ static void models(kn_document *d, const kn_models *m)
     kn_document_text(d, "Verdict: %s.", text);
 }
 
-// ---- the way back
+// ---- the material creeps again
 
+// Write a scene with the paper's block of this material, for the lattices and for kneadd.
 static int write_scene(const kn_document *d, const char *subcommand, char path[PATH_MAX])
 {
     FILE *f = fopen(kn_document_file(d, "scene.yaml", path), "w");
@@ -150,7 +156,7 @@ static int write_scene(const kn_document *d, const char *subcommand, char path[P
     return fclose(f) == 0 ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
 }
 
-// One curve in both panels: what was measured, and each way back.
+// Add one curve to both panels: the measured strain, and the strain of the element or of the lattices.
 static void lay_over(kn_figure_panel *panel, const kn_curve *c, const kn_recreep *l, int hue)
 {
     kn_figure_add(&panel[0], (kn_figure_series){c->name, c->count, c->time_s, c->value, .hue = hue});
@@ -163,9 +169,11 @@ static void lay_over(kn_figure_panel *panel, const kn_curve *c, const kn_recreep
                                                     .hue = hue});
 }
 
+// Compare the lattices with the element and state how far they differ.
 static void judge_lattices(kn_document *d, const double worst[KN_RECREEP_WAYS])
 {
     const double diagonals = worst[KN_RECREEP_DIAGONALS], gas = worst[KN_RECREEP_GAS];
+    // Lattices that differ from the element by less than 5 % count as equal to it.
     const bool near = fmax(diagonals, gas) < 0.05;
     kn_document_verdict(d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
                         near ? "Lattices of this material creep as its element does: %.2g %% off with diagonals, %.2g "
@@ -176,18 +184,20 @@ static void judge_lattices(kn_document *d, const double worst[KN_RECREEP_WAYS])
                         100 * diagonals, 100 * gas);
 }
 
+// Compute the creep of the material under every curve's loads (recreep.h), and report and plot the differences.
 static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
 {
     char path[PATH_MAX];
     kn_figure_panel *panel = calloc(2, sizeof *panel);
     kn_recreep *back = calloc((size_t)f->curves, sizeof *back);
-    double worst[KN_RECREEP_WAYS] = {0}; // from the element
+    double worst[KN_RECREEP_WAYS] = {0}; // largest difference from the element, over all curves
     int code = panel && back ? KN_EXIT_OK : kn_complain(f->subcommand, KN_EXIT_DEVICE, "out of memory");
     kn_document_table(d, "Root mean squares of differences, % of the largest strain", "lrrrrrr",
                       "curve\tlargest strain\telement from data\tdiagonals from data\twith gas from data\t"
                       "diagonals from element\twith gas from element");
     for (int k = 0; k < f->curves && code == KN_EXIT_OK; k++) {
         code = kn_recreep_run(&back[k], f->subcommand, scene, &f->curve[k]);
+        // Each curve has one row: differences from the data and from the element.
         const double *data = back[k].from_data, *element = back[k].from_element;
         kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g", f->curve[k].name, kn_recreep_largest(&f->curve[k]),
                         100 * data[KN_RECREEP_ELEMENT], 100 * data[KN_RECREEP_DIAGONALS], 100 * data[KN_RECREEP_GAS],
@@ -210,6 +220,7 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
     return code;
 }
 
+// Press a block of the material with the first paper's press, and report the force and the dent.
 static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
 {
     char path[3][PATH_MAX];

@@ -31,7 +31,8 @@ void kn_curve_say(const kn_curve_file *f, const char *format, ...)
 
 // ---- noise
 
-enum { SAMPLES = 100000 }; // of triples: as good as all of ten million, and sorted in no time
+// most triples of readings that are used: they suffice for a file of ten million readings, and are sorted quickly
+enum { SAMPLES = 100000 };
 
 static double largest(int count, const double *value)
 {
@@ -40,7 +41,7 @@ static double largest(int count, const double *value)
     return most;
 }
 
-// Smallest difference of two neighbours that differ at all: a step of the gauge.
+// Return the smallest difference between two unequal neighbours: a step of the gauge.
 static double gauge(int count, const double *value)
 {
     double least = INFINITY;
@@ -51,7 +52,8 @@ static double gauge(int count, const double *value)
 
 static double share(const double *weight, int i) { return weight ? 1 / weight[i] : 1; }
 
-// Of independent noise the middle one of three less the line through the others keeps 1 + a^2 + b^2 of its variance.
+// Return the distance of the middle value from the line through its two neighbours. Independent noise of variance 1
+// gives this distance the variance 1 + a^2 + b^2, so the distance is divided by its root.
 static double bend(const double *t, const double *y, const double *weight)
 {
     const double span = t[2] - t[0];
@@ -61,10 +63,10 @@ static double bend(const double *t, const double *y, const double *weight)
            sqrt(share(weight, 1) + a * a * share(weight, 0) + b * b * share(weight, 2));
 }
 
-// weight: of how many readings each is the mean; NULL: of one.
+// Return the noise as kn_curve_noise does. `weight`: number of readings in each mean; NULL: one reading in each.
 static double noise_of(int count, const double *time_s, const double *value, const double *weight)
 {
-    static const double median_of_normal = 0.674489750196082; // of |x|, x normal with standard deviation 1
+    static const double median_of_normal = 0.674489750196082; // median of |x| for x normal with standard deviation 1
     const double floor = 1e-6 * largest(count, value);
     const int step = count / SAMPLES + 1;
     double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
@@ -75,6 +77,7 @@ static double noise_of(int count, const double *time_s, const double *value, con
         pairs++;
         if (isfinite(size)) sizes[n++] = size;
     }
+    // A coarse gauge repeats its readings. Its noise is the standard deviation of rounding.
     if (2 * same > pairs) {
         noise = gauge(count, value) / sqrt(12);
     } else if (n > 0) {
@@ -92,6 +95,7 @@ double kn_curve_noise(int count, const double *time_s, const double *value)
 
 // ---- readings
 
+// Copy a column. An empty one still gets memory, so that NULL means out of memory.
 static bool copy(double **to, const double *from, int count)
 {
     *to = malloc((size_t)(count > 0 ? count : 1) * sizeof **to);
@@ -99,6 +103,7 @@ static bool copy(double **to, const double *from, int count)
     return *to;
 }
 
+// Take rows begin..end-1 of a column: move the whole column if nobody else needs it, else copy.
 static bool take(kn_sheet *s, int column, int begin, int end, bool only, double **to)
 {
     if (column < 0) return true;
@@ -129,8 +134,9 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
     return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
 }
 
-enum { FEW = 3 }; // rows in a wrong place beside each other are fewer
+enum { FEW = 3 }; // fewer than this many successive rows count as single rows out of place
 
+// Return whether the next step of time after row i is longer than longer_s.
 static bool strides(const kn_sheet *s, const double *t, int i, double longer_s)
 {
     int next = i + 1;
@@ -138,8 +144,9 @@ static bool strides(const kn_sheet *s, const double *t, int i, double longer_s)
     return next < s->rows && t[next] - t[i] > longer_s;
 }
 
-// Rows from `at` on in which time rises anew, counted to KN_CURVE_LEAST. 0 where one or two stand in a wrong place and
-// time then goes on from where it was, `last`: by three of its steps at most, and by no strides that are another table's.
+// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. Return 0 if one or two rows are only out of
+// place. In that case one of the first FEW rows continues the old time: it is at most three old steps after `last`, the
+// largest time so far, and the next row follows within ten old steps. Longer steps belong to another table.
 static int rows_anew(const kn_sheet *s, const double *t, int at, double last, double step)
 {
     double before = t[at];
@@ -158,11 +165,14 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
 {
     const double *t = s->column[time].value;
     double first = NAN, last = NAN, step = 0, before = NAN;
-    int falls = 0; // in disorder there are many, and three rows rise by chance
+    // number of falls of time; in a disordered file time falls often, and three rows in a row may rise by chance
+    int falls = 0;
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
         if (isnan(first)) first = last = before = t[i];
         if (t[i] > last) step = t[i] - last;
+        // A second table begins if time falls back into the first half of its range and then rises for enough rows. If
+        // time fell before, the file may be in disorder, so more rows must rise.
         if (t[i] < before) {
             if (i - begin >= KN_CURVE_LEAST && i - begin >= 4 * falls && t[i] <= 0.5 * (last + first) &&
                 rows_anew(s, t, i, last, step) >= (falls ? KN_CURVE_LEAST : FEW))
@@ -175,6 +185,7 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
     return s->rows;
 }
 
+// Complain if there are too few readings, or if the value never changes.
 static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name)
 {
     const kn_sheet *s = &f->sheet;
@@ -190,7 +201,7 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     return KN_EXIT_OK;
 }
 
-// Of what was made of cells, which the sheet has looked at one by one.
+// Complain about numbers out of range that were computed from cells. The sheet has checked the cells themselves.
 static int check_sane(kn_curve_file *f, const kn_readings *r)
 {
     const double *const all[] = {r->time_s, r->value, r->other, r->load};
@@ -210,6 +221,7 @@ int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
     if (out > 0)
         kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
                      line);
+    // The readings of a sweep are sorted by frequency, which is stored in time_s.
     const char *along = *f->count && f->curve[*f->count - 1].kind == KN_CURVE_SWEEP ? "frequency" : "time";
     int moved = kn_readings_sort(r);
     if (moved > 0) kn_curve_say(f, "the rows are not in the order of %s: %d moved", along, moved);
@@ -222,6 +234,7 @@ int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
 
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
 {
+    // The sign is changed only if the negative part is twenty times the positive one.
     double below = 0, above = 0;
     for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
     if (!(below > 20 * above)) return;
@@ -241,7 +254,7 @@ double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
 {
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = r->time_s[0], span = r->time_s[r->count - 1] - first;
-    if (first <= span) return 0; // before it, too: then there are readings before the load
+    if (first <= span) return 0; // readings may also begin before the load
     kn_curve_say(
         f, "time counts from long before, from its first reading, %.6g s, on here; a note '# begin:' knows better",
         first);
@@ -250,7 +263,7 @@ double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
 
 // ---- curves
 
-// Its file without folder and ending, and what else there is to tell it by.
+// Name the curve after its file without folder and ending, and after the part of the file.
 static void name_curve(kn_curve *c, const char *file, const char *part)
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file, *dot = strrchr(base, '.');
@@ -275,7 +288,7 @@ kn_curve *kn_curve_add(kn_curve_file *f, kn_curve_kind kind, const char *part)
     return c;
 }
 
-// Of the logarithms, both moduli together.
+// Return the noise of the logarithms of both moduli together.
 static double noise_of_sweep(const kn_readings *r)
 {
     double *log_hz = malloc(3 * (size_t)r->count * sizeof *log_hz);
@@ -295,8 +308,10 @@ static double noise_of_sweep(const kn_readings *r)
 int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, const double *change_s)
 {
     const int before = r->count;
+    // The noise of single readings is estimated before thinning.
     c->noise = c->kind == KN_CURVE_SWEEP ? noise_of_sweep(r) : noise_of(r->count, r->time_s, r->value, r->weight);
     const bool ok = kn_readings_thin(r, KN_CURVE_READINGS, changes, change_s);
+    // The curve takes over the arrays. The load column is no longer needed.
     c->count = r->count;
     c->time_s = r->time_s;
     c->value = r->value;
@@ -312,7 +327,7 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, 
     return KN_EXIT_OK;
 }
 
-// ---- a file
+// ---- one file
 
 static double given(double option) { return option > 0 ? option : NAN; }
 
@@ -325,7 +340,7 @@ static int bad_note(const kn_curve_file *f, const char *key)
                              s->note[n].value);
 }
 
-// A file knows itself better than options do, which are of all files.
+// Read the notes. The notes of a file override the options, which apply to all files.
 static int take_notes(kn_curve_file *f)
 {
     const kn_curve_options *o = f->opt;
@@ -337,6 +352,7 @@ static int take_notes(kn_curve_file *f)
                  {"release", "s", &f->release_s, o->release_s}, {"strain", "1", &f->strain, o->strain}};
     int code = KN_EXIT_OK;
     for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
+        // A note overrides the option. A value must be from 1e-15 to 1e15.
         *notes[i].value = NAN;
         code = kn_sheet_note_take(&f->sheet, notes[i].key, notes[i].unit, notes[i].value);
         const double value = *notes[i].value;
@@ -346,12 +362,13 @@ static int take_notes(kn_curve_file *f)
     f->begin_s = NAN;
     if (code == KN_EXIT_OK) code = kn_sheet_note_take(&f->sheet, "begin", "s", &f->begin_s);
     f->constant_area = o->constant_area;
+    // The note "section: constant" works like --constant-area.
     for (int n = 0; n < f->sheet.notes; n++)
         f->constant_area |= !strcmp(f->sheet.note[n].key, "section") && !strcmp(f->sheet.note[n].value, "constant");
     return code;
 }
 
-// Notes stand above the table or below it: they are taken once all rows are there.
+// Notes may be above or below the table, so they are read after all rows.
 int kn_curve_rows(kn_curve_file *f, int count, const int wanted[])
 {
     int code = kn_sheet_read(&f->sheet, count, wanted);
@@ -364,11 +381,13 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, kn_curve_load_relax, kn_curve_load_sweep};
     kn_curve_file *f = malloc(sizeof *f);
     if (!f) return kn_complain(options->subcommand, KN_EXIT_DEVICE, "%s: out of memory", file);
+    // Open the sheet and let the loader of this kind read it.
     *f = (kn_curve_file){.opt = options, .curve = curve, .count = count};
     const int before = *count;
     int code = kn_sheet_open(&f->sheet, file, options->units, options->subcommand);
     if (code == KN_EXIT_OK) code = load[kind](f);
     if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "numbers have decimal commas");
+    // After a complaint, free the curves that this file has added.
     while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
     kn_sheet_close(&f->sheet);
     free(f);

@@ -1,4 +1,4 @@
-// Creep: what a specimen does under a load that comes and goes. See curve.h.
+// Read creep curves: the strain of a specimen under loads that are applied and removed. See curve.h.
 #include "clients/identify/curve_parts.h"
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
@@ -8,14 +8,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct columns { // of the sheet; -1: there is none
+typedef struct columns { // columns of the sheet; -1: there is none
     int time, load, value;
     kn_role what, load_is;
-    int loads, of_load[KN_CURVES_MAX]; // a wide file's
+    int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
     double load_n[KN_CURVES_MAX];
 } columns;
 
-// Strain first: an instrument knows its own specimen best.
+// Choose the column of the strain, or of a quantity to compute it from. A column of strain is preferred, since the
+// instrument has computed it from the true size of the specimen.
 static int choose_value(kn_curve_file *f, columns *c)
 {
     static const kn_role roles[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE};
@@ -26,6 +27,8 @@ static int choose_value(kn_curve_file *f, columns *c)
                              "no height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
 }
 
+// Choose the column of the load. A compliance needs no load. A column of stress is preferred to one of load, since a
+// stress needs no area.
 static int choose_load(kn_curve_file *f, columns *c)
 {
     int code = KN_EXIT_OK;
@@ -39,6 +42,7 @@ static int choose_load(kn_curve_file *f, columns *c)
     return code;
 }
 
+// Choose the columns of time, strain and load.
 static int choose(kn_curve_file *f, columns *c)
 {
     int code = KN_EXIT_OK;
@@ -47,6 +51,7 @@ static int choose(kn_curve_file *f, columns *c)
     if (c->time < 0)
         return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1, "no time, expected a column like 'time_s'");
     c->loads = kn_role_find_loads(&f->sheet, KN_CURVES_MAX, c->of_load, c->load_n);
+    // A wide file has one column per load. All these columns hold the same quantity as the first one.
     if (c->loads == 0) return (code = choose_value(f, c)) == KN_EXIT_OK ? choose_load(f, c) : code;
     const kn_heading *h = &f->sheet.column[c->of_load[0]].heading;
     c->what = h->has_unit && kn_measure_is(&h->unit, "m") ? KN_DISPLACEMENT : KN_STRAIN;
@@ -57,7 +62,7 @@ static int choose(kn_curve_file *f, columns *c)
 
 // ---- readings -> strain
 
-// How many readings there are before the load came.
+// Count the first readings with less than 2 % of the largest load, which were taken before the load was applied.
 static int before_load(const kn_readings *r)
 {
     double most = 0;
@@ -74,6 +79,8 @@ static double mean(const double *value, int count)
     return sum / count;
 }
 
+// Compute the strain from the height. If no note or option gives the initial height, it is the mean of the readings
+// before the load, else the first reading.
 static int height_to_strain(kn_curve_file *f, kn_readings *r, int unloaded, int column, kn_curve *c)
 {
     for (int i = 0; i < r->count; i++)
@@ -104,6 +111,7 @@ static int displacement_to_strain(kn_curve_file *f, kn_readings *r, kn_role what
     return KN_EXIT_OK;
 }
 
+// Compute the strain from the quantity of the column, counted from the readings before the load.
 static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column, kn_curve *c)
 {
     const int unloaded = before_load(r);
@@ -119,7 +127,7 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column,
     return KN_EXIT_OK;
 }
 
-// In shear, under a stress that is held, a strain may be as large as it likes.
+// Complain about a strain of 1 or more. In shear, under a stress that is held, any strain is possible.
 static int check_strain(kn_curve_file *f, const kn_readings *r, int column, const kn_curve *c)
 {
     for (int i = 0; i < r->count && !c->constant_area; i++)
@@ -133,6 +141,7 @@ static int check_strain(kn_curve_file *f, const kn_readings *r, int column, cons
 
 // ---- a curve
 
+// Report readings, stress and release of a curve.
 static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readings *r, kn_role what)
 {
     const kn_curve_step *last = &c->step[c->steps - 1];
@@ -148,7 +157,8 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
 
-// Time counts from the load; what was read before it, and what has no value any more, goes.
+// Make the time count from the moment of the first load. Readings before the load, and readings without a value, are
+// removed.
 static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
 {
     const double begin = c->step[0].time_s;
@@ -168,6 +178,7 @@ static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const ch
     return kn_curve_order(f, r, name);
 }
 
+// Make one curve of the readings: order, strain, steps of the load, time from the load on, noise and thinning.
 static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readings *r, double load_n, const char *part)
 {
     const char *name = kn_role_name(cols->what);
@@ -183,11 +194,12 @@ static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readi
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) // a reading at that very moment ends what was before it
+    for (int i = 0; i < c->steps; i++) // a reading at exactly this moment belongs to the piece before it
         changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
     return kn_curve_finish(f, c, r, c->steps, changes);
 }
 
+// Add one curve per column of a wide file.
 static int add_wide(kn_curve_file *f, const columns *c)
 {
     int code = KN_EXIT_OK;
@@ -202,6 +214,8 @@ static int add_wide(kn_curve_file *f, const columns *c)
     return code;
 }
 
+// Return the column whose value separates one curve from the next: the load, or the stress if there is no load. The
+// load is preferred, since a stress may fall within a curve as the section grows.
 static int key_of(kn_curve_file *f, const columns *c)
 {
     if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
@@ -209,6 +223,7 @@ static int key_of(kn_curve_file *f, const columns *c)
     return load >= 0 ? load : c->load;
 }
 
+// Return the largest magnitude in rows begin..end-1 of a column; 0 without a column.
 static double largest(const kn_sheet *s, int column, int begin, int end)
 {
     double most = 0;
@@ -224,8 +239,8 @@ static double last_time(const double *t, int begin, int end)
     return last;
 }
 
-// An instrument's next interval, whose time begins anew without a load, is the recovery of the one before it: its time
-// goes on from there.
+// Join recoveries to their curves. Instruments write a recovery as a new interval without load, whose time begins at 0
+// again. The times of this interval are shifted so that they continue those of the interval before.
 static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
 {
     const kn_sheet *s = &f->sheet;
@@ -249,12 +264,14 @@ static void name_part(const kn_sheet *s, int key, int begin, int end, char part[
     snprintf(part, 32, "%.4g %s", largest(s, key, begin, end) / (stress ? 1e3 : KN_GF_N), stress ? "kPa" : "gf");
 }
 
-// 1,002 after 999: of a file with decimal commas a separator of thousands is one, too.
+// Return whether time falls because of a separator of thousands: in a file with decimal commas, 1,002 after 999 is read
+// as 1.002.
 static bool is_thousand(const kn_curve_file *f, double last, double next)
 {
     return f->sheet.commas && 1000 * next >= last && 1000 * next < 1.1 * last;
 }
 
+// Complain about a second table under the same load.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const kn_sheet *s = &f->sheet;
@@ -268,12 +285,14 @@ static int refuse_second(const kn_curve_file *f, const columns *c, int begin, in
                              "from here on");
 }
 
+// Add one curve per range of rising time. Each range must have another load than the one before it.
 static int add_long(kn_curve_file *f, const columns *c, int key)
 {
     const kn_sheet *s = &f->sheet;
     int code = KN_EXIT_OK;
     for (int begin = 0, end; begin < s->rows && code == KN_EXIT_OK; begin = end) {
         end = kn_curve_range_end(s, c->time, begin);
+        // A single range may move its columns into the curve instead of copying them.
         const bool only = begin == 0 && end == s->rows;
         const double here = largest(s, key, begin, end),
                      next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
@@ -295,7 +314,7 @@ static bool has_numbers(const kn_sheet *s, int column)
     return false;
 }
 
-// Of two columns that say the same in other words one is used; which, is said.
+// Report which column is used if two columns give the same quantity in different forms.
 static void say_unused(kn_curve_file *f, const columns *c)
 {
     static const kn_role values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE},
@@ -326,6 +345,7 @@ int kn_curve_load_creep(kn_curve_file *f)
     columns c = {0};
     int wanted[KN_CURVES_MAX + 4], n = 0, code = choose(f, &c);
     if (code != KN_EXIT_OK) return code;
+    // Read the columns that are needed: time, strain or several strains, load, and the key.
     int key = c.loads ? -1 : key_of(f, &c);
     wanted[n++] = c.time;
     for (int i = 0; i < c.loads; i++) wanted[n++] = c.of_load[i];
@@ -334,7 +354,7 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_rows(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // a name without a column
+    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // the column has a name but no numbers
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);

@@ -1,4 +1,4 @@
-// Which load a specimen that creeps has borne, and from when to when. See curve.h.
+// Find the loads on a creeping specimen, and the times at which they were applied and removed. See curve.h.
 #include "clients/identify/curve_parts.h"
 #include "clients/identify/load_steps.h"
 #include "clients/identify/onset.h"
@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Complain if the specimen's area is unknown.
 static int need_area(kn_curve_file *f)
 {
     if (isfinite(f->area_m2)) return KN_EXIT_OK;
@@ -17,12 +18,13 @@ static int need_area(kn_curve_file *f)
                              "'# area: 1 cm^2' or --area '1 cm^2'");
 }
 
-// A stress that falls as the section grows is W h/(S0 h0): over 1 - strain it comes in steps.
+// Turn the stress into the nominal stress. If the stress falls as the section grows, it is W h/(S0 h0). Divided by 1 -
+// strain, such a stress is constant under each load. Set *constant if the stress is nominal already.
 static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
 {
     *constant = true;
     for (int i = 0; i < r->count; i++)
-        if (r->value[i] > 0.95) return; // no compression is
+        if (r->value[i] > 0.95) return; // a strain this large is not compression
     double *nominal = malloc((size_t)r->count * sizeof *nominal);
     if (!nominal) return;
     for (int i = 0; i < r->count; i++) nominal[i] = r->load[i] / (1 - r->value[i]);
@@ -33,22 +35,25 @@ static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
     free(nominal);
 }
 
-// The strain is continuous, only its slope jumps with the load: the load came where the lines through the readings on
-// either side meet. Where noise hides that, in the middle between the readings.
+// Return the time at which the load changed. The strain is continuous, and only its slope jumps with the load. So the
+// load changed where the lines through the readings before and after meet. If noise hides the jump, return the middle
+// between the readings.
 static double moment(const kn_readings *r, const kn_load_step *s, double noise)
 {
     const double *t = r->time_s + s->begin, *x = r->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
     const int a = s->begin - 1;
     if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
     const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]); // it falls off at once
+    // the slope falls from the change on, so the slope right after the change is extrapolated from the next two
+    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
     const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
+    // The noise of the meeting point must be below a quarter of the gap between the readings.
     if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
     return fmin(fmax(meet, s->early_s), s->late_s);
 }
 
-// Nobody said when the load came, and the strain does not begin there. A height that counts from the first reading is
-// level there by itself.
+// If no note gives the time of the load, report a strain that begins later than the assumed time of the load. If the
+// height is counted from the first reading, the strain is 0 there by definition, so only a later begin is reported.
 static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_curve *c, double noise)
 {
     const double begin = c->step[0].time_s, span = r->time_s[r->count - 1] - r->time_s[0];
@@ -62,17 +67,18 @@ static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_cur
                  at_s, begin, at_s);
 }
 
+// Turn the plateaus of the recorded load into steps of the curve.
 static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_steps *found, double noise, kn_curve *c)
 {
     for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
         const kn_load_step *s = &found->step[i];
-        if (s->load == 0 && c->steps == 0) continue; // not loaded yet
+        if (s->load == 0 && c->steps == 0) continue; // before the first load
         if (s->load < 0)
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1,
                                      "a load that presses and pulls, %.3g Pa here, expected "
                                      "one that presses",
                                      s->load);
-        if (i == 0) { // there is no reading before it
+        if (i == 0) { // no reading comes before the first load, so the readings do not show its time
             const double begin = kn_curve_begin(f, r);
             c->step[c->steps++] = (kn_curve_step){begin, s->load, begin, begin};
             say_begin(f, r, c, noise);
@@ -110,6 +116,7 @@ int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance,
 {
     double stress_pa = f->stress_pa;
     c->constant_area |= compliance;
+    // Compliance under an unknown stress: with 1 Pa the strain equals the compliance in number.
     if (compliance && !isfinite(stress_pa)) stress_pa = 1;
     if (isfinite(load_n) || !isfinite(stress_pa)) {
         if (!isfinite(load_n)) load_n = f->load_n;
@@ -127,6 +134,7 @@ int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance,
     return KN_EXIT_OK;
 }
 
+// Complain about a release outside the curve. The complaint names the note or the option that gives the release.
 static int bad_release(const kn_curve_file *f, double from_s, double to_s)
 {
     const kn_sheet *s = &f->sheet;
@@ -145,6 +153,8 @@ int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
     kn_curve_step *last = &c->step[c->steps - 1];
     if (f->release_s <= c->step[0].time_s || f->release_s > r->time_s[r->count - 1])
         return bad_release(f, c->step[0].time_s, r->time_s[r->count - 1]);
+    // The recorded load never ends: add the release as a step. Else refine the recorded release, if the given moment
+    // lies between the readings around it.
     if (last->stress_pa > 0) {
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];

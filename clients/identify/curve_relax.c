@@ -1,11 +1,11 @@
-// Relaxation: what a specimen that is held at a strain still bears. See curve.h.
+// Read relaxation curves: the stress of a specimen that is held at a strain. See curve.h.
 #include "clients/identify/curve_parts.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>
 #include <stdio.h>
 
-typedef struct columns { // of the sheet; -1: there is none
+typedef struct columns { // columns of the sheet; -1: there is none
     int time, value, strain;
     kn_role what, strain_is;
 } columns;
@@ -29,6 +29,7 @@ static int choose(kn_curve_file *f, columns *c)
 
 // ---- strain
 
+// Compute the strain from displacement or height. Without a note, the first height is the initial one.
 static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c)
 {
     if (what != KN_STRAIN && !isfinite(f->height_m)) {
@@ -52,7 +53,7 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
     return KN_EXIT_OK;
 }
 
-// The strain that is held: of the readings within 2 % of the largest the later half's mean.
+// Return the held strain: the mean of the later half of the readings within 2 % of the largest strain.
 static double held(const kn_readings *r)
 {
     double most = 0, sum = 0;
@@ -64,7 +65,8 @@ static double held(const kn_readings *r)
     return n > 0 ? sum / (n - n / 2) : 0;
 }
 
-// A ramp ends where the line through its middle and its last reading reaches the strain.
+// Return the end of the ramp: the time at which the line through the middle reading and the last reading of the ramp
+// reaches the held strain. A ramp of fewer than three readings ends at the first reading with the held strain.
 static double ramp_end(const kn_readings *r, int reached, double strain)
 {
     int middle = reached;
@@ -73,13 +75,15 @@ static double ramp_end(const kn_readings *r, int reached, double strain)
     return reached - middle < 3 || !(slope > 0) ? r->time_s[reached] : t + (strain - r->other[middle]) / slope;
 }
 
-// From the last reading without strain on, to the end of the hold.
+// Keep the readings from the last one without strain to the end of the hold.
 static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
 {
     c->strain = held(r);
     if (!(c->strain > 0))
         return kn_sheet_complain(&f->sheet, r->line[0], 1, "the strain is 0 throughout, expected one that is held");
     int reached = 0, before = 0, end;
+    // `reached` is the first reading at the strain, `before` the last one without strain, `end` the first one after the
+    // hold.
     while (reached < r->count && r->other[reached] < 0.99 * c->strain) reached++;
     for (int i = 0; i < reached; i++)
         if (r->other[i] <= 0.002 * c->strain) before = i;
@@ -96,7 +100,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     return KN_EXIT_OK;
 }
 
-// Without a column of strain: where the stress is largest, if it rises to there.
+// Return the begin of the hold if there is no column of strain: the reading with the largest stress, if the stress
+// rises up to that reading.
 static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
 {
     int peak = 0;
@@ -111,10 +116,12 @@ static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
 
 static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn_curve *c)
 {
+    // The file has a column of strain: find the hold in it.
     if (r->other) {
         int code = to_strain(f, r, cols->strain_is, c);
         return code == KN_EXIT_OK ? keep_hold(f, r, c) : code;
     }
+    // Without the column the strain comes from a note or option, and the hold begins at the largest stress.
     if (isfinite(f->strain)) c->strain = f->strain;
     if (c->strain >= 1)
         return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
@@ -132,6 +139,7 @@ static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn
 
 static double strain_of(const kn_readings *r, const kn_curve *c, int i) { return r->other ? r->other[i] : c->strain; }
 
+// Compute the stress from load or modulus. The section grows with the strain unless it is constant.
 static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c)
 {
     if (what == KN_LOAD && !isfinite(f->area_m2))
@@ -144,6 +152,7 @@ static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
                                  "grown, expected a line '# strain: 10 %%' or '# section: constant', --strain or "
                                  "--constant-area");
     for (int i = 0; i < r->count; i++) {
+        // Stress is the load over the current area; a modulus times the strain is a stress.
         if (what == KN_LOAD) r->value[i] *= (c->constant_area ? 1 : 1 - strain_of(r, c, i)) / f->area_m2;
         else if (what == KN_MODULUS && c->strain > 0) r->value[i] *= strain_of(r, c, i);
     }

@@ -1,12 +1,13 @@
-// Sweep: storage and loss modulus over frequency. See curve.h.
+// Read sweeps: storage and loss modulus over frequency. See curve.h.
 #include "clients/identify/curve_parts.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>
 #include <stdio.h>
 
-typedef struct columns {                                   // of the sheet; -1: there is none
-    int frequency, storage, loss, modulus, tangent, phase; // modulus, tangent, phase: sought where G' or G'' is missing
+// Columns of the sheet; -1: there is none. modulus, tangent and phase are looked for only if G' or G'' is missing.
+typedef struct columns {
+    int frequency, storage, loss, modulus, tangent, phase;
 } columns;
 
 static bool is_whole(const columns *c) { return c->storage >= 0 && c->loss >= 0; }
@@ -32,8 +33,8 @@ static int choose(kn_curve_file *f, columns *c)
                              "[Pa], or |G*| and tan delta or phase angle");
 }
 
-// Beyond a right angle cosine and tangent change their signs, and moduli below 0 would be told of a number that is none
-// of the file's.
+// Check that the phase angle is between 0 and 90 degrees. Beyond a right angle, cosine and tangent change their signs,
+// so a later complaint would name negative moduli, which are not in the file.
 static int check_phase(kn_curve_file *f, const kn_readings *r, const columns *c)
 {
     const double right = acos(-1.0) / 2;
@@ -44,7 +45,7 @@ static int check_phase(kn_curve_file *f, const kn_readings *r, const columns *c)
     return KN_EXIT_OK;
 }
 
-// |G*| or G' with tan delta or the angle -> G' and G''.
+// Compute G' and G'' from |G*| or G' with tan delta or the phase angle.
 static void to_parts(kn_readings *r, const columns *c)
 {
     for (int i = 0; i < r->count && !is_whole(c); i++) {
@@ -74,6 +75,7 @@ int kn_curve_load_sweep(kn_curve_file *f)
     columns cols;
     kn_readings r = {0};
     int code = choose(f, &cols);
+    // Read G' or |G*| first, and G'', tan delta or the phase angle second.
     const int first = cols.storage >= 0 ? cols.storage : cols.modulus;
     const int second = is_whole(&cols) ? cols.loss : cols.tangent >= 0 ? cols.tangent : cols.phase;
     if (code == KN_EXIT_OK) code = kn_curve_rows(f, 3, (int[]){cols.frequency, first, second});

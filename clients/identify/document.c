@@ -8,14 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-extern const char document_css[]; // a file of the source tree, part of the program
+extern const char document_css[]; // a file of the source tree, linked into the program
 __asm__(".section .rodata\ndocument_css: .incbin \"" KN_CLIENTS_DIR "/identify/document.css\"\n.byte 0\n.previous\n");
 
 bool kn_document_is_open(const kn_document *d) { return d->body && !d->failed; }
 
 // ---- text
 
-// Bytes of the UTF-8 character at p, 0 if it is none.
+// Return the length of the UTF-8 character at p, or 0 if it is invalid.
 static int utf8_length(const unsigned char *p)
 {
     const int n = *p < 0x80                 ? 1
@@ -28,6 +28,7 @@ static int utf8_length(const unsigned char *p)
     return n;
 }
 
+// Write text as HTML: escape special characters, and replace invalid bytes and control characters.
 static void put(FILE *out, const char *text, size_t length)
 {
     const unsigned char *p = (const unsigned char *)text, *end = p + length;
@@ -50,9 +51,9 @@ static void end_table(kn_document *d)
     d->in_table = false;
 }
 
-// ---- pieces
+// ---- parts of the page
 
-// To a signal.
+// If an interrupt signal has arrived, remove the unfinished folder and end the program.
 static void give_way(kn_document *d)
 {
     if (!kn_interrupted) return;
@@ -107,6 +108,7 @@ void kn_document_verdict(kn_document *d, kn_document_mood mood, const char *form
     fputs("</p>\n", d->body);
 }
 
+// Write one cell. Cells of the head and first cells of a row are headers.
 static void put_cell(FILE *out, const char *text, size_t length, char column, bool head, bool first)
 {
     const char *tag = head || first ? "th" : "td";
@@ -118,7 +120,7 @@ static void put_cell(FILE *out, const char *text, size_t length, char column, bo
     fprintf(out, "</%s>", tag);
 }
 
-// One row: cells between tabs. The first cell of a body's row is its name.
+// Write one row of cells between tabs. The first cell of a row in the body is the row's name.
 static void put_cells(kn_document *d, const char *text, bool head)
 {
     const size_t columns = strlen(d->columns);
@@ -164,7 +166,8 @@ const char *kn_document_file(const kn_document *d, const char *name, char path[P
     return path;
 }
 
-// Width and height out of a PNG's first chunk, so that the page does not jump when the picture comes.
+// Read width and height from a PNG's first chunk. The page states both, so that its layout does not move when the
+// picture has loaded.
 static bool size_of(const kn_document *d, const char *name, unsigned size[2])
 {
     char path[PATH_MAX];
@@ -213,12 +216,12 @@ static void append(kn_document *d, const char *text)
     snprintf(d->command + n, sizeof d->command - n, "%s", text);
 }
 
-// What was typed, as a shell would take it again.
+// Store the command line, quoted so that a shell accepts it.
 static void remember(kn_document *d, int argc, char *const *argv)
 {
     for (int i = 0; i < argc; i++) {
         const bool plain =
-            i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")]; // argv[0] has blanks of its own
+            i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")]; // argv[0] contains blanks of its own
         if (i) append(d, " ");
         if (!plain) append(d, "'");
         for (const char *p = argv[i]; *p; p++) append(d, *p == '\'' && !plain ? "'\\''" : (const char[]){*p, '\0'});
@@ -236,7 +239,7 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     d->subcommand = subcommand;
     snprintf(d->title, sizeof d->title, "%s", title);
     remember(d, argc, argv);
-    kn_interrupt_watch(); // from here on there is something to clear away
+    kn_interrupt_watch(); // from here on there is a folder to remove
     if (!kn_batch_open(&d->batch, folder, &taken, error, sizeof error))
         return kn_complain(subcommand, taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
     if ((d->body = open_memstream(&d->text, &d->size))) return KN_EXIT_OK;
@@ -244,6 +247,7 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
+// Write the table of contents, if there are enough sections.
 static void put_contents(const kn_document *d, FILE *out)
 {
     if (d->sections < 3) return;
@@ -256,6 +260,7 @@ static void put_contents(const kn_document *d, FILE *out)
     fputs("</ul></nav>\n", out);
 }
 
+// Write the page: head, command line, contents and the collected body.
 static bool put_page(const kn_document *d, FILE *out)
 {
     fputs("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
@@ -278,6 +283,7 @@ static bool put_page(const kn_document *d, FILE *out)
     return !ferror(out);
 }
 
+// Write index.html and move the folder to its place.
 static int write_page(kn_document *d)
 {
     char path[PATH_MAX], error[PATH_MAX];

@@ -21,7 +21,7 @@ void kn_evidence_free(kn_evidence *e)
     memset(e, 0, sizeof *e);
 }
 
-// Surfaces alone; returns their residuals' end, NULL: memory is short.
+// Compare the surfaces only. Return the end of their residuals, or NULL if memory runs out.
 static double *surfaces(const kn_evidence *e, const kn_exhibit *x, const double shift_m[2], double *residual,
                         kn_relief_misfit *misfit)
 {
@@ -36,7 +36,8 @@ static double *surfaces(const kn_evidence *e, const kn_exhibit *x, const double 
     return residual;
 }
 
-// One Gauss and Newton's step of the shift, by what a pixel to either side changes. False: memory is short.
+// Improve the shift of the images by one Gauss-Newton step. The slopes come from shifts by a pixel to either side.
+// Return false if memory runs out.
 static bool align(const kn_evidence *e, const kn_exhibit *x, double shift_m[2])
 {
     const double h = e->relief[0].frame.pixel_m;
@@ -50,6 +51,7 @@ static bool align(const kn_evidence *e, const kn_exhibit *x, double shift_m[2])
         ok = surfaces(e, x, there_m, r + (k + 1) * n, NULL);
     }
     for (int i = 0; ok && i < n; i++) {
+        // Central differences give the slopes; sum up the normal equations.
         const double slope[2] = {(r[2 * n + i] - r[n + i]) / (2 * h), (r[4 * n + i] - r[3 * n + i]) / (2 * h)};
         for (int a = 0; a < 2; a++) {
             right[a] -= slope[a] * r[i];
@@ -57,6 +59,7 @@ static bool align(const kn_evidence *e, const kn_exhibit *x, double shift_m[2])
         }
     }
     free(r);
+    // Solve the normal equations. A step is limited to ten pixels.
     const double det = normal[0][0] * normal[1][1] - normal[0][1] * normal[1][0];
     if (!ok || !(det > 1e-12 * normal[0][0] * normal[1][1])) return ok;
     shift_m[0] += fmin(fmax((normal[1][1] * right[0] - normal[0][1] * right[1]) / det, -10 * h), 10 * h);
@@ -75,6 +78,8 @@ bool kn_evidence_compare(const kn_evidence *e, const kn_exhibit *x, double shift
     return end;
 }
 
+// Return the number of independent readings that one series is worth, n (1 - c)/(1 + c). c is the correlation of
+// successive residuals. A negative correlation counts as 0.
 static double worth_of(int count, const double *r)
 {
     double mean = 0, whole = 0, next = 0;

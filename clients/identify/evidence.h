@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_EVIDENCE_H
 #define KN_CLIENTS_IDENTIFY_EVIDENCE_H
-// All that was measured of one press, and one vector of residuals of what a model makes of it: surfaces first, each at
-// its moment, then the force.
+// Evidence: all measurements of one press, which are surfaces at given times and the contact force. It also defines the
+// vector of a model's residuals: first those of each surface, then those of the force.
 #include "clients/identify/pull.h"
 #include "clients/identify/relief.h"
 
@@ -10,29 +10,30 @@ typedef struct kn_evidence {
     int reliefs;
     kn_relief relief[KN_PRESS_MOMENTS];
     double moment_s[KN_PRESS_MOMENTS];
-    bool pulled; // there is a force
+    bool pulled; // whether the force was measured
     kn_pull pull;
-    bool align; // the pictures may lie a little elsewhere in the scene than they say, all of them the same
+    bool align; // fit one shift, common to all images, of their place in the scene
     int readings;
-    double until_s; // what is after it nothing was measured of
+    double until_s; // time of the last measurement
 } kn_evidence;
 
-void kn_evidence_close(kn_evidence *evidence); // readings and until_s of what is there
+void kn_evidence_close(kn_evidence *evidence); // computes readings and until_s
 void kn_evidence_free(kn_evidence *evidence);
 
-typedef struct kn_exhibit { // a model's side of it
+typedef struct kn_exhibit { // An exhibit: a model's simulated press, for comparison with the evidence
     const kn_surface *surface;
     const float (*rest_m)[3];
     kn_pressed pressed;
 } kn_exhibit;
 
-// residual[readings]. shift_m: in, where the search for it begins; out, as found, with align. misfit: of each relief,
-// or NULL. False: memory is short.
+// Compute residual[readings]. If `align`, the shift is fitted: `shift_m` holds the start of the search and receives the
+// result. `misfit` has one entry for each relief, or is NULL. Return false if memory runs out.
 bool kn_evidence_compare(const kn_evidence *evidence, const kn_exhibit *exhibit, double shift_m[2], double *residual,
                          kn_relief_misfit misfit[KN_PRESS_MOMENTS]);
 
-// How many independent readings residuals are worth: those of one picture's outline, of its patches, and of the force
-// are series, n (1 - c)/(1 + c) of each, c their correlation from one to the next.
+// Return the number of independent readings that contain as much information as the residuals. The outline of an image,
+// the patches of an image and the force are one series each. A series of n residuals counts as n (1 - c)/(1 + c)
+// readings, where c is the correlation of successive residuals.
 double kn_evidence_worth(const kn_evidence *evidence, const double *residual);
 
 #endif

@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62, ROW = 22 }; // pixels
-enum { IN_A_CORNER = 4 }; // names; more stand below all panels
+enum { IN_A_CORNER = 4 }; // number of names that fit in a corner; more are below all panels
 
 void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
 {
@@ -13,6 +13,7 @@ void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
     if (panel->series < KN_FIGURE_SERIES && series.count > 0) panel->of[panel->series++] = series;
 }
 
+// Compute a scaled point. Return false if it cannot be drawn on the panel's axes.
 static bool point(const kn_figure_panel *p, const kn_figure_series *s, int i, double at[2])
 {
     at[0] = s->x[i] * s->x_scale;
@@ -20,7 +21,7 @@ static bool point(const kn_figure_panel *p, const kn_figure_series *s, int i, do
     return isfinite(at[0]) && isfinite(at[1]) && !(p->log_x && at[0] <= 0) && !(p->log_y && at[1] <= 0);
 }
 
-// ---- where the key goes
+// ---- where the legend goes
 
 typedef struct extent {
     double low[2], high[2];
@@ -45,17 +46,20 @@ static extent measure(const kn_figure_panel *p)
     return e;
 }
 
-// Where the key hides least, and how much that is: each series counts alike, however dense its readings are.
+// Return the corner in which the legend hides the fewest points. Set *hidden to the sum over all series of the share of
+// points in that corner, so that each series counts equally, however dense its readings are.
 static const char *key_corner(const kn_figure_panel *p, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
     const extent e = measure(p);
-    double weight[2][2] = {{0, 1e-3}, {1e-3, 0}}; // of two empty ones the usual
+    // small extra weights, so that among empty corners the usual one is chosen
+    double weight[2][2] = {{0, 1e-3}, {1e-3, 0}};
     for (int s = 0; s < p->series; s++)
         for (int i = 0; i < p->of[s].count; i++) {
             double at[2];
             if (!point(p, &p->of[s], i, at)) continue;
             on_axes(p, at);
+            // Count the points in each quarter of the panel, except near its middle lines.
             const double x = (at[0] - e.low[0]) / (e.high[0] - e.low[0]),
                          y = (at[1] - e.low[1]) / (e.high[1] - e.low[1]);
             if (fabs(x - 0.5) > 0.12 && fabs(y - 0.5) > 0.12) weight[y > 0.5][x > 0.5] += 1.0 / p->of[s].count;
@@ -69,6 +73,7 @@ static const char *key_corner(const kn_figure_panel *p, double *hidden)
 
 // ---- gnuplot
 
+// Write the data of a panel as gnuplot data blocks.
 static void put_data(FILE *f, int number, const kn_figure_panel *p)
 {
     for (int s = 0; s < p->series; s++) {
@@ -135,18 +140,19 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     double hidden;
     const char *corner = key_corner(p, &hidden);
     const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
-    if (rows > 0 && hidden > 0.01) { // nowhere is room: above all that is drawn some is made
+    if (rows > 0 && hidden > 0.01) { // no corner is free: make room above the plot
         fprintf(f, "set offsets 0, 0, graph %g, 0\n", 0.06 + 0.075 * rows);
         corner = "top right";
     } else {
         fprintf(f, "set offsets 0, 0, 0, 0\n");
     }
     fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", corner);
-    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // nothing to see is no failure
+    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // gnuplot fails without a range if a panel has no point
     for (int s = 0; s < p->series; s++) put_series(f, number, s, &p->of[s], names(p) <= IN_A_CORNER);
     fprintf(f, "NaN notitle\n");
 }
 
+// Place a panel on the page, so that the axes of all panels line up.
 static void put_place(FILE *f, int column, int row, int wide, int high)
 {
     const double top = high - HEAD - HIGH * row;
@@ -156,7 +162,7 @@ static void put_place(FILE *f, int column, int row, int wide, int high)
             (top - HIGH + FOOT) / high);
 }
 
-// The panel whose many names stand below all of them: the first; they mean the same hues in the others.
+// Return the panel with too many names for a corner: the first one. Its names have the same hues in the other panels.
 static const kn_figure_panel *legend_of(const kn_figure_panel *panel, int panels)
 {
     for (int i = 0; i < panels; i++)
@@ -169,6 +175,7 @@ static int legend_rows(const kn_figure_panel *p, int across)
     return p ? (names(p) + 4 * across - 1) / (4 * across) : 0;
 }
 
+// Draw the names as an empty plot below the panels.
 static void put_legend(FILE *f, const kn_figure_panel *p, int rows, int high)
 {
     fprintf(f,

@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_IDENTIFY_FIGURE_H
 #define KN_CLIENTS_IDENTIFY_FIGURE_H
-// Pictures of what was measured beside what a model makes of it: panels of points and lines, by clients/knead/plot.h.
+// Plots of measured values beside a model's: panels of points and lines, drawn by clients/knead/plot.h.
 //
 //     kn_figure_panel p = {.x_label = "time, s", .y_label = "strain"};
 //     kn_figure_add(&p, (kn_figure_series){"50 gf", n, time_s, strain, .look = KN_FIGURE_POINTS, .hue = 1});
@@ -14,27 +14,28 @@
 typedef enum kn_figure_look { KN_FIGURE_POINTS, KN_FIGURE_LINE, KN_FIGURE_DASHES, KN_FIGURE_STAIRS } kn_figure_look;
 
 typedef struct kn_figure_series {
-    const char *name; // NULL: not in the key
+    const char *name; // NULL: not in the legend
     int count;
-    const double *x,
-        *y; // the caller's until drawn; what is not finite, or not above 0 on a logarithmic axis, is left out
-    double x_scale, y_scale; // 0: 1
+    // Owned by the caller; must stay valid until kn_figure_draw returns. Values that are not finite, or not above 0 on
+    // a logarithmic axis, are left out.
+    const double *x, *y;
+    double x_scale, y_scale; // factors on x and y; 0 counts as 1
     kn_figure_look look;
-    int hue; // plot.gp's line types, 1.., again from the first after the eighth; 0: black
+    int hue; // colour: a line type of plot.gp, from 1 on, repeating after the eighth; 0: black
 } kn_figure_series;
 
 typedef struct kn_figure_panel {
     const char *title, *x_label, *y_label; // title NULL: none
     bool log_x, log_y;
-    double band; // grey from -band to band, of residuals; 0: none
+    double band; // grey band of residuals from -band to band; 0: none
     int series;
     kn_figure_series of[KN_FIGURE_SERIES];
 } kn_figure_panel;
 
-void kn_figure_add(kn_figure_panel *panel, kn_figure_series series); // one too many is left out
+void kn_figure_add(kn_figure_panel *panel, kn_figure_series series); // ignored beyond KN_FIGURE_SERIES
 
-// panels in rows of `across`. Up to four names stand in the corner where the fewest points are, more of them below all
-// panels, once. An exit code.
+// Draw the panels in rows of `across`. Up to four names are shown in the corner with the fewest points; more names are
+// shown once, below all panels. Return an exit code.
 int kn_figure_draw(const char *subcommand, const char *path, const char *title, const kn_figure_panel *panel,
                    int panels, int across);
 

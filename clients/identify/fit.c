@@ -4,23 +4,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Difference quotients are taken over this much of a logarithm: models answer to 1e-8 or so.
+// Difference quotients use this step of a logarithm, since models are accurate to about 1e-8.
 static const double step_log = 1e-5;
 static const double wall = 1e3; // residual per unit of a logarithm beyond a bound
 
 typedef struct search {
     kn_fit *fit;
-    int count;                   // of unknowns that are free
-    int number[KN_FIT_UNKNOWNS]; // of them
+    int count;                   // number of free unknowns
+    int number[KN_FIT_UNKNOWNS]; // their indices
     double *ahead, *behind;      // residuals at two places
-    bool lost;                   // the model had no answer at the start
+    bool lost;                   // the model had no solution at the start
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
 static double lowest(const kn_fit_unknown *u) { return u->linear ? u->low : log(u->low); }
 static double highest(const kn_fit_unknown *u) { return u->linear ? u->high : log(u->high); }
 
-// What the model is asked for at a place of the search: all values, those beyond a bound on it.
+// Compute all values at a place of the search. Values beyond a bound are put on the bound.
 static void values_at(const search *s, const double *x, double *value)
 {
     for (int i = 0; i < s->fit->unknowns; i++) value[i] = s->fit->unknown[i].value;
@@ -31,7 +31,7 @@ static void values_at(const search *s, const double *x, double *value)
     }
 }
 
-// Residuals of the readings, then one for each free unknown: how far it is beyond its bounds.
+// Compute the residuals of the readings, then one residual per free unknown: its distance beyond its bounds.
 static bool residuals_at(const search *s, const double *x, double *residual)
 {
     kn_fit *fit = s->fit;
@@ -55,7 +55,8 @@ static double squares(const double *residual, int count)
     return sum;
 }
 
-// One column of the Jacobian; two-sided where the last digits count. A side on which there is no answer is left out.
+// Compute one column of the Jacobian by difference quotients. With `both`, they are two-sided, which is more accurate.
+// A side on which the model has no solution is left out.
 static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
 {
     int rows = s->fit->readings + s->count;
@@ -73,8 +74,9 @@ static bool column(search *s, const double *x, const double *here, int k, bool b
     return true;
 }
 
-// At a bound, where the sum would fall beyond it, the unknown stays: its column is the wall's alone. With its own, every
-// step would go over the wall and be refused, ever shorter, and the others would not move either.
+// Keep an unknown at its bound if S would fall beyond the bound. The unknown's column of the Jacobian then contains
+// only the extra residual of the bound (`wall`). With the column of the model, every step would cross the bound and be
+// rejected, and the steps would shrink until the other unknowns did not move either.
 static void stay_inside(const search *s, const double *x, const double *residual, int k, double *out)
 {
     const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
@@ -85,6 +87,7 @@ static void stay_inside(const search *s, const double *x, const double *residual
     out[s->fit->readings + k] = wall;
 }
 
+// Callback of lmder: `what` is 1 if lmder asks for the residuals, and 2 for the Jacobian.
 static int minpack_asks(void *p, int rows, int count, const double *x, double *residual, double *jacobian, int stride,
                         int what)
 {
@@ -92,7 +95,7 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     (void)count;
     if (what == 1) {
         if (residuals_at(s, x, residual)) return 0;
-        for (int i = 0; i < rows; i++) residual[i] = 1e10; // no answer there: a step back is all that is left
+        for (int i = 0; i < rows; i++) residual[i] = 1e10; // no solution there: large residuals make MINPACK step back
         return 0;
     }
     if (what == 2)
@@ -104,6 +107,7 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     return 0;
 }
 
+// List the free unknowns and allocate the residuals.
 static bool search_open(search *s, kn_fit *fit)
 {
     *s = (search){.fit = fit};
@@ -115,7 +119,8 @@ static bool search_open(search *s, kn_fit *fit)
     return s->ahead;
 }
 
-// From the unknowns' values to the nearest minimum; the sum there, INFINITY where there is no answer, and the values.
+// Search from the unknowns' values for the nearest minimum. Set the values, and return the sum there, or INFINITY if
+// there is no solution.
 static double descend(kn_fit *fit)
 {
     search s;
@@ -128,10 +133,11 @@ static double descend(kn_fit *fit)
     if (work && residuals_at(&s, x, work)) {
         double *residual = work, *jacobian = work + m, *wa4 = jacobian + m * n;
         if (s.count > 0) {
-            for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown: one logarithm
+            for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown is one logarithm
             lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-10, 1e-8, 1e-12, 200, small[0], 2, 1,
                   0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
         }
+        // Put the result on or within the bounds, note which bounds were reached, and compute the sum there.
         double value[KN_FIT_UNKNOWNS];
         values_at(&s, x, value);
         for (int i = 0; i < fit->unknowns; i++) fit->unknown[i].value = value[i];
@@ -147,8 +153,8 @@ static double descend(kn_fit *fit)
     return sum;
 }
 
-// A^-1 of a symmetric matrix by its Cholesky factor, in place; false: not positive definite. What is 1e-12 of a
-// diagonal element is lost in the differences.
+// Invert a symmetric matrix in place by its Cholesky factor. Return false if it is not positive definite. A pivot below
+// 1e-12 of its diagonal element counts as 0, since rounding errors are that large.
 static bool invert(int n, double a[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS])
 {
     double l[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0}, inverse[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0};
@@ -173,7 +179,8 @@ static bool invert(int n, double a[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS])
     return true;
 }
 
-// C at the best. An unknown that changes nothing is left out of it and has an infinite variance.
+// Compute the covariance C at the best values. An unknown that does not change the residuals is left out and gets an
+// infinite variance.
 static bool curve(kn_fit *fit)
 {
     search s;
@@ -185,12 +192,14 @@ static bool curve(kn_fit *fit)
     memset(fit->covariance, 0, sizeof fit->covariance);
     for (int k = 0; k < s.count; k++) x[k] = inwards(&fit->unknown[s.number[k]]);
     bool ok = work && residuals_at(&s, x, work);
+    // Collect the columns of the unknowns that change the residuals.
     for (int k = 0; ok && k < s.count; k++) {
         double *jacobian = work + rows * (size_t)(count + 1);
         bool moves = column(&s, x, work, k, true, jacobian) && squares(jacobian, fit->readings) > 0;
         if (moves) seen[count++] = k;
         else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
     }
+    // Form J'J of these columns and invert it.
     for (int a = 0; a < count; a++)
         for (int b = 0; b < count; b++) {
             normal[a][b] = 0;
@@ -208,6 +217,7 @@ static bool curve(kn_fit *fit)
     return ok;
 }
 
+// Set the results of a search: sum, degrees of freedom, scale and covariance.
 static bool finish(kn_fit *fit, double sum)
 {
     int count = 0;
@@ -257,17 +267,20 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
     return isfinite(sum) ? sum : NAN;
 }
 
-// One side of a profile. Each search for the others begins where they were at the place nearest to it that is still
-// within the interval: one from beyond may have gone where they have no gradient any more, and stays there.
+// One side of a profile interval of one unknown. For each value of this unknown, a search fits the other unknowns. The
+// search starts from the fit at the nearest value inside the interval. A start from outside might lie where the
+// residuals have no gradient, and the search would stay there.
 typedef struct side {
-    kn_fit fit; // the unknown is fixed in it
+    kn_fit fit; // the profiled unknown is fixed here
     int unknown;
-    double base, unit;              // S at the best; s^2
-    double best, t;                 // where that is; how many standard deviations are sought
-    double within[KN_FIT_UNKNOWNS]; // all values there
+    double base, unit; // S at the best values; s^2
+    // best: best value, in the variable of the search; t: the rise to find, in standard deviations
+    double best, t;
+    double within[KN_FIT_UNKNOWNS]; // all values of the fit nearest to the end of the interval, but inside
 } side;
 
-// How many standard deviations S has risen when the unknown is at `in` (a logarithm, or itself).
+// Return by how many standard deviations S has risen if the unknown has the value `in`, which is a logarithm unless the
+// unknown is linear.
 static double risen(side *p, double in)
 {
     kn_fit_unknown *u = &p->fit.unknown[p->unknown];
@@ -278,7 +291,8 @@ static double risen(side *p, double in)
     return z;
 }
 
-// Where that reaches t between a place where it has not and one where it has: the Illinois method.
+// Find where the rise reaches t, between a place within the interval and one outside. The method is the Illinois
+// variant of regula falsi.
 static double reach(side *p, double a, double za, double b, double zb)
 {
     const double t = p->t;
@@ -296,11 +310,14 @@ static double reach(side *p, double a, double za, double b, double zb)
     return b;
 }
 
+// Walk from the best value towards one bound, with doubling steps, until the rise reaches t. Set *open if the rise
+// never reaches t.
 static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
     side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale, .t = t};
     double from = p.best = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
+    // The first step is the half width by curvature, if there is one.
     double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
     double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
     for (int i = 0; i < fit->unknowns; i++) p.within[i] = fit->unknown[i].value;
@@ -317,6 +334,7 @@ static double walk(const kn_fit *fit, int unknown, double t, double toward, bool
     return end;
 }
 
+// Return the interval by curvature, in the search's variable. It ends at the bounds.
 static kn_fit_interval by_curvature(const kn_fit *fit, int unknown, double t)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
@@ -355,7 +373,7 @@ kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence)
     return near || u->fixed ? out : kn_fit_interval_by(fit, unknown, confidence, KN_FIT_PROFILE);
 }
 
-// ---- what a fit is worth
+// ---- quality of a fit
 
 double kn_fit_runs(int readings, const double *residual)
 {
@@ -377,12 +395,12 @@ double kn_fit_runs(int readings, const double *residual)
 
 double kn_fit_aicc(int readings, int unknowns, double sum)
 {
-    double n = readings, p = unknowns + 1; // the scale is one, too
+    double n = readings, p = unknowns + 1; // the scale counts as one unknown, too
     if (n - p - 1 <= 0) return INFINITY;
     return n * log(sum / n) + 2 * p + 2 * p * (p + 1) / (n - p - 1);
 }
 
-// Quantile of the normal distribution by Newton on erfc.
+// Return the quantile of the normal distribution by Newton's method on erf.
 static double normal_quantile(double confidence)
 {
     double z = 2;
@@ -390,7 +408,7 @@ static double normal_quantile(double confidence)
     return z;
 }
 
-// Share of Student's distribution between -t and t, by Simpson's rule.
+// Return the share of Student's distribution between -t and t, by Simpson's rule.
 static double student_share(double t, double nu)
 {
     enum { PARTS = 400 };
@@ -404,6 +422,7 @@ double kn_fit_student(double confidence, double freedom)
 {
     double z = normal_quantile(confidence);
     if (freedom > 1e4) return z;
+    // Bracket the quantile, then bisect.
     double low = z, high = z;
     while (student_share(high, freedom) < confidence) high *= 2;
     for (int i = 0; i < 60; i++) {

@@ -2,14 +2,16 @@
 #include <complex.h>
 #include <math.h>
 
-enum { NODES = 18 }; // 0.6 digits each; more would lose to rounding, exp(0.4 NODES), what they gain
+// each node adds 0.6 digits; with more nodes the rounding error, which grows as exp(0.4 NODES), would outweigh the gain
+enum { NODES = 18 };
 
-// The contour at t = 1, and the two addends of 1/Z there.
+// The contour at t = 1, and the two terms of 1/Z on it.
 typedef struct contour {
     const kn_fractional *f;
     double complex node[NODES], weight[NODES], part_v[NODES], part_g[NODES];
 } contour;
 
+// Compute the nodes and weights of the Talbot contour, and the powers of p that depend on the orders only.
 static void prepare(contour *c, const kn_fractional *f)
 {
     const double r = 0.4 * NODES, pi = acos(-1.0);
@@ -27,7 +29,8 @@ static void prepare(contour *c, const kn_fractional *f)
     }
 }
 
-// times 1: integral of the modulus from 0 to t; times 0: the modulus.
+// Invert the transform at time t. `times` is the number of integrations: 0 for the modulus, 1 for its integral from 0
+// to t.
 static double invert(const contour *c, double t, int times)
 {
     const double v = pow(t, c->f->v_order), g = pow(t, c->f->g_order);
@@ -42,7 +45,8 @@ static double invert(const contour *c, double t, int times)
 
 static double after_ramp(const contour *c, double ramp, double t)
 {
-    if (ramp < 1e-4 * t) return invert(c, t + ramp / 2, 0); // of the second order in their ratio
+    // a short ramp acts like a step at its middle, to second order in ramp/t
+    if (ramp < 1e-4 * t) return invert(c, t + ramp / 2, 0);
     return (invert(c, t + ramp, 1) - (t > 0 ? invert(c, t, 1) : 0)) / ramp;
 }
 

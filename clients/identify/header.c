@@ -10,9 +10,9 @@ static char separator_of(const char *line)
     return strchr(line, '\t') ? '\t' : strchr(line, ';') ? ';' : strchr(line, ',') ? ',' : ' ';
 }
 
-typedef struct census { // of a line
+typedef struct census { // contents of one line
     int cells, numbers, missing;
-    bool first; // is a number
+    bool first; // the first cell is a number
 } census;
 
 static census count_cells(const char *line, char separator)
@@ -30,16 +30,19 @@ static census count_cells(const char *line, char separator)
     return n;
 }
 
+// State of the search for the header.
 typedef struct search {
-    int header, commented; // lines that may hold the names; 0: none yet
+    // numbers of the last plain line and of the last commented line that may hold the names; 0: none yet
+    int header, commented;
     char separator, commented_separator;
     int cells, commented_cells;
     int data; // the first line of numbers
     char of_rows;
 } search;
 
-// Whether the line is a row of numbers below such names: most of it are, and it has no more cells than they. One number
-// after a word is not: "Diameter;25" stands before tables.
+// Return whether the line is a row of numbers below a line of names with `cells` cells. At least half of its cells are
+// numbers or missing, and it has no more cells than there are names. One number after a word is not a row:
+// "Diameter;25" stands before tables.
 static bool is_row(const char *line, char separator, int cells)
 {
     census n = count_cells(line, separator);
@@ -47,7 +50,7 @@ static bool is_row(const char *line, char separator, int cells)
     return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
 }
 
-// What separates the cells of such a row; 0: it is none.
+// Return the separator of the line's cells if it is a row below these names. Return 0 if it is not a row.
 static char row_separator(const char *line, int header, char separator, int cells)
 {
     if (!header) return 0;
@@ -55,6 +58,7 @@ static char row_separator(const char *line, int header, char separator, int cell
     return count_cells(line, ' ').numbers > 1 && is_row(line, ' ', cells) ? ' ' : 0;
 }
 
+// Look at one line: a row ends the search, a line of words becomes the candidate for the names.
 static void look_at(search *found, const kn_lines *l)
 {
     const char *line = l->text + strspn(l->text, " \t");
@@ -62,6 +66,7 @@ static void look_at(search *found, const kn_lines *l)
     const bool comment = *line == '#';
     if (comment) line += strspn(line, "# \t");
     if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
+    // A row is tried against the plain candidate first, then against the commented one.
     const char separator = separator_of(line);
     const census n = count_cells(line, separator);
     char of_rows = row_separator(line, found->header, found->separator, found->cells);
@@ -71,6 +76,7 @@ static void look_at(search *found, const kn_lines *l)
         found->of_rows = of_rows;
         return;
     }
+    // A line of words with at least two cells may be the names.
     if (n.numbers > 0 || n.cells - n.missing < 2) return;
     if (comment) {
         found->commented = l->number;
@@ -103,6 +109,8 @@ bool kn_header_find(kn_header *header, kn_lines *lines)
 {
     search found = {0}, before = {0};
     int units = 0;
+    // Read up to the first row of numbers. Remember the candidate before the last one, in case the last line holds only
+    // units.
     while (!found.data && kn_lines_next(lines)) {
         const search was = found;
         look_at(&found, lines);
@@ -110,6 +118,7 @@ bool kn_header_find(kn_header *header, kn_lines *lines)
         before = was;
         if (kn_header_is_units(lines->text, found.separator)) units = found.header;
     }
+    // The line of units counts only if it is directly the last candidate and another candidate is above it.
     const bool below = units > 0 && units == found.header && before.header > 0;
     if (below) *header = (kn_header){before.header, units, before.separator, found.of_rows};
     else if (found.header) *header = (kn_header){found.header, 0, found.separator, found.of_rows};

@@ -1,20 +1,23 @@
 #ifndef KN_CLIENTS_IDENTIFY_HEADER_H
 #define KN_CLIENTS_IDENTIFY_HEADER_H
-// Where a table begins in a file that may have anything before it: the names are in the last line of words before the
-// first row of numbers, or in the one before that where the last has units alone. A comment is taken for them where
-// nothing else can be ("# time height", as numpy writes them).
+// Find where a table begins in a file that may have any text before it. The column names are in the last line of words
+// before the first row of numbers. If the last line of words holds only units, the names are in the line of words above
+// the units. A comment line is taken as the line of names only if no other line can be ("# time height", as numpy
+// writes them).
 #include "clients/identify/lines.h"
 
 typedef struct kn_header {
-    int names, units; // lines, 1..; 0: none
-    char separator;   // the first of tab, ';', ',' that the names have, else ' '
-    char of_rows;     // the same, or ' ' where blanks are between the numbers below
+    int names, units; // line numbers, 1..; 0: none
+    char separator;   // the first of tab, ';' and ',' that the line of names contains, else ' '
+    char of_rows;     // separator of the rows: the separator of the names, or ' ' if blanks separate the numbers
 } kn_header;
 
-// False: no numbers below any names; names is then the line that could have been it, or 0.
+// Find the header. Return false if there are no numbers below any names; `names` is then the line that could have held
+// the names, or 0.
 bool kn_header_find(kn_header *header, kn_lines *lines);
 
-// Whether a line holds units, one for each name: "s;mm;N". Half of them need be known.
+// Return whether a line holds the units of the columns, such as "s;mm;N". At least half of the cells must be known
+// units.
 bool kn_header_is_units(const char *line, char separator);
 
 #endif

@@ -6,11 +6,11 @@
 #include <string.h>
 #include <strings.h>
 
-#define GRAVITY 9.80665 // m/s^2, by which a mass is a weight: that of core/scene/units.h
+#define GRAVITY 9.80665 // m/s^2, turns a mass into a weight; the same value as in core/scene/units.h
 
 // ---- units
 
-// What units.h does not have, since a scene needs no second way to say it.
+// Units that core/scene/units.h lacks. A scene needs only one spelling of each unit, but measured files use many.
 static const struct also {
     const char *text, *si;
     double times, over;
@@ -25,7 +25,7 @@ typedef struct spelling {
     const char *as, *is;
 } spelling;
 
-// longer ones before those that they begin with
+// A longer spelling must come before a shorter one that it begins with.
 static const spelling unit_spellings[] = {{"\xc2\xb5", "u"},
                                           {"\xce\xbc", "u"},
                                           {"\xc2\xb2", "^2"},
@@ -48,7 +48,7 @@ static const spelling name_spellings[] = {{"\xcf\x89", "omega"}, {"\xce\xb4", "d
                                           {"\t", " "},           {":", " "},
                                           {"\xce\x94", "delta "}};
 
-// text with some spellings exchanged, as much of it as there is room for
+// Copy text with the listed spellings replaced, as far as there is room.
 static void respell(char *to, size_t size, const char *text, const spelling *list, size_t count)
 {
     size_t n = 0;
@@ -65,6 +65,7 @@ static void respell(char *to, size_t size, const char *text, const spelling *lis
     to[n] = '\0';
 }
 
+// Parse a unit with core/scene/units.h. A negative power of ten goes into `over`, which keeps the conversion exact.
 static bool measure_of(kn_measure *m, const char *text, char *error, size_t error_size)
 {
     kn_unit unit;
@@ -76,7 +77,7 @@ static bool measure_of(kn_measure *m, const char *text, char *error, size_t erro
     return isfinite(m->times) && m->times > 0;
 }
 
-// "Pa.s" is a product, "cm2" a power.
+// Normalise a unit: "Pa.s" becomes a product, "cm2" a power.
 static void tidy(char *to, size_t size, const char *text)
 {
     char plain[KN_HEADING_NAME];
@@ -119,15 +120,17 @@ double kn_measure_si(const kn_measure *m, double number) { return number * m->ti
 
 // ---- headings
 
+// Copy without blanks at either end.
 static void copy(char *to, size_t size, const char *text, size_t length)
 {
     while (length > 0 && isspace((unsigned char)*text)) text++, length--;
     while (length > 0 && isspace((unsigned char)text[length - 1])) length--;
     snprintf(to, size, "%.*s", (int)length, text);
     for (char *p = to; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // it is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
 }
 
+// Take the text as the unit of the heading, if it is one.
 static bool take_unit(kn_heading *h, const char *text, size_t length)
 {
     char unit[KN_HEADING_NAME];
@@ -138,7 +141,7 @@ static bool take_unit(kn_heading *h, const char *text, size_t length)
     return h->has_unit = true;
 }
 
-// name (unit) or name [unit], the last pair that holds one: "G(t) [Pa] (mean)"
+// "name (unit)" or "name [unit]": take the last pair of brackets that holds a unit, as in "G(t) [Pa] (mean)".
 static bool in_brackets(kn_heading *h, char *text)
 {
     for (char *open = text + strlen(text); open-- > text;) {
@@ -153,7 +156,7 @@ static bool in_brackets(kn_heading *h, char *text)
     return false;
 }
 
-// name / unit, name, unit
+// "name / unit" or "name, unit".
 static bool after_mark(kn_heading *h, char *text, char mark)
 {
     for (char *at = strchr(text, mark); at; at = strchr(at + 1, mark)) {
@@ -164,7 +167,8 @@ static bool after_mark(kn_heading *h, char *text, char mark)
     return false;
 }
 
-// _pa, _rad_s, _per_pa: small letters for what is written with capitals, _ for what a name cannot hold.
+// Read a suffix like _pa, _rad_s or _per_pa as a unit. Small letters stand for capitals, and _ stands for characters
+// that a name cannot hold.
 static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
 {
     static const spelling small[] = {{"pa", "Pa"}, {"kpa", "kPa"}, {"mpa", "MPa"}, {"gpa", "GPa"},
@@ -185,7 +189,8 @@ static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
     return take_unit(h, unit, strlen(unit));
 }
 
-// Of each word the longest end after a _ that is a unit: "omega_rad_s", "displacement_mm 10 gf"
+// Take the longest suffix after an underscore that is a unit. The first word with such a suffix counts: "omega_rad_s",
+// "displacement_mm 10 gf".
 static bool after_underscore(kn_heading *h, char *text)
 {
     for (char *word = text; *word; word += strspn(word, " ")) {
@@ -200,7 +205,8 @@ static bool after_underscore(kn_heading *h, char *text)
     return false;
 }
 
-// "Strain %", not the load of "displacement 10 gf"
+// Take the last word as the unit, as in "Strain %". A word after a number is not taken: "displacement 10 gf" names a
+// load.
 static bool last_word(kn_heading *h, char *text)
 {
     char *at = strrchr(text, ' ');
@@ -212,6 +218,7 @@ static bool last_word(kn_heading *h, char *text)
     return true;
 }
 
+// Make the form of the name that is compared: small letters, single blanks, Greek letters spelt out.
 static void simplify(char word[KN_HEADING_NAME], const char *name)
 {
     char spelt[KN_HEADING_NAME];
@@ -226,7 +233,7 @@ static void simplify(char word[KN_HEADING_NAME], const char *name)
     word[n] = '\0';
 }
 
-// "displacement [furlong]": what stands in square brackets at the end is meant as a unit.
+// Text in square brackets at the end is meant as a unit, even if it is unknown: "displacement [furlong]".
 static void unknown_unit(kn_heading *h, char *text)
 {
     const size_t n = strlen(text);
@@ -241,6 +248,7 @@ void kn_heading_read(kn_heading *h, const char *text)
     char left[KN_HEADING_NAME];
     memset(h, 0, sizeof *h);
     copy(left, sizeof left, text, strlen(text));
+    // Try the notations of a unit from the most to the least explicit.
     const bool known = in_brackets(h, left) || after_mark(h, left, '/') || after_mark(h, left, ',') ||
                        after_underscore(h, left) || last_word(h, left);
     if (!known) unknown_unit(h, left);
@@ -254,7 +262,8 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
     kn_measure m;
     text += strspn(text, " ");
     size_t n = strspn(text, "+-0123456789.,eE");
-    while (n > 0 && (text[n - 1] == 'e' || text[n - 1] == 'E')) n--; // of a unit
+    // an e after the number begins the unit; it is no exponent
+    while (n > 0 && (text[n - 1] == 'e' || text[n - 1] == 'E')) n--;
     snprintf(number, sizeof number, "%.*s", (int)n, text);
     if (strchr(number, ',') && !strchr(number, '.')) *strchr(number, ',') = '.';
     *value = strtod(number, &end);

@@ -1,41 +1,44 @@
 #ifndef KN_CLIENTS_IDENTIFY_HEADING_H
 #define KN_CLIENTS_IDENTIFY_HEADING_H
-// What stands above a column of numbers, and quantities in notes beside them, as instruments and people write them:
+// Parse the name and unit above a column of numbers, and quantities in notes, in the spellings of instruments and
+// people:
 //
 //     time_s   time (s)   time [s]   t / s   Time, s   Strain %   displacement_mm 10 gf   ω [rad/s]   G' (kPa)
 //
-// Units are those of core/scene/units.h and: min, h, sec, %, percent, kHz, mPa, GPa, kN, uN, bar, dyn, `-` or `1`
-// (none); with ², ^2 or 2, · or . or *, µ. After `_` a unit may be in small letters, since _pa can only mean Pa there.
+// The known units are those of core/scene/units.h, and min, h, sec, %, percent, kHz, mPa, GPa, kN, uN, bar, dyn, `-` or
+// `1` (none). They may be written with ², ^2 or 2, with ·, . or *, and with µ. After an underscore a unit may be in
+// small letters, since _pa can only mean Pa.
 #include "core/scene/units.h"
 #include <stdbool.h>
 #include <stddef.h>
 
 #define KN_HEADING_NAME 80
 
-typedef struct kn_measure { // SI value = number * times / over, two numbers since 5/1000 is 0.005 to the bit
-    kn_unit dimension;      // only m, kg, s, rad
+// A unit. SI value = number * times / over. Two factors are kept, since 5/1000 is exactly 0.005 but 5 * 0.001 need not
+// be.
+typedef struct kn_measure {
+    kn_unit dimension; // only m, kg, s, rad are used
     double times, over;
 } kn_measure;
 
 typedef struct kn_heading {
-    char name[KN_HEADING_NAME];      // as written, without the unit
-    char word[KN_HEADING_NAME];      // the name in small letters, one blank between words, Greek letters spelt out,
-                                     // primes as ': what to compare with
+    char name[KN_HEADING_NAME]; // as written, without the unit
+    // for comparison: small letters, single blanks between words, Greek letters spelt out, primes as '
+    char word[KN_HEADING_NAME];
     char unit_text[KN_HEADING_NAME]; // as written; empty: none
     bool has_unit;
     kn_measure unit;
 } kn_heading;
 
-// False: no unit that is known. error: a clause that says so; NULL: not wanted.
+// Parse a unit. Return false if the unit is unknown, with one clause in `error`, which may be NULL.
 bool kn_measure_parse(kn_measure *m, const char *text, char *error, size_t error_size);
-bool kn_measure_is(const kn_measure *m, const char *unit); // of its dimension, e.g. "Pa"; "1": without one
+bool kn_measure_is(const kn_measure *m, const char *unit); // same dimension as e.g. "Pa"; "1": no dimension
 double kn_measure_si(const kn_measure *m, double number);
 
-void kn_heading_read(kn_heading *h, const char *text); // always gives a name, if only an empty one
+void kn_heading_read(kn_heading *h, const char *text); // always sets a name, which may be empty
 
-// "50 gf", "0,5 cm", "10 %", "1 min" -> SI in the dimension of unit. A number without a unit is one only if unit is
-// "1".
-// A weight may be a mass: in N, "50 g" is 50 gf.
+// Read a quantity like "50 gf", "0,5 cm", "10 %" or "1 min" into SI, in the dimension of unit. A number without a unit
+// is accepted only if unit is "1". If `unit` is "N", a mass is read as its weight: "50 g" is 50 gf.
 bool kn_heading_quantity(const char *text, const char *unit, double *value, char *error, size_t error_size);
 
 #endif

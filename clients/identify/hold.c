@@ -5,7 +5,7 @@
 #define SMALL 1e-12 // beta P below which exp(-beta P) is 1
 enum { NEWTON_MAX = 60 };
 
-// exp(-beta clamp(P)), as a share of alpha.
+// Return exp(-beta clamp(P)): the damper as a share of alpha.
 static double share(const kn_hold *h, double p) { return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa)); }
 
 double kn_hold_time(const kn_hold *h, double p)
@@ -14,13 +14,14 @@ double kn_hold_time(const kn_hold *h, double p)
     return h->alpha_s * share(h, p) + h->c1_s * (1 + thins);
 }
 
-// Below this stress, and above p1, it falls exponentially.
+// Return the floor: the stress below which the damper is constant, so that the stress falls exponentially. Above p1 the
+// stress falls exponentially, too.
 static double floor_of(const kn_hold *h)
 {
     return h->beta_per_pa > 0 ? fmax(h->p0_pa, SMALL / h->beta_per_pa) : INFINITY;
 }
 
-// Integral of exp(-u)/u between two places by Gauss and Legendre's rule of 2 pairs points over ln u.
+// Integrate exp(-u)/u between two values of u by the Gauss-Legendre rule with 2 * pairs points over ln u.
 static double by_gauss(double middle, double half, int pairs, const double *place, const double *weight)
 {
     double sum = 0;
@@ -31,7 +32,8 @@ static double by_gauss(double middle, double half, int pairs, const double *plac
     return half * sum;
 }
 
-// E1(x) - E1(y), y > x. Nearby by four or six points, which costs a tenth and cancels nothing: to 1e-13 of itself.
+// Return E1(x) - E1(y), y > x. If both are close, four or six points suffice: this costs a tenth, avoids cancellation
+// and has a relative error of 1e-13.
 static double e1_between(double x, double y)
 {
     static const double place4[2] = {0.3399810435848563, 0.8611363115940526};
@@ -44,19 +46,22 @@ static double e1_between(double x, double y)
                        : by_gauss(sqrt(x * y), half, 2, place4, weight4);
 }
 
-// (1) from one stress to a lower one, both between floor and p1.
+// Return the time by equation (1) in which the stress falls from `from` to `to`. Both stresses are between the floor
+// and p1.
 static double between(const kn_hold *h, double from, double to)
 {
     const double b = h->beta_per_pa;
     return h->alpha_s * e1_between(b * to, b * from) + h->c1_s * (log(from / to) + b * (from - to));
 }
 
+// Return the time constant outside P0 to P1, where the damper is constant.
 static double outside(const kn_hold *h, double clamped) { return h->alpha_s * share(h, clamped) + h->c1_s; }
 
 double kn_hold_until(const kn_hold *h, double to)
 {
     const double low = floor_of(h);
     double from = h->begin_pa, t = 0;
+    // Add the times above p1, between p1 and the floor, and below the floor.
     if (from > h->p1_pa && low < h->p1_pa) {
         const double end = fmax(to, h->p1_pa);
         t += outside(h, h->p1_pa) * log(from / end);
@@ -70,12 +75,13 @@ double kn_hold_until(const kn_hold *h, double to)
     return from > to ? t + outside(h, fmin(from, low)) * log(from / to) : t;
 }
 
-// ln P where (1) has taken `wait` from a stress on, which is at least `least`: Newton's method in ln P between what is
-// known to hold it. Far too low, where the time grows as exp(-beta P), it is the logarithm of the time that is met.
+// Return ln P at the time `wait` after the stress was `from`, by equation (1). P is at least `least`. The method is
+// Newton's in ln P, within an interval that encloses the root. Far below the root, Newton's method solves for the
+// logarithm of the time, which is closer to linear.
 static double after(const kn_hold *h, double from, double wait, double least)
 {
     double high = log(from), low = log(least), half = wait / kn_hold_time(h, from) / 2;
-    double u = high - wait / kn_hold_time(h, exp(high - half)); // the midpoint rule, of the second order
+    double u = high - wait / kn_hold_time(h, exp(high - half)); // start by the midpoint rule, of second order
     if (!(wait > 0)) return high;
     for (int i = 0; i < NEWTON_MAX && low < high; i++) {
         if (!(u > low && u < high)) u = (low + high) / 2;
@@ -84,12 +90,12 @@ static double after(const kn_hold *h, double from, double wait, double least)
         else high = u;
         const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
         u += step;
-        if (fabs(step) < 3e-7) return u; // its own error is some square of that
+        if (fabs(step) < 3e-7) return u; // the remaining error is about the square of this step
     }
     return u;
 }
 
-// A stretch of one law: where it ends, and when.
+// A point of the curve from which the search for the next stress starts: a stress and its time.
 typedef struct stretch {
     double from_pa, from_s;
 } stretch;
@@ -102,11 +108,14 @@ void kn_hold_stress(const kn_hold *h, int count, const double *time_s, double *s
     stretch s = {h->begin_pa, 0}; // the last stress found
     for (int i = 0; i < count; i++) {
         const double t = time_s[i];
+        // Above p1 the fall is exponential.
         if (t < at_p1) {
             stress_pa[i] = h->begin_pa * exp(-t / outside(h, h->p1_pa));
             continue;
         }
         if (s.from_s < at_p1) s = (stretch){h->p1_pa, at_p1};
+        // Between p1 and the floor, invert equation (1) from the last stress found. Below the floor the fall is
+        // exponential again.
         if (t < at_low) s = (stretch){exp(after(h, s.from_pa, t - s.from_s, low)), t};
         stress_pa[i] = s.from_pa;
         if (t < at_low) continue;

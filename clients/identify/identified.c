@@ -50,7 +50,7 @@ enum { DOUGH_KG_M3 = 1200 };
 
 static const char mark[] = "# Identified by knead identify";
 
-// Whether the file may be written: none is there, or one of ours.
+// Check that the file may be written: it does not exist, it is empty, or this command has written it.
 static int may_write(const char *subcommand, const char *path)
 {
     char begin[sizeof mark] = "";
@@ -64,6 +64,7 @@ static int may_write(const char *subcommand, const char *path)
                        "%s: is there and was not written by knead identify; expected another name", path);
 }
 
+// Return the parameter of this name, or NULL.
 static const kn_identified *find(int count, const kn_identified *number, const char *name)
 {
     for (int i = 0; i < count; i++)
@@ -71,6 +72,7 @@ static const kn_identified *find(int count, const kn_identified *number, const c
     return NULL;
 }
 
+// Write one parameter with its interval, or with the reason why it is not known.
 static void line(FILE *f, const char *key, double value, const char *unit, const kn_identified *n)
 {
     char text[120], said[200];
@@ -84,6 +86,7 @@ static void line(FILE *f, const char *key, double value, const char *unit, const
     fprintf(f, "\n");
 }
 
+// Write the damper of the material, by its kind.
 static void damper(FILE *f, const kn_material *m, int count, const kn_identified *number)
 {
     switch (m->damper) {
@@ -112,7 +115,8 @@ static void damper(FILE *f, const kn_material *m, int count, const kn_identified
 int kn_material_file_try(const char *subcommand, const char *path)
 {
     struct stat there;
-    if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) // as kn_beside_open has it; before a link is followed
+    // kn_beside_open refuses these files, too. Check before a link is followed.
+    if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode))
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: is no regular file, expected a file that may be replaced",
                            path);
     const int code = kn_output_try(subcommand, path);
@@ -123,7 +127,7 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
     const bool plain = kn_key_quotable(base);
-    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : ""); // a name has 255 bytes at most
+    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : ""); // a name has at most 255 bytes
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < ' ' || (!plain && (unsigned char)*c > '~')) *c = '?';
     return text;
@@ -141,6 +145,7 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
 {
     char *text = NULL, error[512];
     size_t size = 0;
+    // Parse a scene around the material, so that the limits are those of scenes.
     FILE *f = open_memstream(&text, &size);
     snprintf(why, why_size, "out of memory");
     if (!f) return false;
@@ -150,7 +155,9 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
             DOUGH_KG_M3);
     print_material(f, material, 0, NULL);
     kn_scene *scene = fclose(f) == 0 ? kn_scene_parse("scene", text, size, NULL, 0, error, sizeof error) : NULL;
-    if (!scene && size) { // without a place in a text that nobody sees, and another way to write it
+    // From the parser's complaint, drop the position in this internal text, and drop the alternative notation at the
+    // end.
+    if (!scene && size) {
         const char *words = strstr(error, ": ") ? strstr(error, ": ") + 2 : error, *end = strstr(words, " (or ");
         snprintf(why, why_size, "%.*s", end ? (int)(end - words) : (int)strlen(words), words);
     }
@@ -169,6 +176,7 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
     if (code != KN_EXIT_OK) return code;
     if (!kn_material_served(material, why, sizeof why))
         return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene takes it: %s", path, why);
+    // Write to a file beside the path and rename it once it is complete.
     if (!kn_beside_open(&out, path, why, sizeof why)) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
     FILE *f = out.file;
     fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n",

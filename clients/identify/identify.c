@@ -1,4 +1,5 @@
-// knead identify: from what was measured on a lump to the numbers of a virtual one. See experiments.h.
+// The `knead identify` command: find the parameters of a virtual lump from measurements on a real one. The command runs
+// one experiment of experiments.h.
 #include "clients/identify/experiments.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -32,7 +33,7 @@ int kn_identify_main(int argc, char **argv)
     }
     for (const experiment *e = experiments; argc > 1 && e->name; e++) {
         if (strcmp(argv[1], e->name) != 0) continue;
-        char full[40]; // what getopt begins its complaints with
+        char full[40]; // argv[0] of the experiment: getopt prints it in front of its messages
         snprintf(full, sizeof full, "knead identify %s", e->name);
         argv[1] = full;
         return e->main(argc - 1, argv + 1);

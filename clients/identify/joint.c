@@ -7,22 +7,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The unknowns beyond the six are how late each curve's load came, and how much longer it stayed, by turns.
-enum { LATE = KN_JOINT_NUMBERS, ROW = 3 }; // more outliers than that beside each other are the model's
+// After the six parameters, each curve has two unknowns: by how much later its load was applied (late_s), and by how
+// much longer the last load lasted (held_s). Both together are the lateness of the curve.
+enum { LATE = KN_JOINT_NUMBERS, ROW = 3 }; // ROW: more outliers than this side by side are the model's fault
 _Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
 _Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
 
-static const double huber = 3;    // deviations beyond which a reading pulls no harder, while outliers are looked for
-static const double outlying = 5; // deviations, of the curve's own median
-static const double one_stress = 0.97; // least over largest from which a damper that depends on it is one number
+// limit of Huber's loss, in deviations: beyond the limit, the influence of a reading on the robust fit stays constant
+static const double huber = 3;
+static const double outlying = 5;      // deviations, in units of the curve's own median
+static const double one_stress = 0.97; // ratio of least to largest stress above which the damper is taken as constant
 
 typedef struct joint_work {
     int curves;
     const kn_curve *curve;
     bool robust, late;
-    double *strain; // of one curve
-    bool *left_out; // of all readings, curve by curve
-    int most;       // readings of the longest curve
+    double *strain; // fitted strain of one curve, scratch
+    bool *left_out; // one flag for each reading, curve by curve
+    int most;       // number of readings of the longest curve
 } joint_work;
 
 // ---- the curves
@@ -31,6 +33,7 @@ typedef struct lateness {
     double late_s, held_s;
 } lateness;
 
+// Return the fitted time of a step of the load. A final release is also shifted by held_s.
 static double came(const kn_curve *c, int step, lateness l)
 {
     const bool release = step > 0 && step + 1 == c->steps && c->step[step].stress_pa == 0;
@@ -66,6 +69,7 @@ static kn_chain chain_of(const kn_material *m)
                       .p1_pa = m->p1_pa};
 }
 
+// Compute a material's strain under the curve's loads, shifted by the lateness.
 static bool predict(const kn_material *material, const kn_curve *c, lateness l, double *strain)
 {
     kn_chain chain = chain_of(material);
@@ -79,6 +83,7 @@ bool kn_joint_predict(const kn_material *material, const kn_curve *c, double *st
     return predict(material, c, (lateness){0, 0}, strain);
 }
 
+// Shift one curve to the fitted times and drop the readings before the load.
 static void settle(kn_curve *c, lateness l)
 {
     int early = 0;
@@ -115,7 +120,7 @@ static kn_material material_of(const double *v)
                          .p1_pa = v[KN_JOINT_P1]};
 }
 
-// Huber's loss as a square: beyond k it grows like |r|.
+// Return a residual whose square is Huber's loss: beyond `huber` the square grows like |r|.
 static double tame(double r) { return fabs(r) <= huber ? r : copysign(sqrt(2 * huber * fabs(r) - huber * huber), r); }
 
 static lateness lateness_of(const joint_work *w, const double *v, int k)
@@ -123,6 +128,7 @@ static lateness lateness_of(const joint_work *w, const double *v, int k)
     return w->late ? (lateness){v[LATE + 2 * k], v[LATE + 2 * k + 1]} : (lateness){0, 0};
 }
 
+// Compute the residuals of all curves in units of their noise. Readings that were left out have none.
 static bool misfit(void *of, const double *value, double *residual)
 {
     joint_work *w = of;
@@ -141,9 +147,9 @@ static bool misfit(void *of, const double *value, double *residual)
     return true;
 }
 
-// ---- what was measured
+// ---- the measured range
 
-// The middle one of the last readings up to a time: an outlier among them does not matter. 0 before the first.
+// Return the median of the last readings up to a time, so that one outlier does not matter. 0 before the first reading.
 static double strain_at(const kn_curve *c, double until_s)
 {
     enum { LAST = 5 };
@@ -155,12 +161,14 @@ static double strain_at(const kn_curve *c, double until_s)
     return n ? last[n / 2] : 0;
 }
 
+// Return when a step ends: at the next step, or at the last reading.
 static double step_end(const kn_curve *c, int step)
 {
     return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
 }
 
-// Least and largest stress of all loads, from the strains at which each of them came and went.
+// Extend the range of stresses by one curve's loads. The stresses follow from the strains at the begin and the end of
+// each load.
 static void visit(kn_joint *j, const kn_curve *c, const double end_strain[KN_CURVE_STEPS])
 {
     for (int i = 0; i < c->steps; i++) {
@@ -178,10 +186,11 @@ static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CUR
     j->lowest_pa = INFINITY;
     j->highest_pa = 0;
     for (int k = 0; k < curves; k++) visit(j, &curve[k], end_strain[k]);
+    // A wrong strain, near or above 1, at the end of a load must not make the least stress 0.
     j->lowest_pa = fmin(fmax(j->lowest_pa, 1e-3 * j->highest_pa), j->highest_pa);
 }
 
-// By the readings: near enough for a search to begin.
+// Estimate the range of stresses from the readings, which is accurate enough to begin a search.
 static void visited(kn_joint *j, int curves, const kn_curve *curve)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
@@ -205,9 +214,10 @@ static double longest(int curves, const kn_curve *curve)
     return most;
 }
 
-// One stress alone: no beta, and nothing beyond P0 and P1.
+// Return whether all stresses are nearly equal. The data then do not determine beta, P0 and P1.
 static bool constant(const kn_joint *j) { return j->lowest_pa > one_stress * j->highest_pa; }
 
+// Set the bounds of all unknowns, decades around the size of the measured values.
 static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve)
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
@@ -217,7 +227,8 @@ static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *cu
     const double high[] = {1e6 * stiff, 1e4 * viscous, 1e15 * viscous, 100 / top, top, 3 * top};
     for (int i = 0; i < KN_JOINT_NUMBERS; i++)
         fit->unknown[i] = (kn_fit_unknown){.name = name[i], .low = low[i], .high = high[i]};
-    fit->unknown[KN_JOINT_P0].value = 0.5 * j->lowest_pa; // well below: no reading meets it
+    // well below the least stress, so that P0 has no effect on the readings
+    fit->unknown[KN_JOINT_P0].value = 0.5 * j->lowest_pa;
     fit->unknown[KN_JOINT_P1].value = top;
     fit->unknown[KN_JOINT_P0].fixed = fit->unknown[KN_JOINT_P1].fixed = true;
     fit->unknowns = KN_JOINT_NUMBERS;
@@ -234,8 +245,9 @@ static void values(const kn_fit *fit, double out[KN_FIT_UNKNOWNS])
     for (int i = 0; i < fit->unknowns; i++) out[i] = fit->unknown[i].value;
 }
 
-// Starts for k1, c1, alpha, beta: the two stages of the curve that was released under the largest load, and guesses
-// from the size of things. P0 and P1 stand where no reading meets them.
+// Compute starts for k1, c1, alpha and beta. One comes from the two stages of the curve with the largest load that was
+// released, the others from the size of the values. P0 and P1 are outside the measured stresses, where they have no
+// effect.
 static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve,
                    double start[4][KN_FIT_UNKNOWNS])
 {
@@ -265,7 +277,7 @@ static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_cu
     return count;
 }
 
-// The two best of the starts come first; how many there are of them.
+// Sort the two best starts to the front. Return how many of them there are.
 static int best_two(kn_fit *fit, int starts, double start[4][KN_FIT_UNKNOWNS])
 {
     double sum[4];
@@ -283,9 +295,9 @@ static int best_two(kn_fit *fit, int starts, double start[4][KN_FIT_UNKNOWNS])
     return starts < 2 ? starts : 2;
 }
 
-// The stresses that the fitted element has borne. The last reading before a load is taken off is not its end, and noise
-// and outliers have their own ideas of it. P0, which the search had below all of them, comes up to the least: nothing
-// that was measured changes by that.
+// Compute the range of stresses in the fitted element. The last reading before a release is not the end of the load,
+// and readings have noise and outliers. P0, which the search kept below all stresses, is then raised to the least
+// stress. This changes no fitted value at the readings.
 static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS], end_s[KN_CURVE_STEPS], value[KN_FIT_UNKNOWNS];
@@ -294,6 +306,7 @@ static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
     for (int k = 0; k < w->curves; k++) {
         const lateness l = lateness_of(w, value, k);
         kn_curve ends = w->curve[k];
+        // The ends of the loads serve as readings, at their fitted times.
         for (int i = 0; i < ends.steps; i++)
             end_s[i] = i + 1 < ends.steps ? came(&ends, i + 1, l) : fmax(step_end(&ends, i), i ? end_s[i - 1] : 0);
         ends.time_s = end_s;
@@ -308,7 +321,7 @@ static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
     return true;
 }
 
-// P1 let go from several shares of the largest stress; kept where that is better.
+// Make P1 an unknown. Start from several shares of the largest stress and keep the best fit.
 static bool seek_p1(kn_fit *fit, const kn_joint *j)
 {
     static const double share[] = {0.6, 0.8, 0.93};
@@ -319,13 +332,13 @@ static bool seek_p1(kn_fit *fit, const kn_joint *j)
         start[count][KN_JOINT_P1] = share[k] * j->highest_pa;
         if (start[count][KN_JOINT_P1] > 1.02 * j->lowest_pa) count++;
     }
-    values(fit, start[count]); // beyond the largest, where it has no gradient
+    values(fit, start[count]); // beyond the largest stress, where it has no gradient
     start[count++][KN_JOINT_P1] = 1.1 * j->highest_pa;
     fit->unknown[KN_JOINT_P1].fixed = false;
     return kn_fit_run_from(fit, count, start);
 }
 
-// P0 let go from above the least stress, and kept there only where chance does not explain what that gains.
+// Make P0 an unknown. Start above the least stress. Keep P0 as an unknown only if chance does not explain the gain.
 static bool seek_p0(kn_fit *fit, const kn_joint *j, double confidence)
 {
     kn_fit other = *fit;
@@ -348,7 +361,8 @@ static bool seek_p0(kn_fit *fit, const kn_joint *j, double confidence)
 
 // ---- outliers
 
-// Deviations of one curve's readings from the fit, in units of their own median: 1 is what noise makes usual.
+// Compute the deviations of one curve's readings from the fit, scaled by their median so that 1 is the standard
+// deviation of normal noise.
 static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *out)
 {
     const kn_curve *c = &w->curve[k];
@@ -367,7 +381,7 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
     return ok;
 }
 
-// How many readings beside each other, this one among them, are off by half of what an outlier is.
+// Count the neighbouring readings, including this one, that deviate by more than half of the limit for outliers.
 static int beside(const double *d, int n, int at)
 {
     int from = at, to = at;
@@ -376,6 +390,7 @@ static int beside(const double *d, int n, int at)
     return to - from + 1;
 }
 
+// Leave out the outliers of all curves that are not part of a longer row.
 static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
 {
     int count = 0;
@@ -395,31 +410,33 @@ static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
     return count;
 }
 
-// ---- what came of it
+// ---- results
 
+// Compute the interval of one parameter.
 static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *opt)
 {
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
     const kn_fit_unknown *u = &fit->unknown[i];
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
-    if (constant(j) && i >= KN_JOINT_BETA) {   // not there
-    } else if (i == KN_JOINT_P0 && u->fixed) { // how high could it be?
+    if (constant(j) && i >= KN_JOINT_BETA) {   // the parameter does not exist
+    } else if (i == KN_JOINT_P0 && u->fixed) { // the interval states how high P0 could be
         kn_fit free_of = *fit;
         free_of.unknown[i].fixed = false;
-        free_of.unknown[i].low = 0.999 * j->lowest_pa; // all that lies below is as good
+        free_of.unknown[i].low = 0.999 * j->lowest_pa; // everything below is equally good
         if (!opt->no_intervals) known = kn_fit_interval_by(&free_of, i, opt->confidence, KN_FIT_PROFILE);
         fit->evaluations = free_of.evaluations;
         known.open_low = true;
     } else if (!opt->no_intervals) {
-        bool bent = i >= KN_JOINT_P0; // their likelihood has a kink at the end of what was measured
+        bool bent = i >= KN_JOINT_P0; // their likelihood has a kink at the end of the measured stresses
         known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
                      : kn_fit_interval_of(fit, i, opt->confidence);
     }
-    // beyond the largest stress every P1 is as good as any other
+    // Beyond the largest stress every P1 is equally good.
     if (i == KN_JOINT_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
     kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
 }
 
+// State in words why a parameter is not known.
 static void say(kn_joint *j)
 {
     if (constant(j)) {
@@ -445,6 +462,7 @@ static void say(kn_joint *j)
     }
 }
 
+// Derive material, intervals, residuals and runs from the finished fit.
 static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
 {
     double(*c)[KN_FIT_UNKNOWNS] = fit->covariance, value[KN_FIT_UNKNOWNS];
@@ -462,6 +480,7 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     j->readings = fit->readings;
     j->unknowns = fit->readings - fit->freedom;
     j->evaluations = fit->evaluations;
+    // Correlation of alpha and beta from the covariance.
     j->alpha_beta = c[a][a] > 0 && c[b][b] > 0 ? c[a][b] / sqrt(c[a][a] * c[b][b]) : 0;
     say(j);
     const bool *left_out = w->left_out;
@@ -475,6 +494,7 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
         int n = 0;
         for (int i = 0; i < curve->count; i++) {
             if (left_out[i]) continue;
+            // Collect the residuals without the outliers, for rms and runs.
             w->strain[n] = w->strain[i] - curve->value[i];
             sum += curve->weight[i] * w->strain[n] * w->strain[n];
             n++;
@@ -485,8 +505,9 @@ static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_opt
     return true;
 }
 
-// Where the strain begins, if that is later than the load is said to have come; and whether the release was late with
-// the load or came as noted: by whichever is nearer to where the strain is largest.
+// Estimate the lateness for the start: where the strain begins, if that is later than the load is said to have come.
+// The release was either late by the same time or at the noted time. The start is the case that is nearer to the time
+// of the largest strain.
 static lateness late_at_first(const kn_curve *c)
 {
     double least_s;
@@ -500,7 +521,7 @@ static lateness late_at_first(const kn_curve *c)
     return (lateness){at_s, as_noted ? -at_s : 0};
 }
 
-// Held for the start; a load that was never taken off stays.
+// Add the lateness of each curve to the unknowns, but keep it fixed for now.
 static void begin_late(joint_work *w, kn_fit *fit)
 {
     w->late = true;
@@ -512,12 +533,14 @@ static void begin_late(joint_work *w, kn_fit *fit)
         kn_fit_unknown *u = &fit->unknown[LATE + 2 * k];
         u[0] = (kn_fit_unknown){.name = "late", .low = -long_s, .high = long_s, .linear = true, .fixed = true};
         u[1] = (kn_fit_unknown){.name = "held", .low = -0.9 * load_s, .high = load_s, .linear = true, .fixed = true};
+        // Start from the estimate, within the bounds.
         u[0].value = fmin(l.late_s, u[0].high);
         u[1].value = fmax(l.held_s, u[1].low);
     }
     fit->unknowns = LATE + 2 * w->curves;
 }
 
+// Make the lateness of all curves unknown and fit once more. A load that was never removed has no duration to fit.
 static bool seek_late(joint_work *w, kn_fit *fit)
 {
     int held = 0;
@@ -529,6 +552,8 @@ static bool seek_late(joint_work *w, kn_fit *fit)
     return fit->readings > fit->unknowns - held && kn_fit_run(fit);
 }
 
+// Search in stages: a robust fit from the best starts, then P1. Leave out the outliers, fit with plain squares, then
+// try P0 and the lateness.
 static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
 {
     double start[4][KN_FIT_UNKNOWNS];

@@ -7,9 +7,9 @@
 #include <stdio.h>
 #include <string.h>
 
-// ---- which there are
+// ---- the list of laws
 
-// The row of springs and dampers that a class is to this experiment.
+// Return the law by which this experiment sees a class of one-ports.
 static kn_fit_law of_class(const kn_oneport *o, bool relax)
 {
     kn_fit_law law = {.kind = KN_FIT_LAW_UNITS, .relax = relax};
@@ -35,13 +35,16 @@ static void add_letter(kn_fit_law *law, char letter)
     snprintf(law->letters + n, sizeof law->letters - n, n ? " %c" : "%c", letter);
 }
 
+// Add one law for each class of the catalogue. Elements that this experiment cannot tell apart share a law and list
+// their letters.
 static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
 {
     int count = 0;
     for (int i = 0; i < KN_CATALOGUE; i++) {
         kn_element e;
         char error[64];
-        if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue; // our own text
+        // parsing cannot fail, since the catalogue is a constant of this program
+        if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
         const kn_oneport o = kn_oneport_of(&e);
         const kn_fit_law one = of_class(&o, relax);
         int k = 0;
@@ -55,7 +58,7 @@ static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
 int kn_fit_laws(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
 {
     int count = add_catalogue(law, relax);
-    // the papers' damper, and what it may have beyond its first numbers: see models.h
+    // The papers' damper, alone and with further parameters: see models.h.
     for (int more = 0; more < 4; more++) {
         kn_fit_law *d = &law[count++];
         *d = (kn_fit_law){.kind = KN_FIT_LAW_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};
@@ -70,13 +73,14 @@ int kn_fit_laws(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
     return count;
 }
 
-// ---- the numbers of each
+// ---- unknowns
 
-// What the bounds are made of: powers of ten around what the readings are like.
+// Typical sizes of the readings; the bounds are powers of ten around them.
 typedef struct size {
     double modulus_pa, stress_pa, first_s, last_s;
 } size;
 
+// Find the typical sizes over all curves.
 static size size_of(bool relax, int curves, const kn_fit_law_curve *curve)
 {
     size z = {0, 0, INFINITY, 0};
@@ -101,6 +105,7 @@ static void add(kn_fit_unknown out[KN_FIT_UNKNOWNS], int *n, const char *name, d
     out[(*n)++] = (kn_fit_unknown){.name = name, .low = low, .high = high, .linear = linear};
 }
 
+// Each element has a modulus and a time. A free spring and a damper have one unknown each.
 static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     static const char *const k[] = {"k1", "k2", "k3"}, *const tau[] = {"tau1", "tau2", "tau3"};
@@ -118,13 +123,14 @@ static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknow
 static const char *const begin_name[KN_FIT_UNKNOWNS] = {"Pi",    "Pi(2)", "Pi(3)", "Pi(4)",  "Pi(5)",  "Pi(6)",
                                                         "Pi(7)", "Pi(8)", "Pi(9)", "Pi(10)", "Pi(11)", "Pi(12)"};
 
+// In a hold k1 is not known, so the unknowns are ratios to k1, and each curve has its stress at time 0.
 static int unknowns_of_dough(const kn_fit_law *law, const size *z, int curves, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const double p = z->stress_pa, low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
     int n = 0;
     if (law->relax) {
         add(out, &n, "alpha/k1", 1e-3 * z->first_s, 1e80 * z->last_s, false);
-        add(out, &n, "beta", 1e-2 / p, 200 / p, false); // below it nothing thins
+        add(out, &n, "beta", 1e-2 / p, 200 / p, false); // with a smaller beta, c2 hardly depends on the stress
         if (law->c1) add(out, &n, "c1/k1", 1e-4 * z->first_s, 10 * z->last_s, false);
     } else {
         add(out, &n, "k1", low, high, false);
@@ -166,7 +172,7 @@ const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
 {
     kn_fit_unknown u[KN_FIT_UNKNOWNS];
     const kn_fit_law_curve none = {.strain = 1};
-    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa"; // stresses of each curve
+    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa"; // the stress of each curve
     const char *name = u[unknown].name;
     if (law->kind == KN_FIT_LAW_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
     if (!strcmp(name, "beta")) return "1/Pa";
@@ -174,8 +180,9 @@ const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
     return name[0] == 'c' || !strcmp(name, "alpha") ? "Pa*s" : "Pa";
 }
 
-// ---- what each says
+// ---- predictions
 
+// Sum the Maxwell elements. A ramp multiplies each of them by its mean over the ramp, (1 - exp(-r))/r.
 static bool units_relax(const kn_fit_law *law, const double *v, const kn_fit_law_curve *c, int count, const double *t,
                         double *out)
 {
@@ -190,6 +197,7 @@ static bool units_relax(const kn_fit_law *law, const double *v, const kn_fit_law
     return true;
 }
 
+// Stress of the papers' element in a hold, from the stress of curve `number` at time 0.
 static bool dough_relax(const kn_fit_law *law, const double *v, int number, int count, const double *t, double *out)
 {
     int n = 2;
@@ -201,7 +209,7 @@ static bool dough_relax(const kn_fit_law *law, const double *v, int number, int 
     return true;
 }
 
-// ln t, or its mean over the time that the strain took.
+// The logarithm ln t, or its mean over the ramp of the strain.
 static bool logarithm_relax(const double *v, const kn_fit_law_curve *c, int count, const double *t, double *out)
 {
     const double r = c->ramp_s;
@@ -213,6 +221,7 @@ static bool logarithm_relax(const double *v, const kn_fit_law_curve *c, int coun
     return true;
 }
 
+// The unknown for the order b is its share of the order a, so that b < a.
 static kn_fractional fractional_of(const double *v)
 {
     return (kn_fractional){.v_pa_s = v[0], .v_order = v[1], .g_pa_s = v[2], .g_order = v[3] * v[1]};
@@ -226,6 +235,7 @@ static bool fractional_relax(const double *v, const kn_fit_law_curve *c, int cou
     return true;
 }
 
+// Creep of a chain under the curve's loads.
 static bool row_creep(const kn_chain *chain, const kn_fit_law_curve *c, int count, const double *t, double *out)
 {
     kn_chain_step step[KN_CURVE_STEPS];
@@ -234,6 +244,7 @@ static bool row_creep(const kn_chain *chain, const kn_fit_law_curve *c, int coun
     return kn_chain_creep(chain, c->curve->constant_area, c->curve->steps, step, count, t, out);
 }
 
+// Return the chain of a law in creep.
 static kn_chain row_of(const kn_fit_law *law, const double *v)
 {
     kn_chain row = {.voigts = law->units};
@@ -242,10 +253,11 @@ static kn_chain row_of(const kn_fit_law *law, const double *v)
         row = (kn_chain){.voigts = 1, .k_pa = {v[0]}, .c_pa_s = {v[1]}, .alpha_pa_s = v[2], .beta_per_pa = v[3]};
         n = 4;
         if (law->p0) row.p0_pa = v[n++];
-        row.p1_pa = law->p1 ? v[n] : 600 / v[3]; // beyond it exp(beta P1) is none
+        row.p1_pa = law->p1 ? v[n] : 600 / v[3]; // exp(beta P1) would overflow beyond it
         return row;
     }
     for (int i = 0; i < law->units && i < KN_CHAIN_VOIGTS; i++, n += 2) {
+        // The unknowns of a Voigt element are its modulus and its retardation time.
         row.k_pa[i] = v[n];
         row.c_pa_s[i] = v[n] * v[n + 1];
     }
@@ -254,6 +266,7 @@ static kn_chain row_of(const kn_fit_law *law, const double *v)
     return row;
 }
 
+// J = ln(1 + t/tau)/v0 and its integral. A short lag uses the power series, since the closed form cancels.
 static void logarithm_compliance(const void *of, int count, const double *lag, const double *ln_lag, double *j,
                                  double *k)
 {
@@ -266,6 +279,7 @@ static void logarithm_compliance(const void *of, int count, const double *lag, c
     }
 }
 
+// J = t^a/(V Gamma(1+a)) + t^b/(G Gamma(1+b)) and its integral, term by term.
 static void fractional_compliance(const void *of, int count, const double *lag, const double *ln_lag, double *j,
                                   double *k)
 {
@@ -300,6 +314,7 @@ bool kn_fit_law_predict(const kn_fit_law *law, const double *value, kn_fit_law_c
         const kn_chain row = row_of(law, value);
         return !(row.p0_pa > row.p1_pa) && row_creep(&row, &curve[c], count, time_s, out);
     }
+    // The yardsticks creep by superposition, which needs the nodes.
     if (!curve[c].memory.nodes) return false;
     const kn_fractional f = fractional_of(value);
     if (law->kind == KN_FIT_LAW_FRACTIONAL)

@@ -1,5 +1,5 @@
-// Where the search for a law's numbers begins: from the look of the readings, at several places, since the sum of
-// squares of exponentials has many valleys.
+// Starts for the search of a law's parameters. Several starts are derived from the readings, since the sum of squares
+// of exponentials has many minima.
 #include "clients/identify/laws.h"
 #include <math.h>
 #include <string.h>
@@ -8,11 +8,13 @@ typedef double (*places)[KN_FIT_UNKNOWNS];
 
 // ---- relaxation
 
-// Of all curves' early readings: P/strain = a - b ln t by least squares, the first, the last, one between, as moduli.
+// Summary of the early readings of all curves: P/strain = a - b ln t by least squares, and the first, the last and a
+// middle modulus.
 typedef struct look {
     double a, b, first_s, middle_s, last_s, first_pa, middle_pa, last_pa;
 } look;
 
+// Return the modulus at the first early reading at or after a time.
 static double modulus_near(const kn_fit_law_curve *c, double time_s)
 {
     const kn_fit_law_part *p = &c->part[0];
@@ -21,6 +23,7 @@ static double modulus_near(const kn_fit_law_curve *c, double time_s)
     return p->value[i] / c->strain;
 }
 
+// Fit the logarithm by least squares over all curves.
 static look look_at(int curves, const kn_fit_law_curve *curve)
 {
     double n = 0, t = 0, y = 0, tt = 0, ty = 0;
@@ -42,6 +45,7 @@ static look look_at(int curves, const kn_fit_law_curve *curve)
     return l;
 }
 
+// Spread the relaxation times over the logarithm of the time, in four ways.
 static int start_units_relax(const kn_fit_law *law, const look *l, places start)
 {
     static const double share[4][3] = {{0.3, 0.8, 1}, {0.6, 0.95, 1.2}, {0.1, 0.5, 0.9}, {0.9, 1.2, 1.5}};
@@ -56,7 +60,7 @@ static int start_units_relax(const kn_fit_law *law, const look *l, places start)
     return law->units ? 4 : 1;
 }
 
-// Late in (1) of hold.h, t is alpha/k1 exp(-beta P)/(beta P): P falls by 1/beta in each factor e of time.
+// Late in (1) of hold.h, t is alpha/k1 exp(-beta P)/(beta P), so P falls by 1/beta in each factor e of time.
 static int start_dough_relax(const kn_fit_law *law, const look *l, int curves, const kn_fit_law_curve *curve,
                              places start)
 {
@@ -78,8 +82,8 @@ static int start_dough_relax(const kn_fit_law *law, const look *l, int curves, c
     return count;
 }
 
-// The slopes of ln G against ln t at both ends are the orders; or it is nearly a Maxwell unit, of the time in which as
-// much is gone as is left.
+// Use the slopes of ln G against ln t at both ends as the orders. Further starts are nearly a Maxwell element, whose
+// time is taken from the total fall.
 static int start_fractional_relax(const look *l, places start)
 {
     const double early = log(l->first_pa / l->middle_pa) / log(l->middle_s / l->first_s);
@@ -117,11 +121,12 @@ static int starts_relax(const kn_fit_law *law, int curves, const kn_fit_law_curv
 
 // ---- creep
 
-// Of the largest load: how long, what it is, and the compliance at its end.
+// The largest load: its nominal stress, duration, stress and compliance at its end. least_pa is the least of all loads.
 typedef struct load {
     double nominal_pa, time_s, stress_pa, compliance, least_pa;
 } load;
 
+// Find the largest load of all curves and the strain at its end.
 static load largest(int curves, const kn_fit_law_curve *curve)
 {
     load l = {.least_pa = INFINITY};
@@ -143,6 +148,7 @@ static load largest(int curves, const kn_fit_law_curve *curve)
     return l;
 }
 
+// Spread the retardation times over the duration of the load, and share the compliance among the elements.
 static int start_units_creep(const kn_fit_law *law, const load *l, places start)
 {
     static const double share[4][3] = {{0.1, 1, 3}, {0.02, 0.3, 1}, {0.5, 3, 10}, {0.005, 0.1, 1}};
@@ -159,6 +165,7 @@ static int start_units_creep(const kn_fit_law *law, const load *l, places start)
     return 4;
 }
 
+// Guess k1, c1, alpha and beta from the compliance at the end of the load.
 static int start_dough_creep(const load *l, places start)
 {
     static const double thins[2] = {0.7, 3};
@@ -172,7 +179,8 @@ static int start_dough_creep(const load *l, places start)
     return 4;
 }
 
-// P0 and P1 beside four numbers that were found without them. P1 above what was reached would never come down.
+// Add P0 and P1 to the four parameters that were found without them. P1 starts below the largest stress, since a P1
+// above has no gradient and would stay there.
 static int start_clamps_creep(const kn_fit_law *law, const load *l, const kn_fit_unknown *found, places start)
 {
     static const double above[3] = {0.6, 0.8, 0.95}, below[3] = {1.2, 0.5, 0.9};

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { ROOM = 1 << 18 }; // of the buffer; a header is sought in the first one
+enum { ROOM = 1 << 18 }; // size of the buffer; a header is searched for in the first buffer only
 
 static bool fail(kn_lines *l, const char *why)
 {
@@ -14,7 +14,8 @@ static bool fail(kn_lines *l, const char *why)
     return false;
 }
 
-// One unit of UTF-16 as UTF-8, at most 3 bytes; halves of a pair become '?': no name or unit has any.
+// Write one unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?', since no name or unit
+// contains one.
 static size_t put_wide(char *to, unsigned unit)
 {
     if (unit >= 0xd800 && unit < 0xe000) unit = '?';
@@ -30,6 +31,7 @@ static size_t put_wide(char *to, unsigned unit)
     return 3;
 }
 
+// Fill the buffer from a UTF-16 file, as long as a whole chunk fits even at 3 bytes per unit.
 static void fill_wide(kn_lines *l)
 {
     unsigned char raw[8192];
@@ -52,10 +54,11 @@ static void fill_bytes(kn_lines *l)
     l->end += n;
 }
 
-// What the file begins with, and how its lines end: seen in what was read first.
+// Recognise the encoding and the line ending from the first buffer.
 static void recognise(kn_lines *l)
 {
     const unsigned char *b = (const unsigned char *)l->buffer;
+    // A byte order mark of UTF-16: read the file again from there.
     if (l->end >= 2 && ((b[0] == 0xff && b[1] == 0xfe) || (b[0] == 0xfe && b[1] == 0xff))) {
         l->wide = b[0] == 0xff ? 1 : 2;
         l->at_end = false;
@@ -67,6 +70,7 @@ static void recognise(kn_lines *l)
     l->ending = memchr(l->buffer, '\n', l->end) || !memchr(l->buffer, '\r', l->end) ? '\n' : '\r';
 }
 
+// Move the unread part to the front of the buffer and fill up the rest.
 static void fill(kn_lines *l)
 {
     if (l->begin > 0) l->back_impossible = true;
@@ -111,6 +115,8 @@ bool kn_lines_rewind(kn_lines *l)
     return true;
 }
 
+// Read the next line. If the unread part of the buffer has no line end, fill the buffer once before taking the rest as
+// a line.
 bool kn_lines_next(kn_lines *l)
 {
     char *end = l->begin < l->end ? memchr(l->buffer + l->begin, l->ending, l->end - l->begin) : NULL;

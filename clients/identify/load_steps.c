@@ -1,8 +1,8 @@
 #include "clients/identify/load_steps.h"
 #include <math.h>
 
-static const double near = 0.04,
-                    zero = 0.02; // of the largest load: a load cell's noise is below, a weight's step above
+// Shares of the largest load. The noise of a load cell is below them, a step by a weight is above.
+static const double near = 0.04, zero = 0.02;
 
 static double largest(int count, const double *load)
 {
@@ -11,7 +11,7 @@ static double largest(int count, const double *load)
     return most;
 }
 
-// From the first reading of a value on: past its last one, with its mean; single strangers within it are skipped.
+// Return the end of the plateau that begins at `begin`, and its mean. Single readings off the plateau are skipped.
 static int plateau(int count, const double *load, int begin, double tolerance, double *mean)
 {
     double sum = 0;
@@ -25,6 +25,7 @@ static int plateau(int count, const double *load, int begin, double tolerance, d
     return i;
 }
 
+// Return whether the next reading confirms the load of reading i.
 static bool confirmed(int count, const double *load, int i, double tolerance)
 {
     return i == 0 || i + 1 == count || fabs(load[i + 1] - load[i]) <= tolerance;
@@ -35,6 +36,7 @@ void kn_load_steps_find(kn_load_steps *s, kn_readings *r)
     const double most = largest(r->count, r->load), tolerance = near * most;
     *s = (kn_load_steps){0};
     for (int i = 0; i < r->count;) {
+        // A reading that the next one does not confirm belongs to no step.
         if (!confirmed(r->count, r->load, i, tolerance)) {
             r->value[i++] = NAN;
             s->between++;
@@ -47,6 +49,7 @@ void kn_load_steps_find(kn_load_steps *s, kn_readings *r)
         kn_load_step *step = &s->step[s->count++];
         step->begin = i;
         step->end = i = plateau(r->count, r->load, i, tolerance, &step->load);
+        // Readings off the plateau belong to no step.
         for (int k = step->begin; k < step->end; k++) {
             if (fabs(r->load[k] - step->load) <= tolerance) continue;
             r->value[k] = NAN;
@@ -59,7 +62,7 @@ void kn_load_steps_find(kn_load_steps *s, kn_readings *r)
     }
 }
 
-// In how many pieces, and the sum of squares about their means.
+// Count the plateaus. Set *scatter to the sum of squared differences from their means.
 static int pieces(int count, const double *load, double *scatter)
 {
     const double tolerance = near * largest(count, load);

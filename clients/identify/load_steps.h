@@ -1,28 +1,31 @@
 #ifndef KN_CLIENTS_IDENTIFY_LOAD_STEPS_H
 #define KN_CLIENTS_IDENTIFY_LOAD_STEPS_H
-// The steps of a load that was recorded beside the readings: it stays near a value for a while, and near another one
-// from then on. What lies between two such values belongs to neither.
+// Load steps: times in which a recorded load stays near one value. Readings taken while the load changes belong to no
+// step.
 #include "clients/identify/readings.h"
 
 #define KN_LOAD_STEPS 32
 
 typedef struct kn_load_step {
-    double load;            // mean of its readings; 0 where they are within 2 % of the largest load from 0
-    double early_s, late_s; // it came after the reading at early_s and before the one at late_s; equal: known
-    int begin, end;         // its readings
+    double load; // mean load of the step; set to 0 if it is below 2 % of the largest load
+    // The step began after the reading at early_s and before the reading at late_s. If both are equal, the time is
+    // known exactly.
+    double early_s, late_s;
+    int begin, end; // readings begin..end-1 belong to the step
 } kn_load_step;
 
 typedef struct kn_load_steps {
     int count; // 0: more than KN_LOAD_STEPS
     kn_load_step step[KN_LOAD_STEPS];
-    int between; // readings that belong to none: their value is NAN from now on
+    int between; // number of readings that belong to no step; their value becomes NAN
 } kn_load_steps;
 
-// A step is a change by more than 4 % of the largest load that the next reading confirms (not asked of the
-// first and the last one).
+// Find the steps. A new step begins where the load changes by more than 4 % of the largest load and the next reading
+// confirms the change. The first and the last reading need no confirmation.
 void kn_load_steps_find(kn_load_steps *s, kn_readings *r);
 
-// Whether load a comes in steps rather than load b: in fewer pieces, or in as many with less than half of the scatter.
+// Return whether the load `a` consists of steps more clearly than the load `b`: it has fewer steps, or as many steps
+// with less than half of the scatter.
 bool kn_load_steps_flat(const kn_readings *r, const double *a, const double *b);
 
 #endif

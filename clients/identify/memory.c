@@ -3,11 +3,13 @@
 #include <stdlib.h>
 
 enum { PHASE = 40 }; // intervals between two changes of load
-#define GRADING 3    // node i of a phase is at (i/PHASE)^GRADING of it: x rises there as a power of time
+// node i of a phase is at the share (i/PHASE)^GRADING of the phase, since x rises as a power of time after a change
+#define GRADING 3
 
 bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *step_s, const double *nominal_pa,
                     double until_s)
 {
+    // The arrays over nodes and over pairs of nodes share one allocation.
     *m = (kn_memory){.nodes = PHASE * steps + 1, .steps = steps, .constant_area = constant_area};
     if (steps > KN_MEMORY_STEPS) return false;
     const size_t n = (size_t)m->nodes, pairs = n * (n - 1) / 2;
@@ -19,6 +21,7 @@ bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *s
     m->ln_lag = m->lag_s + pairs;
     m->j = m->ln_lag + pairs;
     m->k = m->j + pairs;
+    // Place the nodes of each phase between two changes of load. The last node of a phase is the first of the next.
     for (int i = 0, at = 0; i < steps; i++) {
         const double from = step_s[i], to = i + 1 < steps ? step_s[i + 1] : until_s;
         m->step[i] = at;
@@ -26,6 +29,7 @@ bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *s
         for (int k = 0; k <= PHASE; k++) m->time_s[at + k] = from + (to - from) * pow((double)k / PHASE, GRADING);
         at += PHASE;
     }
+    // Compute the lags of all pairs once. Only the compliance changes from fit to fit.
     for (int a = 1, p = 0; a < m->nodes; a++)
         for (int b = 0; b < a; b++, p++) {
             m->lag_s[p] = m->time_s[a] - m->time_s[b];
@@ -45,7 +49,9 @@ static double stress(const kn_memory *m, double nominal, double strain)
     return m->constant_area ? nominal : nominal * (1 - strain);
 }
 
-// The step of strain between n - 1 and n: P' there, which the strain at n is part of. x: what came before it makes.
+// Advance the strain over the interval from node n - 1 to n. `x` is the strain at n that is caused by the stress up to
+// node n - 1. The area, and so the slope of P in the interval, depends on the strain at n. The resulting linear
+// equation is solved for this strain.
 static double step(kn_memory *m, int n, double x, double nominal, double lag_k, double *p)
 {
     const double h = m->time_s[n] - m->time_s[n - 1], k = lag_k / h, feedback = m->constant_area ? 0 : nominal;
@@ -56,7 +62,7 @@ static double step(kn_memory *m, int n, double x, double nominal, double lag_k, 
     return x;
 }
 
-// From node to node. jump[i]: by how much the stress changes at once at change i.
+// March from node to node. jump[i] is the sudden change of stress at change i.
 static void march(kn_memory *m)
 {
     double p = 0, jump[KN_MEMORY_STEPS] = {0};
@@ -64,10 +70,12 @@ static void march(kn_memory *m)
         const size_t row = n > 0 ? (size_t)n * (size_t)(n - 1) / 2 : 0;
         const double *lag_j = m->j + row, *lag_k = m->k + row;
         double x = 0;
+        // Add the response to all earlier jumps of stress and to all earlier linear pieces.
         for (int i = 0; i <= phase; i++) x += jump[i] * lag_j[m->step[i]];
         for (int i = 1; i < n; i++) x += m->slope[i] * (lag_k[i - 1] - lag_k[i]);
         if (n > 0) x = step(m, n, x, m->nominal_pa[phase], lag_k[n - 1], &p);
         m->strain[n] = x;
+        // At a change of load the stress jumps while the strain is continuous.
         if (phase + 1 == m->steps || n != m->step[phase + 1]) continue;
         phase++;
         jump[phase] = stress(m, m->nominal_pa[phase], x) - p;
@@ -75,7 +83,8 @@ static void march(kn_memory *m)
     }
 }
 
-// Lagrange's cubic through the four nodes around a place in a phase, in the coordinate in which they lie evenly.
+// Interpolate with Lagrange's cubic through the four nodes around a place in a phase. `along` is the coordinate in
+// which the nodes are evenly spaced.
 static double between(const kn_memory *m, int first, double along)
 {
     int i = (int)along - 1;

@@ -16,8 +16,9 @@ static double now_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-// ---- readings, early and late
+// ---- early and late readings
 
+// Allocate both parts of a curve.
 static bool room(kn_fit_law_curve *c, int count)
 {
     for (int part = EARLY; part <= LATE; part++) {
@@ -35,6 +36,7 @@ static void put(kn_fit_law_curve *c, int part, double time_s, double value)
     p->value[p->count++] = value;
 }
 
+// Take the bins of a relaxation. Time counts from the end of the rise, if the strain has one.
 static bool take_relax(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
 {
     kn_bins b;
@@ -49,12 +51,14 @@ static bool take_relax(kn_fit_law_curve *c, const kn_models_options *options, do
     if (!kn_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
+    // Early is up to a tenth of the time if two decades were measured, else up to half of it.
     *cut_s = options->cut_s > 0 ? options->cut_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
     for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
     kn_bins_free(&b);
     return ok;
 }
 
+// Take the readings of a creep curve. Every load has an early half and a late half.
 static bool take_creep(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
 {
     const kn_curve *curve = c->curve;
@@ -65,11 +69,12 @@ static bool take_creep(kn_fit_law_curve *c, const kn_models_options *options, do
     for (int i = 0, k = 0; i < curve->count; i++) {
         while (k + 1 < curve->steps && curve->time_s[i] > from[k + 1]) k++;
         const double until = k + 1 < curve->steps ? fmin(from[k + 1], end) : end;
+        // Find the load of this reading. The reading is early if its time since the change of load is below the cut.
         const double cut = options->cut_s > 0 ? options->cut_s : (until - from[k]) / 2;
         if (k == 0) *cut_s = cut;
         put(c, curve->time_s[i] - from[k] <= cut ? EARLY : LATE, curve->time_s[i], curve->value[i]);
     }
-    // without it, for many changes of load, the yardsticks have no answer
+    // This fails if there are too many changes of load. The two yardsticks (laws.h) then have no solution.
     kn_memory_open(&c->memory, curve->constant_area, curve->steps, from, stress, end);
     return true;
 }
@@ -90,6 +95,7 @@ static double least(const kn_models *m, int part)
     return pa;
 }
 
+// Split all curves into early and late readings.
 static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options)
 {
     m->relax = curve->kind == KN_CURVE_RELAX;
@@ -114,13 +120,15 @@ typedef struct work {
     double *scratch;
 } work;
 
-// Residuals of one part of all curves; `scale` false: as shares, of the reading or of the curve's largest strain.
+// Compute the residuals of one part of all curves. With `scale`, they are in the units of the fit, else shares of the
+// reading or of the curve's largest strain.
 static bool residuals(const work *w, const double *value, int part, bool scale, double *residual)
 {
     for (int c = 0, n = 0; c < w->m->curves; c++) {
         kn_fit_law_curve *curve = &w->m->curve[c];
         const kn_fit_law_part *p = &curve->part[part];
         const double most = w->m->relax ? 0 : largest(curve);
+        // The unit of a creep residual is the noise, but at least a small share of the largest strain.
         const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
         if (!kn_fit_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
         for (int i = 0; i < p->count; i++, n++) {
@@ -138,6 +146,7 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     return residuals(of, value, EARLY, true, residual);
 }
 
+// Return the error of one part: a mean of shares in relaxation, a root mean square in creep.
 static double error_of(const work *w, const double *value, int part, double *residual)
 {
     const int count = part == EARLY ? w->m->early : w->m->late;
@@ -147,6 +156,7 @@ static double error_of(const work *w, const double *value, int part, double *res
     return w->m->relax ? sum / count : sqrt(sum / count);
 }
 
+// Compute the runs and the errors of both parts.
 static void judge(const work *w, kn_models_row *row, double *residual)
 {
     double value[KN_FIT_UNKNOWNS];
@@ -156,7 +166,8 @@ static void judge(const work *w, kn_models_row *row, double *residual)
     row->held = error_of(w, value, LATE, residual);
 }
 
-// Of a logarithm a standard deviation of 1, or of a number itself its own size, is as good as none.
+// Return whether the data leave the unknown undetermined: it is at a bound, or its standard deviation is at least 1
+// (logarithm) or at least the value itself (linear unknown).
 static bool is_loose(const kn_fit *fit, int unknown)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
@@ -164,12 +175,14 @@ static bool is_loose(const kn_fit *fit, int unknown)
     return u->at_bound || !(off < (u->linear ? fabs(u->value) : 1));
 }
 
+// Misfits below KN_MODELS_FINE count as equal, so that numerical errors do not decide between models.
 static double aicc_of(const kn_models *m, const kn_fit *fit)
 {
-    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE); // of one residual
+    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE); // size of one residual
     return kn_fit_aicc(fit->readings, fit->unknowns, fmax(fit->sum, fit->readings * fine * fine));
 }
 
+// Fit one law to the early part and judge it by the late part.
 static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, double *scratch)
 {
     double start[KN_FIT_LAW_STARTS][KN_FIT_UNKNOWNS];
@@ -179,7 +192,8 @@ static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, dou
         .law = *law, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
     row->unknowns = fit.unknowns = kn_fit_law_unknowns(law, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
-    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL; // the same with fewer numbers
+    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL; // the same law with fewer parameters
+    // The search of a law with more parameters may continue from the fit with fewer.
     const bool follows = last && last->fitted && last->law.kind == law->kind;
     const int starts = kn_fit_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0,
                                          follows ? last->unknown : NULL, start);
@@ -191,7 +205,7 @@ static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, dou
     judge(&w, row, scratch + m->early + m->late);
 }
 
-// Variants of one name are one row: the one that the early part asks for.
+// Keep one row for the variants that share a name: the one with the lower AICc on the early part.
 static void keep(kn_models *m, const kn_models_row *row)
 {
     kn_models_row *before = m->rows ? &m->row[m->rows - 1] : NULL;
@@ -200,6 +214,7 @@ static void keep(kn_models *m, const kn_models_row *row)
     } else if (m->rows < KN_MODELS_MAX) m->row[m->rows++] = *row;
 }
 
+// Fit all laws of the experiment in turn.
 static bool fit_all(kn_models *m)
 {
     kn_fit_law law[KN_FIT_LAWS_MAX];
@@ -218,6 +233,7 @@ static bool fit_all(kn_models *m)
 bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options, char *error,
                        size_t error_size)
 {
+    // Each message is written to `error` before the check that may fail with it.
     const double begin = now_s();
     *m = (kn_models){0};
     snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_MODELS_HOLDS);

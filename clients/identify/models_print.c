@@ -1,12 +1,16 @@
-// What a comparison of models has found, in a table, a sentence and JSON.
+// The results of a comparison of models as a table, a sentence and JSON.
 #include "clients/identify/models.h"
 #include "clients/knead/result.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#define RUNS 3.0    // standard deviations of kn_fit_runs from which residuals are not noise
-#define NEAR_AICC 2 // of the best: as well supported (Burnham and Anderson, Model selection, 2.6)
+#define RUNS 3.0 // standard deviations of kn_fit_runs above which residuals are not noise
+// Models whose AICc differs from the best by at most this much count as equally supported (Burnham and Anderson, Model
+// selection, 2.6)
+#define NEAR_AICC 2
+// NEAR_HELD: models whose late error is at most this many times the least one count as equally good. BELOW: the late
+// stresses count as lower if their least is below this share of the least early stress.
 #define NEAR_HELD 1.1
 #define BELOW 0.98
 
@@ -18,8 +22,11 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
+// Errors below KN_MODELS_SAME count as equal.
 static double held_of(const kn_models_row *row) { return fmax(row->held, KN_MODELS_SAME); }
 
+// Return the row that is best on the later part, or -1. `yardsticks`: whether laws that are no springs and dampers
+// (laws.h) are included.
 static int best_held(const kn_models *m, bool yardsticks)
 {
     int best = -1;
@@ -44,7 +51,7 @@ static void append_name(char *text, size_t size, const kn_models_row *row)
     append(text, size, name);
 }
 
-// As good as the best on what was fitted.
+// Return whether the row is as good as the best on the early part.
 static bool describes(const kn_models *m, int i)
 {
     const kn_models_row *row = &m->row[i], *best = &m->row[kn_models_best(m)];
@@ -52,11 +59,13 @@ static bool describes(const kn_models *m, int i)
     return row->fitted && (both_fine || row->aicc <= best->aicc + NEAR_AICC);
 }
 
+// Return whether the row is as good as the best on both parts.
 static bool supported(const kn_models *m, int i)
 {
     return describes(m, i) && held_of(&m->row[i]) <= NEAR_HELD * held_of(&m->row[best_held(m, true)]);
 }
 
+// Append the names of the rows that satisfy the condition. Return their number.
 static int append_names(const kn_models *m, bool (*those)(const kn_models *m, int i), char *text, size_t size)
 {
     int count = 0;
@@ -68,8 +77,8 @@ static int append_names(const kn_models *m, bool (*those)(const kn_models *m, in
     return count;
 }
 
-// A damper that depends on the stress fits what was seen and fails at stresses below all of that: another one there, by
-// a P0 above them, is not excluded.
+// Return whether the damper models fail only at stresses below all fitted stresses. At such low stresses a damper that
+// depends on the stress may have another value, by a P0 above them. A model that fails only there is thus not excluded.
 static bool is_below_all(const kn_models *m)
 {
     bool any = false;
@@ -80,7 +89,7 @@ static bool is_below_all(const kn_models *m)
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
 
-// Who is as good as the best on both parts; and where that is no one, who is best on which.
+// State which rows are as good as the best on both parts. If there are none, state which are best on either part.
 static void say_support(const kn_models *m, char *text, size_t size)
 {
     bool any = false;
@@ -97,6 +106,7 @@ static void say_support(const kn_models *m, char *text, size_t size)
     append(text, size, is_below_all(m) ? " what came later" : " what came later: none does both");
 }
 
+// Explain that the later stresses are below the fitted ones, if that is the reason of the failure.
 static void say_below(const kn_models *m, char *text, size_t size)
 {
     char words[300];
@@ -109,6 +119,7 @@ static void say_below(const kn_models *m, char *text, size_t size)
     append(text, size, words);
 }
 
+// If a yardstick is best on the later part, also name the best model of springs and dampers.
 static void say_elements(const kn_models *m, char *text, size_t size)
 {
     const int element = best_held(m, false), any = best_held(m, true);
@@ -134,6 +145,7 @@ void kn_models_verdict(const kn_models *m, char *text, size_t size)
     say_elements(m, text, size);
     say_below(m, text, size);
     for (int i = 0; i < m->rows; i++) {
+        // If the residuals of all models have long runs of one sign, no model has the shape of the data.
         known |= !isnan(m->row[i].runs);
         noise |= m->row[i].runs <= RUNS || m->row[i].early < KN_MODELS_FINE;
     }
@@ -155,6 +167,7 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     }
 }
 
+// Print one row of the table.
 static void print_row(const kn_models *m, const kn_models_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";

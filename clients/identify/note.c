@@ -10,16 +10,17 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     const char *value = mark + 1 + strspn(mark + 1, " \t");
     *note = (kn_note){.line = line, .at = (int)(value - text) + 1};
     int n = 0, words = 1;
+    // Copy the key in small letters and count its words.
     for (const char *p = key; p < mark; p++) {
         note->key[n++] = (char)tolower((unsigned char)*p);
         words += *p == ' ' && p[1] != ' ' && p + 1 < mark;
     }
     while (n > 0 && isspace((unsigned char)note->key[n - 1])) n--;
     note->key[n] = '\0';
-    size_t length = strcspn(value, ";\t"); // a spreadsheet fills its lines up with separators
+    size_t length = strcspn(value, ";\t"); // spreadsheets pad their lines with separators
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
     for (char *p = note->value; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // it is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
     return words <= 3 && *note->value;
 }

@@ -3,12 +3,13 @@
 #include <stdbool.h>
 
 static const double sure = 4; // standard deviations
-enum { LEAST = 3 };           // readings of a line: what is left of them tells a stray one
+enum { LEAST = 3 };           // readings of a line; their residuals show a stray reading
 
 typedef struct level {
     double strain, variance;
 } level;
 
+// Return the initial level: the mean of the first readings if they are flat, else 0.
 static level level_of(int count, const double *strain, double noise)
 {
     double low = INFINITY, high = -INFINITY, sum = 0;
@@ -21,7 +22,8 @@ static level level_of(int count, const double *strain, double noise)
     return (level){sum / LEAST, noise * noise / LEAST};
 }
 
-// Where the straight line through n readings meets the level, and the standard deviation of that; false: it is level.
+// Find where the line through n readings meets the level, and the standard deviation of that moment. Return false if
+// the noise hides the slope.
 static bool meets(int n, const double *t, const double *x, level from, double noise, double *at_s, double *error_s)
 {
     double time = 0, strain = 0, tt = 0, tx = 0, left = 0;
@@ -32,6 +34,7 @@ static bool meets(int n, const double *t, const double *x, level from, double no
     }
     const double slope = tx / tt;
     for (int i = 0; i < n; i++) left += pow(x[i] - strain - slope * (t[i] - time), 2) / (n - 2);
+    // Use the larger of two variances: that of the known noise and that of the residuals of the line.
     const double variance = fmax(noise * noise, left);
     if (!(slope > sure * sqrt(variance / tt))) return false;
     *at_s = time - (strain - from.strain) / slope;
@@ -46,7 +49,9 @@ double kn_onset(int count, const double *t, const double *x, double noise, doubl
     int begin = 0;
     *least_s = -INFINITY;
     for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
-    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s; // of a gauge that was not set to 0
+    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s; // the gauge was not set to 0
+    // Skip the readings that are still at the level. Then try lines of 3, 6, 12, ... readings up to half of the strain.
+    // Keep the line whose lower limit of the time (the meeting time minus four standard deviations) is the latest.
     while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
     for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
         if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)

@@ -1,11 +1,13 @@
 #ifndef KN_CLIENTS_IDENTIFY_ONSET_H
 #define KN_CLIENTS_IDENTIFY_ONSET_H
-// When a load came, by the strain that it made. Under a load that is held a strain is bent downwards: the straight line
-// through its first readings meets the level from which it began when the load came or before that, never after it. The
-// lateness that this tells is a lower limit, whatever the material, be there flat readings before the load or none.
+// Find the time at which a load was applied from the strain that it causes. Under a constant load the strain rises ever
+// more slowly. The straight line through its first readings therefore meets the initial level at the time of the load
+// or before, never later. This holds for any material, with or without flat readings before the load. The result is
+// thus a lower limit of the time of the load.
 
-// Where that line meets the level: 0, or the mean of the first three readings if these are flat; -INFINITY where no
-// line can be told from noise. *least_s: no load came before that, by four standard deviations. Times that rise.
+// Return the time at which the line meets the initial level. The level is 0, or the mean of the first three readings if
+// they are flat. Set *least_s to the earliest time that is possible within four standard deviations of the noise.
+// Return -INFINITY if the noise hides the rise, or if the first reading is below 0. The times must rise.
 double kn_onset(int count, const double *time_s, const double *strain, double noise, double *least_s);
 
 #endif

@@ -56,7 +56,7 @@ static const struct option list[] = {{"load", 1, 0, LOAD},
                                      {"help", 0, 0, HELP},
                                      {0, 0, 0, 0}};
 
-// Whose these are; the others are everybody's.
+// Return whether the experiment has this option. An option that is not in the table belongs to every experiment.
 static bool has_option(char experiment, int option)
 {
     static const struct {
@@ -74,7 +74,7 @@ static int bad(const kn_identify_options *opt, const char *name, const char *tex
     return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s '%s': expected %s", name, text, expected);
 }
 
-// A quantity above 0.
+// Parse a quantity above 0 in the dimension of unit_name. A bare number is accepted for seconds only.
 static int take(const kn_identify_options *opt, const char *name, const char *text, const char *unit_name,
                 const char *expected, double *value)
 {
@@ -89,6 +89,7 @@ static int take(const kn_identify_options *opt, const char *name, const char *te
     return fits && *value > 0 && *value < 1e30 ? KN_EXIT_OK : bad(opt, name, text, expected);
 }
 
+// Parse a strain, 10% or 0.1, with an optional blank before the percent sign.
 static int take_strain(kn_identify_options *opt, const char *text)
 {
     char share[40];
@@ -103,6 +104,7 @@ static int take_strain(kn_identify_options *opt, const char *text)
     return KN_EXIT_OK;
 }
 
+// Parse a density and check the limits of the scene key of that name.
 static int take_density(kn_identify_options *opt, const char *text)
 {
     char expected[80];
@@ -114,6 +116,7 @@ static int take_density(kn_identify_options *opt, const char *text)
                                                                                 : code;
 }
 
+// Store one option. Return an exit code, after a complaint.
 static int take_option(kn_identify_options *opt, int option, const char *text)
 {
     kn_curve_options *c = &opt->curve;
@@ -143,7 +146,8 @@ static int take_option(kn_identify_options *opt, int option, const char *text)
     }
 }
 
-// Nothing that is read is written over, no two outputs are one, and no readings count twice.
+// Refuse an output that is also an input, and two outputs of which one equals or contains the other. Also refuse an
+// input that is given twice, since its readings would count twice.
 static int keep_apart(const kn_identify_options *opt)
 {
     const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
@@ -166,11 +170,12 @@ static int keep_apart(const kn_identify_options *opt)
     return KN_EXIT_OK;
 }
 
-// The argument at which getopt_long stopped: of "-xy" it is still in the middle, of a value of its own beyond both.
+// Return the argument at which getopt_long stopped. Inside a group of letters like "-xy", optind still points at the
+// group. After an option with a separate value, optind is past both the option and its value.
 static const char *stopped_at(int c, char *const *argv)
 {
     const char *last = argv[optind - 1];
-    if (c == '?' && optopt > 0 && optopt < LOAD) // a single letter
+    if (c == '?' && optopt > 0 && optopt < LOAD) // getopt complains about a single letter
         return last[0] == '-' && last[1] == optopt && !last[2] ? last : argv[optind];
     return c != '?' && c != ':' && optarg == last ? argv[optind - 2] : last;
 }
@@ -182,6 +187,7 @@ int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, 
     opt->file = calloc((size_t)argc, sizeof *opt->file);
     if (!opt->file) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
     optind = 1;
+    // Options of other experiments are refused in the same way as unknown options.
     for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
         if (c == HELP) {
             fputs(help, stdout);

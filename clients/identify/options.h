@@ -1,28 +1,31 @@
 #ifndef KN_CLIENTS_IDENTIFY_OPTIONS_H
 #define KN_CLIENTS_IDENTIFY_OPTIONS_H
-// The options of `knead identify creep`, `relax` and `sweep`: one table, a letter for each experiment that has one.
+// Options of `knead identify creep`, `relax` and `sweep`. One table holds the options of all three experiments. Each
+// option lists the experiments that accept it.
 #include "clients/identify/curve.h"
 
 typedef struct kn_identify_options {
     const char *subcommand; // "identify creep"
-    kn_curve_options curve; // how the files are to be read
+    kn_curve_options curve; // how to read the files
     const char **file;
     int files;
     double density_kg_m3; // 0: not given
     const char *out, *png, *csv, *report;
-    bool no_models;      // no comparison with other models
-    bool late;           // creep: the moment of each load is fitted, too
-    bool shear;          // sweep: the moduli are of shear
-    bool constant_noise; // relax: deviations of equal size, not of equal share
-    double cut_s;        // models are fitted before it and judged after it; 0: found
+    bool no_models;      // do not compare with other models
+    bool late;           // creep: also fit the moment of each load
+    bool shear;          // sweep: the moduli are shear moduli
+    bool constant_noise; // relax: noise has a constant size, not a constant share of the value
+    // models are fitted to readings before this time and judged by those after it; 0: chosen from the data
+    double cut_s;
 } kn_identify_options;
 
-// experiment: 'c', 'r' or 's'. *done after --help, which prints `help`. An exit code; free in every case.
+// Parse the command line of one experiment: 'c' creep, 'r' relax, 's' sweep. Return an exit code. --help prints `help`
+// and sets *done. Call kn_identify_options_free in every case, also after an error.
 int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
                               int argc, char **argv, bool *done);
 void kn_identify_options_free(kn_identify_options *opt);
 
-// What all three say in their help.
+// The part of the help text that all three experiments share.
 #define KN_IDENTIFY_OUTPUT_HELP                                                                                        \
     "  --out FILE        the material, for `material: FILE` of a scene; every number with its interval beside it\n"    \
     "  --density D       written beside it, e.g. '1.2 g/cm^3' (1.2 g/cm^3, and said)\n"                                \

@@ -8,12 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double lead_s = 0.2;   // of a path, before it goes down: the plate catches the nodes it touches
-static const double still_m = 1e-4; // of the lowest place: still there
+// part of the path before the descent, in which the plate catches the nodes it touches
+static const double lead_s = 0.2;
+// a tool within this distance of its lowest position counts as at the lowest position
+static const double still_m = 1e-4;
 static const double shaking_m = 1e-6;
-static const double near_m = 1e-3; // to the top at rest: it touches
+static const double near_m = 1e-3; // distance from the top at rest that counts as touching
 static const double period_s = 1e-3;
-static const double thinnest = 0.2; // of the height, what a press leaves at least
+static const double thinnest = 0.2; // least share of the object's height under the tool at its lowest position
 
 #define LONGEST_TICKS 3600000 // an hour: 350 MB for one probe
 
@@ -38,8 +40,8 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
 
 static const kn_probe_input *tool_at(const kn_press *p, int64_t tick) { return &p->input[tick * p->probes + p->probe]; }
 
-// The tick from which on it rises to where it is in that one. What shakes by less than 1 um in 10 ms, 0.1 mm/s, has not
-// left yet; a slow withdrawal rises in every tick.
+// Return the tick at which the rise of the tool begins that leads to its position in the given tick. A slow withdrawal
+// rises in every tick. A tool that shakes by less than 1 um in 10 ms (0.1 mm/s) does not rise.
 static int64_t begin_of_rise(const kn_press *p, int64_t tick)
 {
     enum { WINDOW = 10 };
@@ -52,8 +54,8 @@ static int64_t begin_of_rise(const kn_press *p, int64_t tick)
     return tick;
 }
 
-// The last time near the lowest place is some 0.1 s after the tool has begun to leave it, and its force is gone by
-// then.
+// Find the end of the hold. The last tick near the lowest position comes up to about 0.1 s after the tool has begun to
+// leave, when the force has vanished already. So the begin of the rise is searched backwards from that tick.
 static void find_hold(kn_press *p)
 {
     double lowest_m = INFINITY;
@@ -64,12 +66,14 @@ static void find_hold(kn_press *p)
         if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
     const int64_t rise = begin_of_rise(p, last);
     p->hold_end_s =
-        p->time_s[rise > 0 ? rise - 1 : 0]; // in the tick itself its velocity says so, and the force is gone
+        // in the tick of the rise the velocity is upwards, and the force has vanished
+        p->time_s[rise > 0 ? rise - 1 : 0];
     p->end_s = p->time_s[p->ticks - 1];
 }
 
 // ---- a path
 
+// Return the probe of this name, else the first plate, else the first probe. Return -1 after a complaint.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)
@@ -82,8 +86,8 @@ static int choose_probe(const kn_model_def *def, const char *name, char *error, 
     return -1;
 }
 
-// The plate is on the path at the end of every tick: it begins where the path was a tick ago, and goes as fast as leads
-// to where it is now.
+// Fill the inputs of the path. In every tick the tool starts at the position of the path one tick before. Its velocity
+// takes it to the present position of the path by the end of the tick.
 static void follow(kn_press *p, const kn_path *path, double from_s)
 {
     for (int64_t t = 0; t < p->ticks; t++) {
@@ -113,6 +117,7 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     double extent_m[3];
     kn_model_def_extent(object, extent_m);
     *p = (kn_press){.probes = object->probe_count, .probe = choose_probe(object, def->probe, error, error_size)};
+    // A path is limited to an hour, and a press must leave part of the height.
     if (p->probe < 0) return false;
     const double depth_m = def->depth_m > 0 ? def->depth_m : 0.01;
     if (depth_m > (1 - thinnest) * extent_m[2]) {
@@ -144,14 +149,14 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     return ok;
 }
 
-// ---- a log: what its poses are to the lattice, servo and safety decide; so the servo plays it, and the way to the
-// lattice is listened to
+// ---- a log: the servo and its safety stage decide which poses reach the lattice. So the log is played by the servo,
+// and a listener between servo and backend records the poses.
 
 typedef struct listener {
-    kn_backend own; // of the replay
+    kn_backend own; // the backend of the replay
     kn_press *press;
     int64_t room;
-    bool short_of_memory; // or it is longer than an hour
+    bool short_of_memory; // or the log is longer than an hour
 } listener;
 
 static bool grow(listener *l)
@@ -170,6 +175,7 @@ static bool grow(listener *l)
     return true;
 }
 
+// The backend functions of the listener: record the input on submit, and pass every call on.
 static void heard(void *self, const kn_input *input)
 {
     listener *l = self;
@@ -194,8 +200,8 @@ static void given_back(void *self, const kn_state *s)
     ((listener *)self)->own.restore(((listener *)self)->own.self, s);
 }
 
-// The first tool that comes down to the object as it was at rest, or that very one; -1: none does. A held tool in the
-// air counts for none.
+// Return the first tool that comes down to the object at rest, or -1. If `wanted` >= 0, only this tool counts. An
+// attached tool that stays in the air does not count.
 static int first_touching(const kn_press *p, const kn_model_def *object, int wanted)
 {
     double extent_m[3];
@@ -209,6 +215,7 @@ static int first_touching(const kn_press *p, const kn_model_def *object, int wan
     return -1;
 }
 
+// Record the logged force of the wanted tool, or of the last attached one.
 static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
 {
     for (int i = 0; i < p->probes; i++) {
@@ -217,8 +224,8 @@ static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
     }
 }
 
-// Plays it to its end. A tick's time is the replay's: neither cycles that were missed nor ticks in which nobody
-// touches, which may be left out of a log, are among those heard.
+// Play the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in missed
+// cycles, nor in ticks without contact, which a log may omit.
 static bool listen(kn_replay *r, listener *l)
 {
     kn_press *p = l->press;
@@ -234,16 +241,19 @@ static bool listen(kn_replay *r, listener *l)
 bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size)
 {
-    const char *const set = "quality=own"; // what the poses mean does not depend on it; without one only the log's own
-                                           // scene would do
+    // The poses do not depend on the quality setting. Without this setting, the replay would accept only the log's own
+    // scene.
+    const char *const set = "quality=own";
     *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
     if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;
     kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = log, .sets = &set, .set_count = 1, .afresh = true},
                                     error, error_size);
     if (!r) return false;
+    // The probes of both scenes must have the same names, since the poses belong to these probes.
     bool good = r->model->def.probe_count == p->probes;
     for (int i = 0; good && i < p->probes; i++) good = !strcmp(r->model->def.probe[i].name, scene->model.probe[i].name);
     if (!good) snprintf(error, error_size, "%s: is of a scene with other probes, expected those of the scene", log);
+    // Put the listener in the place of the replay's backend.
     listener l = {.own = r->backend, .press = p};
     r->backend.self = &l;
     r->backend.submit = heard;
@@ -275,6 +285,7 @@ void kn_pressed_free(kn_pressed *p)
     memset(p, 0, sizeof *p);
 }
 
+// Allocate the results of a press.
 static bool make_room(kn_pressed *out, int64_t ticks, const kn_press_play *play)
 {
     memset(out, 0, sizeof *out);
@@ -294,6 +305,7 @@ bool kn_press_run(const kn_press *p, const kn_press_play *play, kn_pressed *out)
     for (int64_t t = 0; ok && t < ticks; t++) {
         kn_input in = {0};
         kn_output result;
+        // Step the model with the recorded input of this tick, and keep force and surface.
         memcpy(in.probe, &p->input[t * p->probes], (size_t)p->probes * sizeof *p->input);
         b.submit(b.self, &in);
         ok = b.wait(b.self, 0, &result) == KN_BACKEND_OK;

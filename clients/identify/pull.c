@@ -6,7 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double exact = 0.005; // of the largest force
+static const double exact = 0.005; // possible error of the solver, as a share of the largest force
+// LEAST: fewest readings. AROUND, MIDDLE: neighbours on either side, for strays and for the median. DENSE: in a series
+// of at least this many readings, a single high reading cannot be the true peak of a press.
 enum { LEAST = 10, AROUND = 3, MIDDLE = 2, DENSE = 100 };
 
 void kn_pull_free(kn_pull *p)
@@ -17,7 +19,7 @@ void kn_pull_free(kn_pull *p)
     memset(p, 0, sizeof *p);
 }
 
-// Numbers the spans that hold readings, one after the other.
+// Sort the readings into spans and number the spans that hold any.
 static void fill_bins(kn_pull *p)
 {
     const double first_s = p->time_s[0], all_s = p->time_s[p->count - 1] - first_s;
@@ -38,7 +40,7 @@ static void fill_bins(kn_pull *p)
     }
 }
 
-// Those of the press; the times rise. False: one is none.
+// Keep the readings within the press. Return false if a reading is not a number or the times do not rise.
 static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size_t error_size)
 {
     for (int i = 0; i < count; i++) {
@@ -57,7 +59,8 @@ static bool keep(kn_pull *p, const kn_press *press, int count, char *error, size
     return true;
 }
 
-// In order: the readings of up to `reach` to either side, as many near an end; with the one itself, or without.
+// Sort the readings up to `reach` on either side of a reading; near an end the window is shifted inwards. `itself`:
+// whether the reading itself is included.
 static int around(const kn_pull *p, int reading, int reach, bool itself, double sorted[2 * AROUND + 1])
 {
     const int first = (int)fmin(fmax(reading - reach, 0), p->count - 1 - 2 * reach);
@@ -68,8 +71,9 @@ static int around(const kn_pull *p, int reading, int reach, bool itself, double 
     return n;
 }
 
-// Whether it stands out of its six neighbours by more than the largest force and by more than they differ, but for the
-// highest and the lowest of them. Of few readings one alone may have seen the peak of a press: it has to be absurd.
+// Return whether a reading is a stray. A stray differs from the median of its six neighbours by more than the largest
+// force plus four times their spread, which is taken without the highest and the lowest. In a short series one reading
+// may be the true peak of a press, so a stray must differ by more than 20 times the largest force.
 static bool is_stray(const kn_pull *p, int reading)
 {
     double sorted[2 * AROUND + 1];
@@ -78,7 +82,7 @@ static bool is_stray(const kn_pull *p, int reading)
     return off_n > (p->count < DENSE ? 20 : 1) * p->most_n + 4 * (sorted[n - 2] - sorted[1]);
 }
 
-// False: memory is short.
+// Find the largest force, leave out the strays and make compression positive. Return false if memory runs out.
 static bool leave_out_strays(kn_pull *p)
 {
     double sum_n = 0, sorted[2 * AROUND + 1];
@@ -104,7 +108,7 @@ static bool leave_out_strays(kn_pull *p)
     return true;
 }
 
-// There are enough of them, and a force is among them.
+// Check that there are enough readings, that some force is among them, and that few were left out.
 static bool are_enough(const kn_pull *p, const kn_press *press, char *error, size_t error_size)
 {
     const bool many = p->count >= LEAST && p->time_s[p->count - 1] > p->time_s[0];
@@ -147,6 +151,7 @@ void kn_pull_compare(const kn_pull *p, const kn_press *press, const kn_pressed *
     double sum_n[KN_PULL_BINS] = {0};
     int readings[KN_PULL_BINS] = {0};
     int64_t after = 1;
+    // Interpolate the model's force at the time of each reading and average over the span.
     for (int i = 0; i < p->count; i++) {
         while (after + 1 < pressed->ticks && press->time_s[after] < p->time_s[i]) after++;
         const double from_s = press->time_s[after - 1], to_s = press->time_s[after];

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Median of the strain in the later half of the time. NAN: no memory.
+// Return the median of the strain in the later half of the time. NAN if memory runs out.
 static double held(const kn_curve *c)
 {
     const double half = (c->time_s[0] + c->time_s[c->count - 1]) / 2;
@@ -20,7 +20,8 @@ static double held(const kn_curve *c)
     return median;
 }
 
-// Least squares through the readings first..last, or just these two.
+// Fit a line by least squares through readings first..last. Set *at_zero to the time at which the line reaches strain
+// 0.
 static void line(const kn_curve *c, int first, int last, double *rate, double *at_zero)
 {
     const double n = last - first + 1;
@@ -34,13 +35,14 @@ static void line(const kn_curve *c, int first, int last, double *rate, double *a
     *at_zero = t - x / *rate;
 }
 
+// Return the strain of the two lines at time t.
 static double follow(const kn_ramp *r, double t)
 {
     if (t <= r->start_s) return 0;
     return t >= r->end_s ? r->strain : r->strain * (t - r->start_s) / (r->end_s - r->start_s);
 }
 
-// The column itself up to where it is held, as many readings as there is room for.
+// Use the strain column itself up to the held strain, with at most as many readings as fit into step[].
 static void take_column(kn_ramp *r, const kn_curve *c, int end)
 {
     const int most = KN_CHAIN_STEPS - 2;
@@ -62,6 +64,8 @@ bool kn_ramp_of(kn_ramp *r, const kn_curve *c, char *error, unsigned long error_
     snprintf(error, error_size, "has no column of strain that rises above 0 and is held");
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
+    // The rise is fitted between 10 % and 90 % of the held strain: readings low..high-1. If the rise has fewer than
+    // three readings, the line goes through the readings at its two ends.
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;

@@ -1,14 +1,14 @@
 #ifndef KN_CLIENTS_IDENTIFY_RAMP_H
 #define KN_CLIENTS_IDENTIFY_RAMP_H
-// How the strain of a relaxation test came about, as straight lines: from a file's strain column.
+// The strain of a relaxation test over time as straight lines, from a file's strain column.
 //
-//     strain |      ___________ held      at rest, a straight rise, held; where the column departs from that by more
-//            |     /                      than KN_RAMP_STRAIGHT of what is held and 5 of its own standard deviations,
-//            |    /                       the column itself, thinned.
+//     strain |      ___________ held      At rest, a straight rise, then held. If the column departs from that by more
+//            |     /                      than KN_RAMP_STRAIGHT of the held strain and 5 of its own standard
+//            |    /                       deviations, the thinned column itself is used.
 //            |___/______________ time
 //
-// A line is better than the column where both fit: the dashpot c1 answers the strain's rate, and with it the noise of a
-// column.
+// Straight lines are preferred to the column if both fit. The dashpot c1 responds to the rate of the strain, and thus
+// to the noise of a column.
 #include "clients/identify/chain.h"
 #include "clients/identify/curve.h"
 
@@ -16,13 +16,14 @@
 
 typedef struct kn_ramp {
     int steps;
-    kn_chain_step step[KN_CHAIN_STEPS]; // strain; the last is held
-    double start_s, end_s, strain;      // rise and what is held
+    kn_chain_step step[KN_CHAIN_STEPS]; // value: strain; the last strain is held
+    double start_s, end_s, strain;      // start and end of the rise, and the held strain
     bool straight;
-    double apart; // how far the column departs from the two lines at most, of what is held
+    double apart; // largest distance of the column from the two lines, as a share of the held strain
 } kn_ramp;
 
-// False and one sentence in error: it has no strain column, or that does not rise to a strain and stay.
+// Find the ramp. Return false with one sentence in error if the curve has no strain column, or if the strain does not
+// rise and stay.
 bool kn_ramp_of(kn_ramp *ramp, const kn_curve *curve, char *error, unsigned long error_size);
 
 #endif

@@ -62,8 +62,9 @@ static bool permute(double *values, const place *order, int count, double *room)
     return true;
 }
 
-// The longest of all series of readings that are in order already: the others are those in a wrong place. One of four
-// hundred that stands at the end has moved, not the four hundred behind where it belongs. last: room for count.
+// Return the length of the longest series of readings that are in order already. The other readings are the ones out of
+// place. If one of four hundred readings was moved to the end, one reading is out of place, not all the readings after
+// its proper place. `last` is scratch for `count` numbers.
 static int longest_in_order(const place *order, int count, int *last)
 {
     int longest = 0;
@@ -74,7 +75,7 @@ static int longest_in_order(const place *order, int count, int *last)
             if (last[middle] < order[i].index) low = middle + 1;
             else high = middle;
         }
-        last[low] = order[i].index; // ends the series of low + 1 that ends earliest
+        last[low] = order[i].index; // the smallest last index of all series of length low + 1
         longest += low == longest;
     }
     return longest;
@@ -91,6 +92,7 @@ int kn_readings_sort(kn_readings *r)
     if (order && room) {
         for (int i = 0; i < r->count; i++) order[i] = (place){r->time_s[i], i};
         qsort(order, (size_t)r->count, sizeof *order, by_time);
+        // The room of doubles also serves the line numbers.
         moved = r->count - longest_in_order(order, r->count, (int *)room);
         double *const all[] = {r->time_s, r->value, r->other, r->load, r->weight};
         for (int i = 0; i < 5; i++) permute(all[i], order, r->count, room);
@@ -105,7 +107,7 @@ int kn_readings_sort(kn_readings *r)
 
 static double weight(const kn_readings *r, int i) { return r->weight ? r->weight[i] : 1; }
 
-// One at `to` for those from..end-1; the variance of their times is returned.
+// Replace readings from..end-1 by one mean at `to`. Return the variance of their times.
 static double average(kn_readings *r, int to, int from, int end)
 {
     double n = 0, time = 0, square = 0, value = 0, other = 0;
@@ -127,6 +129,7 @@ static double average(kn_readings *r, int to, int from, int end)
     return fmax(0, square / n - (time / n) * (time / n));
 }
 
+// Give every reading a weight of 1, if there are no weights yet.
 static bool weigh(kn_readings *r)
 {
     if (r->weight) return true;
@@ -142,6 +145,7 @@ static double range(const kn_readings *r)
     return high - low;
 }
 
+// Return whether reading i has the time and load of the one before and no jump between them.
 static bool is_twin(const kn_readings *r, int i, double jump)
 {
     return r->time_s[i - 1] == r->time_s[i] && (!r->load || r->load[i - 1] == r->load[i]) &&
@@ -166,12 +170,12 @@ int kn_readings_merge(kn_readings *r)
 
 // ---- thinning
 
-typedef struct piece { // between two changes
+typedef struct piece { // readings between two changes
     int begin, end;
     double from_s;
 } piece;
 
-// First of begin..end-1 that is not before time_s.
+// Return the first of begin..end-1 that is not before time_s, by bisection.
 static int first_from(const kn_readings *r, int begin, int end, double time_s)
 {
     while (begin < end) {
@@ -182,12 +186,14 @@ static int first_from(const kn_readings *r, int begin, int end, double time_s)
     return begin;
 }
 
+// Return the end of the group that begins at `begin`: times since the change grow by less than the factor.
 static int group_end(const kn_readings *r, const piece *p, int begin, double factor)
 {
     int end = first_from(r, begin, p->end, p->from_s + factor * (r->time_s[begin] - p->from_s));
     return end > begin ? end : begin + 1;
 }
 
+// Count the groups of a piece. Stop counting above `enough`.
 static int groups(const kn_readings *r, const piece *p, double factor, int enough)
 {
     int n = 0;
@@ -195,9 +201,10 @@ static int groups(const kn_readings *r, const piece *p, double factor, int enoug
     return n;
 }
 
+// Find the smallest factor that leaves at most `most` groups, by bisection of its logarithm.
 static double choose_factor(const kn_readings *r, const piece *p, int most)
 {
-    double low = 0, high = log(2); // of its logarithm
+    double low = 0, high = log(2);
     while (groups(r, p, exp(high), most) > most && high < 100) high *= 2;
     for (int i = 0; i < 40; i++) {
         double middle = 0.5 * (low + high);
@@ -207,8 +214,9 @@ static double choose_factor(const kn_readings *r, const piece *p, int most)
     return exp(high);
 }
 
-// The mean of a bent curve is not its value at the mean time: off by half its curvature times the variance of the
-// times, which is small beside the noise of one reading but not beside that of the mean of ten thousand.
+// Correct the means for curvature. The mean of a bent curve differs from its value at the mean time by half the
+// curvature times the variance of the times. The error is small beside the noise of one reading, but not beside that of
+// the mean of ten thousand.
 static void straighten(kn_readings *r, int begin, int end, const double *variance)
 {
     double before = r->value[begin], bend = 0;
@@ -219,9 +227,10 @@ static void straighten(kn_readings *r, int begin, int end, const double *varianc
         r->value[i] -= 0.5 * bend * variance[i];
         before = here;
     }
-    r->value[end - 1] -= 0.5 * bend * variance[end - 1]; // which has a neighbour on one side alone
+    r->value[end - 1] -= 0.5 * bend * variance[end - 1]; // the last mean has a neighbour on one side only
 }
 
+// Thin one piece into the readings from `to` on. Return the end of the new readings.
 static int thin_piece(kn_readings *r, const piece *p, int most, int to, double *variance)
 {
     const int begin = to;
@@ -241,6 +250,7 @@ bool kn_readings_thin(kn_readings *r, int most, int changes, const double *chang
     double *variance = malloc((size_t)r->count * sizeof *variance);
     if (!variance) return false;
     int to = 0, pieces = 1;
+    // Changes outside the time of the readings do not begin a piece. Each piece gets an equal share of `most`.
     for (int i = 0; i < changes; i++) pieces += change_s[i] > r->time_s[0] && change_s[i] <= r->time_s[r->count - 1];
     piece p = {.from_s = r->time_s[0]};
     for (int i = 0; i <= changes; i++) {

@@ -8,13 +8,14 @@
 
 const char *const kn_recreep_name[KN_RECREEP_WAYS] = {"element", "diagonals", "diagonals and gas"};
 
-// Loads the bench as the curve says and reads it at the curve's readings.
+// Apply the loads of the curve to the test bench, and record its strain at the readings of the curve.
 static int follow(kn_bench *b, const kn_curve *c, double *strain)
 {
     int next = 0, code = KN_EXIT_OK;
     kn_bench_fresh(b);
     kn_bench_bar(b, c->time_s[c->count - 1]);
     for (int i = 0; i < c->count && code == KN_EXIT_OK; i++) {
+        // Apply all changes of load before this reading, each at its own time.
         for (; next < c->steps && c->step[next].time_s < c->time_s[i] && code == KN_EXIT_OK; next++) {
             if (c->step[next].time_s > b->time_s) code = kn_bench_advance(b, c->step[next].time_s);
             if (code == KN_EXIT_OK) code = kn_bench_load(b, c->step[next].stress_pa * KN_BENCH_AREA_M2);
@@ -33,6 +34,7 @@ double kn_recreep_largest(const kn_curve *c)
     return most;
 }
 
+// Return the root mean square difference of two strains, as a share of the largest measured strain.
 static double apart(const double *a, const double *b, const kn_curve *c)
 {
     double sum = 0;
@@ -43,6 +45,7 @@ static double apart(const double *a, const double *b, const kn_curve *c)
 static int run(kn_recreep *back, kn_recreep_way way, const char *subcommand, const char *scene, const kn_curve *c)
 {
     static const char *gas[] = {"object.pressure=cells"};
+    // A lattice of 0 cells is the element itself.
     const int n = way == KN_RECREEP_ELEMENT ? 0 : KN_RECREEP_CELLS;
     kn_bench_options opt = {.subcommand = subcommand,
                             .specimen = scene,

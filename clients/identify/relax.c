@@ -1,4 +1,5 @@
-// knead identify relax: from how stress fell while a strain was held to the numbers of the papers' element.
+// The command `knead identify relax`: find the parameters of the papers' element from a stress that fell while a strain
+// was held.
 #include "clients/identify/experiments.h"
 #include "clients/identify/relax_told.h"
 #include "clients/knead/commands.h"
@@ -51,7 +52,7 @@ typedef struct work {
     bool compared;
 } work;
 
-// ---- what is told
+// ---- printed results
 
 static void print_number(const kn_identified *n)
 {
@@ -61,6 +62,7 @@ static void print_number(const kn_identified *n)
     if (*n->words) printf("          %s\n", n->words);
 }
 
+// Print the parameters that this experiment determines: in Pa after a rise, else the ratios to k1.
 static void print_numbers(const kn_relaxation *r)
 {
     printf("\n%-9s best, and within 95 %%\n", "");
@@ -122,6 +124,7 @@ static void tell(const kn_relaxation *r)
 
 // ---- files
 
+// Write the fitted means of all curves with the fit.
 static int write_csv(const kn_relax_told *told, const char *path)
 {
     FILE *f = fopen(path, "w");
@@ -154,6 +157,7 @@ static int write_material(const kn_relax_told *told, const char *path)
 
 // ---- the command
 
+// Check that all outputs can be written before the work begins.
 static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
@@ -176,6 +180,7 @@ static int fit(work *w)
     const kn_relaxation_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
     if (!kn_relaxation_fit(&w->fit, w->curves, w->curve, &how, error, sizeof error))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
+    // A modulus without its strain makes no material.
     if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
         return kn_complain(
             w->opt.subcommand, KN_EXIT_USAGE,
@@ -203,7 +208,8 @@ static int write(const kn_relax_told *told, kn_document *d)
     int code = o->csv ? write_csv(told, o->csv) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && o->png) code = kn_relax_draw(told, o->png);
     if (code == KN_EXIT_OK && kn_document_is_open(d)) code = kn_relax_report(d, told, write_csv, write_material);
-    if (code == KN_EXIT_OK && o->out) code = write_material(told, o->out); // last: no scene may take it
+    // Write the material last, since this fails if no scene accepts it.
+    if (code == KN_EXIT_OK && o->out) code = write_material(told, o->out);
     return kn_document_close(d, code);
 }
 

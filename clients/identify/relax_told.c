@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #define FAR 0.05
-#define NUMERICS 5e-4 // a misfit that averages and differences leave of a perfect curve
+#define NUMERICS 5e-4 // misfit that averages and finite differences leave even for a perfect curve
 
 const char *kn_relax_scale(const kn_relaxation *r)
 {
@@ -22,7 +22,7 @@ const char *kn_relax_scale(const kn_relaxation *r)
            "--strain says.";
 }
 
-// Whether there is a material of it, and no scene takes that.
+// Return whether there is a material that no scene accepts.
 static bool is_refused(const kn_relaxation *r, char *why, size_t size)
 {
     return r->scale != KN_RELAXATION_MODULUS && !kn_material_served(&r->material, why, size);
@@ -40,6 +40,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
                      k->curve->name, 100 * k->misfit);
             say(to, text);
         }
+        // Runs of one sign mean that the model has another shape than the data.
         if (k->runs > 3 && k->misfit > NUMERICS) {
             snprintf(text, sizeof text,
                      "%s: what is left after the fit comes in runs of one sign (%.2g standard "
@@ -47,6 +48,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
                      k->curve->name, k->runs);
             say(to, text);
         }
+        // The rise follows the strain column instead of a straight line, so the noise of the column affects c1.
         if (k->rises && !k->ramp.straight) {
             snprintf(text, sizeof text,
                      "%s: the strain did not rise in a straight line (%.2g %% off): its own column is "
@@ -54,6 +56,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
                      k->curve->name, 100 * k->ramp.apart);
             say(to, text);
         }
+        // In a fast rise, c1 carries most of the stress.
         if (k->rises && k->ramp.strain / (k->ramp.end_s - k->ramp.start_s) > 0.05) {
             snprintf(text, sizeof text,
                      "%s: so fast a rise, %.3g %% a second, is met by c1, and tells little of the "
@@ -63,6 +66,8 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         }
     }
     if (r->scale != KN_RELAXATION_RISE && r->ratio[0].known != KN_KNOWN && r->ratio[1].known != KN_KNOWN) {
+        // If beta P stays below 1, the fall is nearly exponential and determines only the sum of the two time
+        // constants.
         const double b = r->number[KN_RELAXATION_BETA].value * r->highest_pa;
         snprintf(text, sizeof text, "c1/k1 and alpha/k1 are not known apart%s",
                  b < 1 ? ": it falls exponentially, whose "
@@ -80,7 +85,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         "none, and answers at once with a spring");
 }
 
-// ---- the picture
+// ---- the plot
 
 enum { POINTS = 200, SHOWN = 4 };
 
@@ -89,6 +94,7 @@ typedef struct drawing {
     double *left[KN_RELAXATION_CURVES];
 } drawing;
 
+// Add a curve's hold with its fit to the first panel, and the residuals to the second.
 static void add_curve(kn_figure_panel p[2], const kn_relaxation_curve *k, double *left, int hue)
 {
     const double *fit = k->fit_pa + k->rise.count;
@@ -100,19 +106,22 @@ static void add_curve(kn_figure_panel p[2], const kn_relaxation_curve *k, double
     kn_figure_add(&p[1], (kn_figure_series){name, k->hold.count, k->hold.time_s, left, 1, 1, KN_FIGURE_POINTS, hue});
 }
 
+// Add one model's prediction for the first curve.
 static void add_model(kn_figure_panel *p, drawing *d, kn_models *m, int row, int place)
 {
     const kn_models_row *r = &m->row[row];
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
     if (!r->fitted || !kn_fit_law_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place])) return;
-    for (int i = 0; i < POINTS; i++) // what falls far below the readings would flatten them
+    // Values far below the readings would flatten the plot.
+    for (int i = 0; i < POINTS; i++)
         if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
     kn_figure_add(p, (kn_figure_series){r->law.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
                                         r->law.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
 }
 
-// The best of what came later, of the elements and of all; the logarithm; a Maxwell unit; whichever are different.
+// Add up to four different models: the best on the later part among all laws, the best among the elements, the next
+// best of all, and the best of the springs and dampers.
 static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
 {
     const kn_fit_law_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
@@ -122,10 +131,12 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
         p, (kn_figure_series){"fitted", early->count, early->time_s, early->value, 1, 1e-3, KN_FIGURE_POINTS, 1});
     kn_figure_add(p,
                   (kn_figure_series){"not seen", late->count, late->time_s, late->value, 1, 1e-3, KN_FIGURE_POINTS, 8});
+    // A dashed vertical line marks the end of the fitted part.
     d->cut_s[0] = d->cut_s[1] = m->cut_s;
     d->cut_pa[0] = early->value[0];
     d->cut_pa[1] = late->count ? late->value[late->count - 1] / 2 : early->value[0] / 10;
     kn_figure_add(p, (kn_figure_series){NULL, 2, d->cut_s, d->cut_pa, 1, 1e-3, KN_FIGURE_DASHES, 0});
+    // Choose the models in this order, and draw each model only once.
     bool taken[KN_MODELS_MAX] = {false};
     for (int place = 0; place < SHOWN; place++) {
         int best = -1;
@@ -180,6 +191,7 @@ static void tell_number(kn_document *d, const kn_identified *n)
     kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
 }
 
+// Write the table of models.
 static void tell_models(kn_document *d, const kn_models *m)
 {
     char text[1000];
@@ -197,6 +209,7 @@ static void tell_models(kn_document *d, const kn_models *m)
     }
 }
 
+// Write the tables of curves and parameters.
 static void tell_fit(kn_document *d, const kn_relaxation *r)
 {
     kn_document_section(d, "What was measured");

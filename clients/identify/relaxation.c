@@ -9,19 +9,22 @@
 #include <string.h>
 
 enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN };
-#define NEVER_C1 1e-3 // of the shortest time constant measured: no share of any
-#define INSIDE 1.05   // P0 and P1 are in the fit only so far within the stresses measured
+// lower bound of c1, as a share of the shortest measured time constant; a smaller c1 has no effect
+#define NEVER_C1 1e-3
+#define INSIDE 1.05 // P0 and P1 must be within the measured stresses by this factor
 
 typedef struct work {
     kn_relaxation *r;
     bool constant_noise;
-    kn_fit fit;             // the unknowns are those of the enum, then a beginning for each curve
-    double c1_low, c1_high; // where it may be; a fixed one's bounds are its value
-    double lowest, highest; // stresses measured: of the holds, of all
+    kn_fit fit;             // unknowns as in the enum, then a stress Pi for each curve
+    double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
+    double lowest, highest; // measured stresses: lowest of the holds, highest of all
 } work;
 
-// ---- what the element says
+// ---- the element's stress
 
+// Compute the stress during the rise, and at the first reading of the hold. P1 is limited so that exp(beta P1) does not
+// overflow.
 static bool by_chain(const double *v, const kn_relaxation_curve *c, double *out)
 {
     const kn_chain row = {.voigts = 1,
@@ -38,7 +41,7 @@ static bool by_chain(const double *v, const kn_relaxation_curve *c, double *out)
     return kn_chain_stress(&row, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) && out[c->rise.count] > 0;
 }
 
-// From a stress at a time on in closed form.
+// Compute the stress of a hold in closed form, from the stress `begin_pa` at the time `begin_s` on.
 static void by_hold(const double *v, double begin_pa, double begin_s, const kn_bins *b, double *out)
 {
     const kn_hold h = {.begin_pa = begin_pa,
@@ -47,10 +50,11 @@ static void by_hold(const double *v, double begin_pa, double begin_s, const kn_b
                        .beta_per_pa = v[BETA],
                        .p0_pa = v[P0],
                        .p1_pa = v[P1]};
-    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s; // in place
+    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s; // out serves as room for the times
     kn_hold_stress(&h, b->count, out, out);
 }
 
+// Predict one curve: the rise by the chain and the hold from its last stress, or the hold alone from Pi.
 static bool predict(const double *v, const kn_relaxation_curve *c, int number, double *out)
 {
     if (!c->rises) {
@@ -62,6 +66,7 @@ static bool predict(const double *v, const kn_relaxation_curve *c, int number, d
     return true;
 }
 
+// Compute the residuals: of the stress in units of its noise, or of its logarithm.
 static bool difference(const work *w, const kn_relaxation_curve *c, const double *fit, double *residual)
 {
     for (int part = 0, n = 0; part < 2; part++) {
@@ -80,7 +85,7 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     const work *w = of;
     for (int c = 0, n = 0; c < w->r->curves; c++) {
         const kn_relaxation_curve *k = &w->r->curve[c];
-        double *out = residual + n; // in place
+        double *out = residual + n; // out and residual share memory
         if (!predict(value, k, c, out) || !difference(w, k, out, out)) return false;
         n += k->rise.count + k->hold.count;
     }
@@ -89,13 +94,15 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 
 // ---- the search
 
-// First, holds alone, whose closed form costs little: from the places of laws.h, as a law of theirs.
+// The first search is for the holds alone, since their closed form is cheap. It uses the starts of laws.h, as one of
+// the laws there.
 typedef struct holds {
     const work *w;
     kn_fit_law law;
     kn_fit_law_curve curve[KN_RELAXATION_CURVES];
 } holds;
 
+// Turn the unknowns of the law into those of this fit, with k1 = 1.
 static void expand(const kn_fit_law *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
 {
     int n = 2;
@@ -117,13 +124,13 @@ static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], doubl
     for (int c = 0, n = 0; c < r->curves; n += r->curve[c++].hold.count) {
         kn_relaxation_curve alone = r->curve[c];
         alone.rise.count = 0;
-        by_hold(v, v[BEGIN + c], 0, &alone.hold, residual + n); // in place
+        by_hold(v, v[BEGIN + c], 0, &alone.hold, residual + n); // result and residual share memory
         if (!difference(f->w, &alone, residual + n, residual + n)) return false;
     }
     return true;
 }
 
-// The holds' best with that law. False: none.
+// Find the best fit of the holds by this law. Return false if there is none.
 static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWNS])
 {
     holds f = {.w = w, .law = {.kind = KN_FIT_LAW_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
@@ -151,14 +158,14 @@ static void leave_out(kn_fit_unknown *u, double value)
     u->value = u->low = u->high = value;
 }
 
-// The unknowns around such numbers: how far each may go. c1, P0 and P1 are out of it.
+// Set the unknowns to these values and bound them around these values. c1, P0 and P1 are fixed.
 static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
     kn_fit *fit = &w->fit;
     double scale = 1;
     *fit = (kn_fit){.readings = w->r->readings, .misfit = misfit, .of = w, .unknowns = BEGIN + w->r->curves};
-    for (int c = 0; c < w->r->curves; c++) // (1), where the hold begins
+    for (int c = 0; c < w->r->curves; c++) // k1 by equation (1) of the header, at the begin of the hold
         if (w->r->curve[c].rises)
             scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
     for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) {
@@ -168,7 +175,8 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     const double fastest = fit->unknown[ALPHA].value * exp(-v[BETA] * w->highest);
     w->c1_low = NEVER_C1 * fastest;
     w->c1_high = 1e3 * fit->unknown[ALPHA].value;
-    fit->unknown[ALPHA].low /= 1e20, fit->unknown[ALPHA].high *= 1e20; // it goes with exp(beta P)
+    // alpha scales with exp(beta P), so its range is far wider.
+    fit->unknown[ALPHA].low /= 1e20, fit->unknown[ALPHA].high *= 1e20;
     fit->unknown[K1].fixed = w->r->scale != KN_RELAXATION_RISE;
     for (int c = 0; c < w->r->curves; c++) {
         const double at = v[BEGIN + c], first = w->r->curve[c].hold.value[0];
@@ -188,8 +196,8 @@ static void let(kn_fit_unknown *u, double low, double high)
 
 static double aicc_of(const kn_fit *fit) { return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum); }
 
-// The element without P0 and P1, with c1 or without: from the holds' best, with k1 and c1 larger where a rise knows
-// them, and, with c1, from what was found without it.
+// Fit the element without P0 and P1, with or without c1. The starts are the best fit of the holds, with larger k1 and
+// c1 if a rise determines them. With c1, the fit without it is a start, too.
 static bool fit_base(work *w, bool c1, const kn_fit *without)
 {
     static const double more[4] = {1, 1.5, 3, 1}, dash[4] = {1, 1, 1, 4};
@@ -209,15 +217,16 @@ static bool fit_base(work *w, bool c1, const kn_fit *without)
     return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
 }
 
-// P0 or P1 beside what w->fit has found without it, from several shares of the stresses: beyond them it has no
-// gradient.
+// Add P0 or P1 to the fit in w->fit. The starts are several shares of the stresses, since a clamp beyond the stresses
+// has no gradient.
 static bool add_clamp(work *w, int which)
 {
     static const double below[3] = {1.15, 1.8, 3.5}, above[2] = {0.85, 0.65};
     const int starts = which == P0 ? 3 : 2;
     double start[3][KN_FIT_UNKNOWNS];
     kn_fit_unknown *u = w->fit.unknown;
-    let(&u[which], which == P0 ? w->lowest / 100 : w->lowest, w->highest); // what was not measured says nothing
+    // search only within the measured stresses
+    let(&u[which], which == P0 ? w->lowest / 100 : w->lowest, w->highest);
     for (int s = 0; s < starts; s++) {
         for (int i = 0; i < w->fit.unknowns; i++) start[s][i] = u[i].value;
         start[s][which] = which == P0 ? fmin(below[s] * w->lowest, 0.9 * w->highest) : above[s] * w->highest;
@@ -225,6 +234,7 @@ static bool add_clamp(work *w, int which)
     return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
 }
 
+// Find the lowest stress of the holds and the highest of all readings.
 static void measured(work *w)
 {
     w->lowest = INFINITY;
@@ -238,7 +248,7 @@ static void measured(work *w)
         }
 }
 
-// Stresses that the fit has where something was measured.
+// Find the lowest and highest stress of the fit at the readings.
 static void visited(kn_relaxation *r)
 {
     r->lowest_pa = INFINITY;
@@ -249,14 +259,16 @@ static void visited(kn_relaxation *r)
         }
 }
 
-// Whether P0 and P1, where they are in the fit, are well within what was measured: at its end they are none.
+// Return whether P0 and P1, if they are unknowns, are well within the measured stresses. At the end of the range they
+// have no effect.
 static bool is_inside(const work *w)
 {
     const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
     return (p0->fixed || p0->value > INSIDE * w->lowest) && (p1->fixed || p1->value < w->highest / INSIDE);
 }
 
-// Takes w->fit as the best so far if it is better by more than 2 of the criterion, which ever more numbers must be.
+// Keep w->fit as the best if its AICc is lower than the best so far by more than 2. A fit with more parameters must
+// achieve that.
 static void consider(work *w, bool ok, kn_fit *best, double *least)
 {
     if (!ok || !is_inside(w) || !(aicc_of(&w->fit) < *least - (*least < INFINITY ? 2 : 0))) return;
@@ -264,7 +276,7 @@ static void consider(work *w, bool ok, kn_fit *best, double *least)
     *best = w->fit;
 }
 
-// P0, P1 and both, each from what was found with one number less.
+// Try P1 as an unknown, then P0, then both. The fit with both starts from the fit with P0.
 static void consider_clamps(work *w, const kn_fit *base, kn_fit *best, double *least)
 {
     w->fit = *base;
@@ -275,8 +287,9 @@ static void consider_clamps(work *w, const kn_fit *base, kn_fit *best, double *l
     consider(w, ok && add_clamp(w, P1), best, least);
 }
 
-// With c1, since what is found of the others without it is bent where it is not 0; its interval says whether it is. P0
-// and P1 as the criterion says. w->fit is the best.
+// Choose the model. c1 is always an unknown: if the material has a c1, a fit without c1 biases the other unknowns. The
+// interval of c1 then shows whether c1 may be 0. The AICc decides whether P0 and P1 are unknowns. w->fit receives the
+// best fit.
 static bool choose(work *w)
 {
     kn_fit best = {0}, base;
@@ -293,16 +306,18 @@ static bool choose(work *w)
     return isfinite(least);
 }
 
-// ---- what is known
+// ---- parameters and intervals
 
-// S with an unknown that is not in the fit held at a value, over what chance explains: > 0 is excluded.
+// Return by how much the sum of squares S exceeds the rise that chance explains, if this unknown, which the fit does
+// not contain, is held at a value. A result above 0 excludes the value.
 static double excess(const kn_fit *fit, int unknown, double value, double t)
 {
     const double sum = kn_fit_held(fit, unknown, value);
     return isnan(sum) ? 1 : sum - fit->sum - t * t * fit->scale * fit->scale;
 }
 
-// How far it may go from a place where it changes nothing: where that is, or `to`.
+// Return the bound of an unknown: the value, from `from` (where the unknown has no effect) up to `to`, beyond which the
+// data exclude it.
 static double bound(const kn_fit *fit, int unknown, double from, double to, double confidence)
 {
     const double t = kn_fit_student(confidence, fit->freedom);
@@ -315,6 +330,7 @@ static double bound(const kn_fit *fit, int unknown, double from, double to, doub
     return exp(a);
 }
 
+// Store a one-sided bound as the interval, with the reason in words.
 static void put_bound(kn_identified *n, const char *name, const char *unit, bool at_most, double value, const char *why)
 {
     const kn_fit_interval i = {KN_FIT_PROFILE, at_most ? 0 : value, at_most ? value : (double)INFINITY, at_most,
@@ -330,7 +346,7 @@ static void scale_by(kn_identified *n, double factor)
     n->interval.high *= factor;
 }
 
-// (1), over all curves: each is a bound, so the largest is.
+// Return the lower bound (1) of k1 over all curves. Each is a lower bound, so the largest counts.
 static double least_k1(const kn_relaxation *r, const kn_fit *fit)
 {
     double k1 = 0;
@@ -342,6 +358,7 @@ static double least_k1(const kn_relaxation *r, const kn_fit *fit)
     return k1;
 }
 
+// Determine P0 and P1: with an interval if they are in the fit, else with a bound.
 static void know_dampers(work *w, const kn_relaxation_options *o)
 {
     kn_relaxation *r = w->r;
@@ -365,6 +382,7 @@ static void know_dampers(work *w, const kn_relaxation_options *o)
     }
 }
 
+// Store c1 with its interval. A c1 that may be 0 is set to 0.
 static void know_c1(work *w, const kn_relaxation_options *o, const char *name, const char *unit, kn_identified *n)
 {
     kn_identified_take(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
@@ -373,7 +391,8 @@ static void know_c1(work *w, const kn_relaxation_options *o, const char *name, c
     snprintf(n->words, sizeof n->words, "cannot be told from 0, which is taken");
 }
 
-// The numbers of a hold alone are in units of k1; in Pa with the bound of k1.
+// Determine the parameters of a hold without a rise. The fit gives them as ratios to k1. In Pa and Pa s they are given
+// for k1 at its lower bound.
 static void know_without_rise(work *w, const kn_relaxation_options *o)
 {
     kn_relaxation *r = w->r;
@@ -395,6 +414,7 @@ static void know_without_rise(work *w, const kn_relaxation_options *o)
     }
 }
 
+// Store all parameters with their intervals.
 static void know(work *w, const kn_relaxation_options *o)
 {
     kn_relaxation *r = w->r;
@@ -411,7 +431,7 @@ static void know(work *w, const kn_relaxation_options *o)
     know_dampers(w, o);
 }
 
-// Values alone, for repetitions.
+// Store the values only, for repeated fits.
 static void know_values(work *w)
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
@@ -420,6 +440,7 @@ static void know_values(work *w)
         w->r->number[i] = (kn_identified){.name = name[i], .unit = unit[i], .value = w->fit.unknown[i].value};
 }
 
+// Compute fit, residuals and misfit of every curve.
 static void judge(work *w)
 {
     kn_relaxation *r = w->r;
@@ -444,6 +465,7 @@ static void judge(work *w)
     r->unknowns = w->fit.readings - w->fit.freedom;
 }
 
+// Make the material from the parameters, unless the strain is unknown.
 static void make_material(kn_relaxation *r)
 {
     const kn_identified *n = r->number;

@@ -5,9 +5,10 @@
 
 enum { RISE_LEAST = 5 };
 #define FALLS 0.98
-#define LEAST_RISE 0.05 // of the largest stress: readings below it are all noise as shares
+// Share of the largest stress. The logarithms of smaller readings are mostly noise.
+#define LEAST_RISE 0.05
 
-// Whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
+// Return whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
 static bool beside_corner(const kn_curve *c, int i, double end_s)
 {
     const double before = i > 0 ? c->time_s[i - 1] : -INFINITY;
@@ -15,7 +16,8 @@ static bool beside_corner(const kn_curve *c, int i, double end_s)
     return before < end_s && after > end_s;
 }
 
-// The readings without those beside the corner, as a curve of its own; freed with one call of free.
+// Copy the readings, without those beside the corner, to a separate curve. The caller frees the returned block, which
+// holds all its arrays.
 static double *without_corner(const kn_curve *from, double end_s, kn_curve *to)
 {
     double *room = calloc(4 * (size_t)from->count + 4, sizeof *room);
@@ -36,7 +38,7 @@ static double *without_corner(const kn_curve *from, double end_s, kn_curve *to)
     return room;
 }
 
-// Means over equal times of a rise, of stresses that are more than noise.
+// Average the rise over equal times. Stresses near 0 are skipped, since they are mostly noise.
 static bool take_rise(kn_bins *b, const kn_curve *c, const kn_ramp *ramp)
 {
     double most = 0;
@@ -61,6 +63,7 @@ static bool take_rise(kn_bins *b, const kn_curve *c, const kn_ramp *ramp)
     return true;
 }
 
+// Split one curve. A rise with too few means is dropped.
 static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 {
     char none[120];
@@ -80,6 +83,7 @@ static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 
 static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *error, size_t size)
 {
+    // If any curve has a rise, the rise determines the scale. If any curve lacks a strain, all values are moduli.
     r->scale = KN_RELAXATION_BOUND;
     for (int c = 0; c < curves; c++) {
         kn_relaxation_curve *to = &r->curve[r->curves++];
@@ -99,7 +103,8 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
     return true;
 }
 
-// A stress of 0 or less has no logarithm, and of the first ones of a hold there is none in a model either.
+// Complain about stresses that are not positive, since they have no logarithm. With constant noise only the first mean
+// of a hold must be positive, since every model's stress is.
 static bool check(const kn_relaxation *r, bool constant_noise, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
@@ -120,7 +125,7 @@ static bool check(const kn_relaxation *r, bool constant_noise, char *error, size
     return true;
 }
 
-// Mean stress of a quarter of the bins of a hold.
+// Return the mean stress of the first or last quarter of a hold's bins.
 static double quarter(const kn_bins *b, bool last)
 {
     const int n = b->count / 4 > 0 ? b->count / 4 : 1, from = last ? b->count - n : 0;
@@ -129,7 +134,8 @@ static double quarter(const kn_bins *b, bool last)
     return sum;
 }
 
-// What does not relax has no relaxation time: the search would run to the end of all numbers.
+// Complain about a stress that does not fall. Such a stress has no relaxation time, and the search would run to ever
+// larger values.
 static bool check_falls(const kn_relaxation *r, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {

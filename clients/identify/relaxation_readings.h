@@ -1,14 +1,14 @@
 #ifndef KN_CLIENTS_IDENTIFY_RELAXATION_READINGS_H
 #define KN_CLIENTS_IDENTIFY_RELAXATION_READINGS_H
-// Relaxation curves taken apart into what is fitted: means over the rise of the strain, means over the hold (bins.h),
-// and whether they are of a relaxation at all. What stands beside the corner between both is left out: the stress jumps
-// there within a sample.
+// Split relaxation curves into means over the rise of the strain and means over the hold (bins.h), and check that the
+// stress relaxes. Readings beside the corner between rise and hold are left out, since the stress changes there within
+// one sampling period.
 #include "clients/identify/relaxation.h"
 
 #define KN_RELAXATION_RISE_BINS 40 // means over equal times of a rise
 
-// Fills scale, curve and readings of r. False and one sentence in error: too few readings, a stress that is none or
-// does not fall, a strain in one file alone, no memory.
+// Fill scale, curve and readings of r. Return false with one sentence in error if there are too few readings, if a
+// stress is not positive or does not fall, if only some of the files have a strain, or if memory runs out.
 bool kn_relaxation_take(kn_relaxation *r, int curves, const kn_curve *curve, bool constant_noise, char *error,
                         size_t error_size);
 

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SUBRAYS 8 // of a ray, each a quarter of a degree
+#define SUBRAYS 8 // per ray, each a quarter of a degree
 #define ALL_RAYS (KN_RELIEF_RAYS * SUBRAYS)
 
-static const double march = 0.25; // of a pixel, along a ray
-static const double exact = 1e-3; // of the height: what the solver itself may be off by
+static const double march = 0.25; // step along a ray, in pixels
+static const double exact = 1e-3; // possible error of the solver, as a share of the height
 static const double finest_step_m = 1e-6;
 enum { PATCHES = 32, PATCH_LEAST = 4, LEVELS = 65534 };
 
@@ -31,8 +31,9 @@ static bool inside(const kn_relief_box *b, double x_m, double y_m)
     return x_m > b->low_m[0] && x_m < b->high_m[0] && y_m > b->low_m[1] && y_m < b->high_m[1];
 }
 
-// ---- the outline as measured
+// ---- the measured outline
 
+// Return whether the image shows the object at this place.
 static bool seen(const kn_relief *r, double x_m, double y_m)
 {
     const double column = floor((x_m - r->frame.left_m) / r->frame.pixel_m + 0.5);
@@ -41,6 +42,7 @@ static bool seen(const kn_relief *r, double x_m, double y_m)
     return r->level[(size_t)row * (size_t)r->frame.width + (size_t)column] > 0;
 }
 
+// Set the middle of the rays to the centre of all pixels that are seen.
 static void find_middle(kn_relief *r)
 {
     double sum[2] = {0}, count = 0;
@@ -53,7 +55,8 @@ static void find_middle(kn_relief *r)
     r->centre_m[1] = r->frame.top_m - sum[1] / count * r->frame.pixel_m;
 }
 
-// From outside inwards, to the first pixel that is seen and not alone: of the next three two are seen, too.
+// March from outside inwards to the first pixel that is seen and not isolated: at least two of the next three are seen,
+// too.
 static double march_in(const kn_relief *r, double angle, double from_m)
 {
     const double step_m = march * r->frame.pixel_m, way[2] = {cos(angle), sin(angle)};
@@ -69,6 +72,7 @@ static double march_in(const kn_relief *r, double angle, double from_m)
     return 0;
 }
 
+// Return whether a place is at the border of the image, where the outline may be cut off.
 static bool at_border(const kn_relief *r, double x_m, double y_m)
 {
     const kn_range *f = &r->frame;
@@ -76,6 +80,8 @@ static bool at_border(const kn_relief *r, double x_m, double y_m)
     return column < 0.6 || row < 0.6 || column > f->width - 1.6 || row > f->height - 1.6;
 }
 
+// Measure the outline along all rays. A ray counts only if none of its subrays ends at the tool or at the border of the
+// image, or finds no edge.
 static void find_outline(kn_relief *r, const kn_relief_box *hidden)
 {
     const double far_m = hypot(r->frame.width, r->frame.height) * r->frame.pixel_m;
@@ -96,7 +102,8 @@ static void find_outline(kn_relief *r, const kn_relief_box *hidden)
 
 // ---- the patches
 
-// Whose height is compared: seen, not hidden, and further in than the outline by a thirtieth of the height.
+// Choose the pixels whose height is compared: seen, not hidden, and inside the outline by at least a thirtieth of the
+// height.
 static void choose_pixels(kn_relief *r, const kn_relief_box *hidden)
 {
     const double margin_m = fmax(2 * r->frame.pixel_m, r->tall_m / 30);
@@ -112,7 +119,7 @@ static void choose_pixels(kn_relief *r, const kn_relief_box *hidden)
         }
 }
 
-// Standard deviation of independent noise on each pixel, from the median size of second differences along rows.
+// Compute the standard deviation of independent noise of each pixel, from the median second difference along rows.
 static bool find_noise(kn_relief *r)
 {
     enum { SAMPLES = 100000 };
@@ -137,7 +144,7 @@ typedef struct mean {
     int count;
 } mean;
 
-// Of the pixels of a patch that count and are seen in this picture.
+// Average the pixels of a patch that are compared and visible in this image.
 static mean mean_of(const kn_relief *r, const uint16_t *level, double step_m, int patch)
 {
     const int first[2] = {patch % r->across * r->side, patch / r->across * r->side};
@@ -152,6 +159,7 @@ static mean mean_of(const kn_relief *r, const uint16_t *level, double step_m, in
     return m;
 }
 
+// Divide the image into patches. A patch counts if at least half of its pixels are compared.
 static bool make_patches(kn_relief *r, double extent_m)
 {
     r->side = (int)fmax(PATCH_LEAST, extent_m / PATCHES / r->frame.pixel_m);
@@ -171,8 +179,9 @@ static bool make_patches(kn_relief *r, double extent_m)
     return true;
 }
 
-// ---- is it this object?
+// ---- plausibility check
 
+// Find the extent of the surface.
 static void box_of(int vertices, const float (*rest_m)[3], double low_m[3], double high_m[3])
 {
     for (int k = 0; k < 3; k++) low_m[k] = INFINITY, high_m[k] = -INFINITY;
@@ -183,12 +192,14 @@ static void box_of(int vertices, const float (*rest_m)[3], double low_m[3], doub
         }
 }
 
+// Check that height, extent and place of the image agree with the object, and that enough of it is seen.
 static bool fits(const kn_relief *r, const double low_m[3], const double high_m[3], char *error, size_t error_size)
 {
     double reach_m[2] = {0}, there_m[2];
     for (int i = 0; i < KN_RELIEF_RAYS; i++) {
         const double angle = (i + 0.5) * 2 * M_PI / KN_RELIEF_RAYS;
         const double way_m[2] = {fabs(r->ray_m[i] * cos(angle)), fabs(r->ray_m[i] * sin(angle))};
+        // The visible extent along each axis is twice the longest ray along that axis.
         for (int k = 0; k < 2; k++) reach_m[k] = fmax(reach_m[k], 2 * way_m[k]);
     }
     for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
@@ -230,20 +241,20 @@ bool kn_relief_image(kn_relief *r, const kn_range *frame, uint16_t *level, int v
     return false;
 }
 
-// ---- a model's
+// ---- the model's outline and heights
 
 typedef struct outline {
     const double *centre_m;
     double reach_m[ALL_RAYS];
 } outline;
 
-// Where the side from a to b crosses the rays between their angles.
+// Extend the rays that the edge from `a` to `b` of a triangle crosses. These rays lie between the angles of its ends.
 static void sweep(outline *o, const float a[3], const float b[3])
 {
     double p[2] = {a[0] - o->centre_m[0], a[1] - o->centre_m[1]}, q[2] = {b[0] - o->centre_m[0], b[1] - o->centre_m[1]};
     double turn = p[0] * q[1] - p[1] * q[0];
     if (!isfinite(turn) || turn == 0) return;
-    if (turn < 0) { // counter-clockwise
+    if (turn < 0) { // make it counter-clockwise
         const double other[2] = {p[0], p[1]};
         memcpy(p, q, sizeof p);
         memcpy(q, other, sizeof q);
@@ -254,13 +265,15 @@ static void sweep(outline *o, const float a[3], const float b[3])
     const double unit = 2 * M_PI / ALL_RAYS;
     for (int k = (int)ceil(from / unit - 0.5); (k + 0.5) * unit <= to; k++) {
         const double way[2] = {cos((k + 0.5) * unit), sin((k + 0.5) * unit)};
+        // The ray from the middle meets the side at turn/across.
         const double across = way[0] * (q[1] - p[1]) - way[1] * (q[0] - p[0]);
         double *reach_m = &o->reach_m[((k % ALL_RAYS) + ALL_RAYS) % ALL_RAYS];
         if (across > 0) *reach_m = fmax(*reach_m, turn / across);
     }
 }
 
-// Largest way beyond lines at the object's sides at rest, of ends of rays that count.
+// Find the largest distance of ray ends beyond the object's sides at rest. Only rays that count and point mostly along
+// the axis are used.
 static void bulge_of(const kn_relief *r, const double centre_m[2], const double *ray_m, const double low_m[3],
                      const double high_m[3], double bulge_m[2])
 {
@@ -275,6 +288,7 @@ static void bulge_of(const kn_relief *r, const double centre_m[2], const double 
     }
 }
 
+// Find the model's outline by sweeping all triangle edges, and compare it along the rays that count.
 static double *compare_outline(const kn_relief *r, const double centre_m[2], const float (*now_m)[3], int triangles,
                                const int (*triangle)[3], double ray_m[KN_RELIEF_RAYS], double *residual,
                                double *squares)
@@ -293,6 +307,7 @@ static double *compare_outline(const kn_relief *r, const double centre_m[2], con
     return residual;
 }
 
+// Draw the model's range image in the shifted frame and compare the patches.
 static bool compare_heights(const kn_relief *r, const double shift_m[2], const float (*now_m)[3], int triangles,
                             const int (*triangle)[3], double *residual, double *squares)
 {
@@ -301,11 +316,12 @@ static bool compare_heights(const kn_relief *r, const double shift_m[2], const f
     if (!level) return false;
     frame.left_m += shift_m[0];
     frame.top_m += shift_m[1];
+    // The height step must cover three times the object's height in 16 bits.
     frame.step_m = fmax(finest_step_m, 3 * r->tall_m / LEVELS);
     kn_range_draw(&frame, now_m, triangles, triangle, level);
     for (int i = 0; i < r->across * r->down; i++) {
         if (isnan(r->patch_m[i])) continue;
-        // what the model leaves empty is told by the outline
+        // If the model shows no pixel of the patch, the residual is 0: the outline already contains that difference.
         const mean m = mean_of(r, level, frame.step_m, i);
         const double off_m = m.count > 0 ? m.sum / m.count - r->patch_m[i] : 0;
         *squares += off_m * off_m;
@@ -321,6 +337,7 @@ bool kn_relief_compare(const kn_relief *r, const double shift_m[2], const float 
 {
     double squares[2] = {0}, ray_m[KN_RELIEF_RAYS], low_m[3], high_m[3];
     const double centre_m[2] = {r->centre_m[0] + shift_m[0], r->centre_m[1] + shift_m[1]};
+    // Points are compared by their distance only.
     if (r->points > 0) {
         for (int i = 0; i < r->points; i++) {
             const double off_m = -kn_relief_distance(r->point_m[i], now_m, triangles, triangle);
@@ -355,12 +372,14 @@ bool kn_relief_points(kn_relief *r, int count, double (*point_m)[3], int vertice
     r->point_sigma_m = 0.01 * r->tall_m;
     for (int i = 0; i < count; i++) {
         bool near = true;
+        // Points farther from the object than its height belong to something else.
         for (int k = 0; k < 3; k++)
             near &= point_m[i][k] > low_m[k] - r->tall_m && point_m[i][k] < high_m[k] + r->tall_m;
         far += !near;
         if (near && point_m[i][2] > 0 && !inside(hidden, point_m[i][0], point_m[i][1]))
             memmove(point_m[kept++], point_m[i], sizeof *point_m);
     }
+    // Keep every n-th point, so that at most KN_RELIEF_POINTS remain.
     const int every = (kept + KN_RELIEF_POINTS - 1) / KN_RELIEF_POINTS;
     for (int i = 0; every > 0 && i < kept; i += every) memmove(point_m[r->points++], point_m[i], sizeof *point_m);
     r->readings = r->points;

@@ -5,7 +5,7 @@
 
 static double length2(const double a[3]) { return kn_dot(a, a); }
 
-// Nearest point of the side from a to b, seen from p.
+// Find the point of the side from a to b that is nearest to p.
 static void to_side(const double p[3], const double a[3], const double b[3], double near[3])
 {
     double along[3], from[3];
@@ -14,7 +14,8 @@ static void to_side(const double p[3], const double a[3], const double b[3], dou
     for (int k = 0; k < 3; k++) near[k] = a[k] + share * along[k];
 }
 
-// The foot on its plane where that is inside, else the nearest of its sides. normal: not of unit length.
+// Find the nearest point of a triangle: the foot of p on its plane if that is inside, else the nearest point of its
+// sides. normal is not normalised.
 static void to_triangle(const double p[3], const double corner[3][3], const double normal[3], double near[3])
 {
     double from[3], foot[3], best = INFINITY;

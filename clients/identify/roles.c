@@ -6,11 +6,12 @@
 #include <stdio.h>
 #include <string.h>
 
-// Names in small letters (heading.h), the ones to prefer first. A name with a blank before it, " time", is also taken
-// as part of a longer one, "test time".
+// The names of each quantity in small letters (heading.h), preferred names first. A name that begins with a blank, "
+// time", also matches as part of a longer name, "test time".
 static const char *const names[KN_ROLE_COUNT][14] = {
     [KN_TIME] = {"total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t", "zeit",
-                 "step time", "interval time", " time"}, // of a whole test before that of a part of it
+                 // the time of the whole test is preferred to the time within a step or interval
+                 "step time", "interval time", " time"},
     [KN_HEIGHT] = {"height", "h", "gap", "thickness", "sample height", "l", " height", " gap", " thickness"},
     [KN_DISPLACEMENT] = {"displacement", "disp", "deformation", "deflection", "compression", "indentation", "stroke",
                          "extension", "distance", "travel", "d", " displacement", " deformation", " distance"},
@@ -40,7 +41,8 @@ static const struct kind {
 
 const char *kn_role_name(kn_role role) { return kinds[role].name; }
 
-// A weight in grams or kilograms is one in gf and kgf; a frequency in rad/s is one.
+// Return whether the unit fits the role. A load may be in grams or kilograms, which mean gf and kgf. A frequency may be
+// in rad/s.
 static bool fits(const kn_heading *h, kn_role role)
 {
     if (kn_measure_is(&h->unit, kinds[role].unit)) return true;
@@ -49,7 +51,7 @@ static bool fits(const kn_heading *h, kn_role role)
     return role == KN_FREQUENCY && kn_measure_is(&h->unit, "rad/s");
 }
 
-// Twice is once.
+// Convert grams-force to newtons and rad/s to Hz in the heading. A second call changes nothing.
 static void convert(kn_heading *h, kn_role role)
 {
     const bool angular =
@@ -71,7 +73,8 @@ static bool ends_with(const char *text, const char *end)
     return n > m && !strcmp(text + n - m, end);
 }
 
-// A strain rate is no strain.
+// Return whether the column has this name, or contains it if the name begins with a blank. A strain rate is not a
+// strain.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);
@@ -81,6 +84,7 @@ static bool is_called(const kn_heading *h, const char *name)
            (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
 }
 
+// Quantities that need no unit.
 static const bool may_be_bare[KN_ROLE_COUNT] = {[KN_STRAIN] = true, [KN_TANGENT] = true};
 
 static bool is_it(const kn_heading *h, kn_role role)
@@ -88,14 +92,16 @@ static bool is_it(const kn_heading *h, kn_role role)
     return h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text;
 }
 
-// A unit says that it is meant, or the quantity's own word or letter does: a bare x may be anything.
+// Return whether the column is sure: it has a unit, or its name is the quantity's own word or letter. A bare x may be
+// anything.
 static bool is_sure(const kn_heading *h, kn_role role)
 {
     const bool letter = role == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
     return h->has_unit || letter || strstr(h->word, kinds[role].name);
 }
 
-// Another column of that very name and kind, as sure as this one; -1: none. Which of them was meant nobody knows.
+// Return another column with exactly this name and dimension that is at least as sure, or -1. If there are two such
+// columns, the intended one is unknown.
 static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
 {
     const bool sure = is_sure(&s->column[column].heading, role);
@@ -110,13 +116,15 @@ bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column) { return is_su
 
 int kn_role_find(kn_sheet *s, kn_role role, int *code)
 {
-    int other = -1; // of the name, not of the kind
+    int other = -1; // a column with the name but the wrong unit
     bool sure = false;
+    // If any column is sure, columns that are not sure are ignored.
     for (int c = 0; c < s->columns; c++)
         for (int n = 0; n < 14 && names[role][n]; n++) {
             const kn_heading *h = &s->column[c].heading;
             sure |= is_called(h, names[role][n]) && is_it(h, role) && is_sure(h, role);
         }
+    // Preferred names come first. The first match of name and unit is taken, unless it has a twin.
     for (int n = 0; n < 14 && names[role][n]; n++)
         for (int c = 0; c < s->columns; c++) {
             kn_heading *h = &s->column[c].heading;
@@ -131,9 +139,11 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
                 convert(h, role);
                 return c;
             }
-            const bool its_own = !strcmp(names[role][n], kinds[role].name); // else it may well be something else
+            // a name other than the own word of the quantity may mean something else
+            const bool its_own = !strcmp(names[role][n], kinds[role].name);
             if (other < 0 && *names[role][n] != ' ' && (its_own || !h->has_unit)) other = c;
         }
+    // No column fits. Say what is wrong with the unit of the column that has the name.
     if (other < 0 || !code) return -1;
     const kn_heading *h = &s->column[other].heading;
     if (!h->has_unit && *h->unit_text)
@@ -155,7 +165,8 @@ int kn_role_find_first(kn_sheet *s, int count, const kn_role *roles, kn_role *ro
     int bare = -1;
     kn_role bare_is = *roles;
     for (int i = 0; i < count; i++) {
-        if (bare >= 0 && kn_role_find(s, roles[i], NULL) < 0) continue; // the bare one will do
+        // the column that is not sure is kept as a fallback
+        if (bare >= 0 && kn_role_find(s, roles[i], NULL) < 0) continue;
         const int column = kn_role_find(s, *role = roles[i], code);
         if (*code != KN_EXIT_OK) return -1;
         if (column >= 0 && kn_role_is_sure(s, *role, column)) return column;
@@ -165,7 +176,7 @@ int kn_role_find_first(kn_sheet *s, int count, const kn_role *roles, kn_role *ro
     return bare;
 }
 
-// "10 gf", "0.1N", "W = 10 gf" within a name
+// Find a load within a name: "10 gf", "0.1N", "W = 10 gf".
 static bool load_in(const char *name, double *load_n)
 {
     char error[100], text[KN_HEADING_NAME];

@@ -1,6 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_ROLES_H
 #define KN_CLIENTS_IDENTIFY_ROLES_H
-// Which column of a sheet is what was measured: by its name, whatever the instrument calls it, and its unit.
+// Roles: the quantities that columns of a sheet may hold. A column's role is found from its name, in the spellings of
+// instruments, and from its unit.
 #include "clients/identify/sheet.h"
 
 #define KN_ROLES(X)                                                                                                    \
@@ -27,19 +28,22 @@ typedef enum kn_role {
 
 const char *kn_role_name(kn_role role);
 
-// The column, one that is sure before others; or -1. *code: after a complaint that its unit is missing or of another kind; NULL: then there is none.
+// Return the column of a quantity, or -1. A sure column (kn_role_is_sure) is preferred. If the unit is missing or has
+// another dimension, complain and set *code. If `code` is NULL, do not complain.
 int kn_role_find(kn_sheet *s, kn_role role, int *code);
 
-// Whether a column that was found has a unit, or the quantity's own word or letter for a name where it needs none. Else it may
-// well be something else, and one of another quantity goes before it.
+// Return whether a column that was found is sure: it has a unit, or its name is the quantity's own word or letter and
+// needs no unit. A column that is not sure may hold something else, so a sure column of another quantity is preferred
+// to it.
 bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column);
 
-// The first of the roles that there is a column of, and *role which: one that is sure before one that is not.
-// -1: none, or *code, KN_EXIT_OK before, says a complaint.
+// Return the column of the first of `count` roles for which there is a column, and set *role to that role. A sure
+// column is preferred to one that is not sure. Return -1 if there is none, or after a complaint; *code must be
+// KN_EXIT_OK before the call.
 int kn_role_find_first(kn_sheet *s, int count, const kn_role *roles, kn_role *role, int *code);
 
-// Several columns of one quantity, each headed by its load, "10 gf [mm]", "displacement_mm 10 gf": their number, at
-// most `most`, and each one's load, N. 0: none.
+// Find several columns of one quantity that are headed by their loads, "10 gf [mm]" or "displacement_mm 10 gf". Store
+// each column and its load, N. Return the number of columns, at most `most`.
 int kn_role_find_loads(const kn_sheet *s, int most, int column[], double load_n[]);
 
 #endif

@@ -4,11 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double first_trust = 0.8, most_trust = 1.6; // of a logarithm
-static const double secant = 0.2, short_secant = 0.3;    // to look at, to be believed at the end
+static const double first_trust = 0.8, most_trust = 1.6; // size of the trust region, in a logarithm
+// length of a new secant, and the longest one that is trusted at the end
+static const double secant = 0.2, short_secant = 0.3;
+// settled: shorter steps end the search; near: looks closer than this count as one look; far: no limit of the distance
 static const double settled = 0.005, near = 1e-3, far = 1e9;
-static const double promise = 1e-3;                    // of the sum, less is not worth a look,
-static const double promise_far = 1e-2, far_off = 100; // nor this where the sum is ten times the noise and more
+static const double promise = 1e-3; // a predicted decrease below this share of the sum ends the search
+// the same share if the sum is above 100 per reading, so that the residuals are ten times the noise
+static const double promise_far = 1e-2, far_off = 100;
 
 void kn_search_free(kn_search *s)
 {
@@ -24,7 +27,8 @@ static double distance(const kn_search *s, const double *a, const double *b)
     return sqrt(sum);
 }
 
-// Number of the look at that place, taken now unless it was; -1: memory is short, or there have been enough.
+// Return the index of the look (evaluation of the model) at this place. Take a new look if there is none. Return -1 if
+// memory runs out or if all looks are used up.
 static int look_at(kn_search *s, const double at[KN_SEARCH_UNKNOWNS])
 {
     double value[KN_SEARCH_UNKNOWNS] = {0};
@@ -52,12 +56,12 @@ static void choose_best(kn_search *s)
         if (s->at[i].sum < s->at[s->best].sum) s->best = i;
 }
 
-// ---- the straight model
+// ---- the linear model
 
 static double cross(const double a[2], const double b[2]) { return a[0] * b[1] - a[1] * b[0]; }
 
-// The looks nearest to the best one that lie in as many directions as there are unknowns; their greatest distance,
-// INFINITY: there are none.
+// Find the looks nearest to the best one, in as many independent directions as there are unknowns. Return their
+// greatest distance, or INFINITY if there are too few.
 static double neighbours(const kn_search *s, int number[KN_SEARCH_UNKNOWNS])
 {
     const double *here = s->at[s->best].at;
@@ -72,6 +76,7 @@ static double neighbours(const kn_search *s, int number[KN_SEARCH_UNKNOWNS])
                 const double *first = s->at[number[0]].at;
                 const double a[2] = {first[0] - here[0], first[1] - here[1]},
                              b[2] = {there[0] - here[0], there[1] - here[1]};
+                // The second direction must be at least 20 degrees off the first.
                 if (fabs(cross(a, b)) < 0.35 * hypot(a[0], a[1]) * d) continue;
             }
             nearest = d;
@@ -82,6 +87,7 @@ static double neighbours(const kn_search *s, int number[KN_SEARCH_UNKNOWNS])
     return farthest;
 }
 
+// Solve for the slopes of every residual from the differences to the neighbouring looks.
 static void find_slopes(kn_search *s, const int number[KN_SEARCH_UNKNOWNS])
 {
     const kn_look *here = &s->at[s->best];
@@ -97,6 +103,7 @@ static void find_slopes(kn_search *s, const int number[KN_SEARCH_UNKNOWNS])
     }
 }
 
+// The linear model: residuals of the best look plus slopes times the distance in logarithms.
 static bool straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
     const kn_search *s = of;
@@ -109,6 +116,7 @@ static bool straight(void *of, const double value[KN_FIT_UNKNOWNS], double *resi
     return true;
 }
 
+// Set up the fit of the linear model within the trust region.
 static kn_fit fit_of(const kn_search *s, double trust)
 {
     kn_fit fit = {.unknowns = s->unknowns, .readings = s->readings, .misfit = straight, .of = (void *)(uintptr_t)s};
@@ -124,6 +132,7 @@ static kn_fit fit_of(const kn_search *s, double trust)
 
 // ---- the search
 
+// Take a look beside the best one, along one unknown: upwards, or downwards if the upper bound is near.
 static bool look_beside(kn_search *s, int unknown)
 {
     double there[KN_SEARCH_UNKNOWNS];
@@ -132,8 +141,8 @@ static bool look_beside(kn_search *s, int unknown)
     return look_at(s, there) >= 0;
 }
 
-// Looks beside the best one until there are neighbours as near as that, across the way to the nearest one first. False:
-// there have been enough looks.
+// Take looks beside the best one until there are neighbours within the distance `reach`. With two unknowns, the first
+// direction is the one across the line to the nearest look. Return false if no further look is possible.
 static bool look_around(kn_search *s, double reach)
 {
     int number[KN_SEARCH_UNKNOWNS];
@@ -159,11 +168,11 @@ static void note_bounds(kn_search *s)
     }
 }
 
-// One step; *trust follows. False: nothing more is to be gained, or looked at.
+// Take one step and adapt the trust region. Return false if no further decrease is expected or all looks are used up.
 static bool step(kn_search *s, double *trust)
 {
     int number[KN_SEARCH_UNKNOWNS];
-    for (int i = 0; i < 2; i++) { // neighbours in all directions, how far ever; one of them may be the best then
+    for (int i = 0; i < 2; i++) { // neighbours in all directions at any distance; one of them may become the best look
         if (!look_around(s, far)) return false;
         choose_best(s);
     }
@@ -178,6 +187,8 @@ static bool step(kn_search *s, double *trust)
         to[k] = log(fit.unknown[k].value);
         way = fmax(way, fabs(to[k] - s->at[s->best].at[k]));
     }
+    // The search ends if the step or the predicted decrease of the sum is too small, unless the secants are too long to
+    // be trusted.
     const double least = before > far_off * s->readings ? promise_far : promise;
     if (way < settled || (way < secant && before - fit.sum < least * before)) {
         const int looks = s->looks;
@@ -189,6 +200,8 @@ static bool step(kn_search *s, double *trust)
     }
     const int next = look_at(s, to);
     if (next < 0) return false;
+    // The trust region grows if the actual decrease is more than 3/4 of the predicted one, and shrinks if it is less
+    // than 1/4.
     const double kept = (before - s->at[next].sum) / fmax(before - fit.sum, 1e-300);
     if (!(kept > 0.25)) *trust = 0.4 * way;
     else if (kept > 0.75) *trust = fmin(2 * fmax(*trust, way), most_trust);
@@ -225,7 +238,8 @@ kn_fit_interval kn_search_interval(const kn_search *s, int unknown, double worth
     kn_fit fit = fit_of(s, INFINITY);
     kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
     if (!kn_fit_run(&fit)) return i;
-    const double scale = fmax(fit.scale, 1); // sigma is known; what is below it is luck, or our own lattice again
+    // sigma is known, so the scale is at least 1: a smaller scatter is chance, or the data come from the same lattice
+    const double scale = fmax(fit.scale, 1);
     const double spread = scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(worth, 1));
     const double half = kn_fit_student(0.95, fmax(worth - s->unknowns, 1)) * spread;
     const double value = s->value[unknown];

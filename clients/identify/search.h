@@ -1,30 +1,32 @@
 #ifndef KN_CLIENTS_IDENTIFY_SEARCH_H
 #define KN_CLIENTS_IDENTIFY_SEARCH_H
-// Least squares where every look at the model takes seconds: one or two unknowns, about ten looks.
+// Least squares for a model whose evaluation takes seconds: one or two unknowns, about ten evaluations. Each evaluation
+// is called a look.
 //
-// Looks are kept. Around the best of them the model is taken to be straight in the logarithms, by the nearest looks
-// that lie in different directions (secants); kn_fit finds the best of that straight model within a trust region, there
-// the next look is taken, and the region grows or shrinks by whether it kept what it promised. It ends where the next
-// step would be below half a percent, or promises less than a thousandth of the sum (a hundredth, far off), and the
-// secants are short enough to be believed.
+// All looks are kept. Around the best look the model is taken to be linear in the logarithms of the unknowns. The
+// slopes come from the nearest looks in different directions (secants). kn_fit minimises this linear model within a
+// trust region, and the next look is taken there. The region grows or shrinks with the ratio of the actual to the
+// predicted decrease of the sum of squares. The search ends when the next step is below half a percent, or when the
+// predicted decrease is below a thousandth of the sum (a hundredth if the fit is far off). It does not end while the
+// secants are too long to be trusted.
 //
-// Differences over 20 % instead of kn_fit's own 1e-5 of a logarithm: a press in f32 with a tolerance of 0.001 is not
-// smooth in the last digits.
+// Secants over 20 % replace kn_fit's own step of 1e-5 of a logarithm. A press is computed in f32 with a solver
+// tolerance of 0.001, so its residuals are not smooth in the last digits.
 #include "clients/identify/fit.h"
 
 #define KN_SEARCH_UNKNOWNS 2
 #define KN_SEARCH_LOOKS 16
 
 typedef struct kn_look {
-    double at[KN_SEARCH_UNKNOWNS]; // logarithms
-    double *residual, sum;         // owned; sum INFINITY: no answer there
+    double at[KN_SEARCH_UNKNOWNS]; // logarithms of the unknowns
+    double *residual, sum;         // owned; sum INFINITY: no solution there
 } kn_look;
 
 typedef struct kn_search {
-    int unknowns; // 0: one look
+    int unknowns; // 0: one look only
     const char *name[KN_SEARCH_UNKNOWNS];
     double low[KN_SEARCH_UNKNOWNS], high[KN_SEARCH_UNKNOWNS];
-    int starts; // the best of them is gone on from
+    int starts; // number of starts; each gets one look, and the search continues from the best
     double start[6][KN_SEARCH_UNKNOWNS];
     int readings;
     bool (*look)(void *of, const double value[KN_SEARCH_UNKNOWNS], double *residual);
@@ -34,16 +36,18 @@ typedef struct kn_search {
     kn_look at[KN_SEARCH_LOOKS];
     double value[KN_SEARCH_UNKNOWNS];
     bool at_low[KN_SEARCH_UNKNOWNS], at_high[KN_SEARCH_UNKNOWNS];
-    bool settled;                      // it ended as above, not for want of looks
-    bool early;                        // and far off, where a thousandth of the sum was still promised
-    double *slope[KN_SEARCH_UNKNOWNS]; // of the residuals by each logarithm, at the best; owned
+    bool settled; // the search converged; false: it used up all looks
+    // the search settled far off: the predicted decrease was still above a thousandth of the sum
+    bool early;
+    double *slope[KN_SEARCH_UNKNOWNS]; // slope of the residuals by each logarithm, at the best look; owned
 } kn_search;
 
-// False: no start has an answer, or memory is short.
+// Run the search. Return false if no start has a solution, or if memory runs out.
 bool kn_search_run(kn_search *search);
 void kn_search_free(kn_search *search);
 
-// 95 % interval by curvature, were the residuals worth so many independent readings.
+// Return the 95 % interval of an unknown by curvature. `worth` is the number of independent readings
+// (kn_evidence_worth).
 kn_fit_interval kn_search_interval(const kn_search *search, int unknown, double worth);
 
 #endif

@@ -1,4 +1,5 @@
-// knead identify shape: the structure that behaves as a pressed lump did; the first paper's section 5 and its outlook.
+// The command `knead identify shape`: find the structure whose model behaves like a measured lump that was pressed (the
+// first paper's section 5 and outlook).
 #include "clients/identify/shape_files.h"
 #include "clients/identify/shape_report.h"
 #include "clients/knead/commands.h"
@@ -12,7 +13,7 @@
 
 static const char me[] = "identify shape";
 
-// ---- the fits, several at a time
+// ---- the fits, several in parallel
 
 typedef struct crew {
     kn_candidate *candidate;
@@ -24,17 +25,19 @@ typedef struct crew {
     pthread_mutex_t lock;
 } crew;
 
+// Advance the progress bar; called by all threads.
 static void told(void *of, int64_t ticks)
 {
     crew *w = of;
     pthread_mutex_lock(&w->lock);
     w->done += (double)ticks;
-    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // there were more presses than are usual
+    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // more presses than usual were needed
     w->bar.total = w->total;
     kn_progress_step(&w->bar, w->done);
     pthread_mutex_unlock(&w->lock);
 }
 
+// Thread: fit the next candidate until none is left.
 static void *toil(void *of)
 {
     crew *w = of;
@@ -47,6 +50,7 @@ static void *toil(void *of)
     }
 }
 
+// Fit all candidates with up to `jobs` threads, including this one.
 static int fit_all(kn_candidate *candidate, int count, const kn_evidence *evidence, int jobs)
 {
     pthread_t thread[KN_CANDIDATES];
@@ -66,6 +70,7 @@ static int fit_all(kn_candidate *candidate, int count, const kn_evidence *eviden
 
 // ---- files
 
+// Write the scene of the best structure, with the verdict as a comment.
 static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_verdict *v)
 {
     char error[600];
@@ -81,11 +86,13 @@ static int write_scene(const kn_shape_options *o, const kn_candidate *best, cons
     return ok ? KN_EXIT_OK : kn_complain(me, KN_EXIT_DEVICE, "%s", error);
 }
 
+// Write the range image of the best structure in the frame of the first image.
 static int write_depth(const kn_shape_options *o, const kn_evidence *e, const kn_candidate *best)
 {
     char error[600], title[100];
     const kn_surface *s = best->best.surface;
-    kn_range frame = e->relief[0].frame; // drawn where the image lies, saved as where it says: pixel on pixel
+    // drawn at the shifted place but saved with the stated place, so that its pixels match those of the measured image
+    kn_range frame = e->relief[0].frame;
     uint16_t *level = malloc((size_t)frame.width * (size_t)frame.height * sizeof *level);
     if (!level) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     frame.left_m += best->shift_m[0];
@@ -108,13 +115,14 @@ static int write_files(const kn_shape_options *o, const kn_evidence *e, const kn
     return code == KN_EXIT_OK && o->png ? kn_shape_draw(o, e, best) : code;
 }
 
-// ---- all of it
+// ---- the command
 
+// Press the best structure in cells of half the width and report the change.
 static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn_candidate *best)
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh) { // among blocks, else it would have been refused
+    if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
         printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
@@ -126,7 +134,8 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
     return code;
 }
 
-// What would be in vain after the fits. Blocks are the first of the candidates.
+// Check before the fits for errors that would otherwise appear only after them. Structures of blocks come first among
+// the candidates.
 static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate)
 {
     if (candidate[0].scene->model.thickness_m > 0)
@@ -141,7 +150,7 @@ static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate
     return KN_EXIT_OK;
 }
 
-// Where the log turned out to have no forces.
+// Refuse --png if the log turned out to have no forces.
 static int check_drawn(const kn_shape_options *o, const kn_evidence *e)
 {
     if (!o->png || o->depths > 0 || e->pulled) return KN_EXIT_OK;

@@ -1,4 +1,4 @@
-// The picture of `knead identify shape`, by gnuplot.
+// The plot of `knead identify shape`, by gnuplot.
 #include "clients/identify/shape_report.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -7,8 +7,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { WIDE = 1180, HIGH = 900, ACROSS = 200 }; // pixels of the picture; places of a map
+enum { WIDE = 1180, HIGH = 900, ACROSS = 200 }; // pixels of the plot; largest number of places along a map
 
+// Write one map of heights, or of the difference a - b, thinned to about ACROSS places.
 static void map(FILE *f, const kn_range *r, const uint16_t *a, double a_step_m, const uint16_t *b, double b_step_m)
 {
     const int every = (r->width > r->height ? r->width : r->height) / ACROSS + 1;
@@ -24,6 +25,7 @@ static void map(FILE *f, const kn_range *r, const uint16_t *a, double a_step_m, 
     fputs("e\n", f);
 }
 
+// Draw the measured image, the fitted structure in the same frame, and the difference.
 static void draw_maps(FILE *f, const kn_evidence *e, const kn_candidate *best, uint16_t *level)
 {
     const kn_relief *r = &e->relief[0];
@@ -50,6 +52,7 @@ static void draw_maps(FILE *f, const kn_evidence *e, const kn_candidate *best, u
     map(f, &frame, level, frame.step_m, r->level, r->frame.step_m);
 }
 
+// Draw the measured and the fitted force over time.
 static void draw_force(FILE *f, const kn_evidence *e, const kn_candidate *best)
 {
     double residual[KN_PULL_BINS], model_n[KN_PULL_BINS];

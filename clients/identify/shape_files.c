@@ -14,11 +14,11 @@ static const char me[] = "identify shape";
 enum { INPUTS = KN_PRESS_MOMENTS + 5, OUTPUTS = 3 };
 
 typedef struct named {
-    const char *option, *path; // NULL: not asked for
+    const char *option, *path; // path NULL: not requested
 } named;
 
-// Whether that word of a scene is a file and that output: a material, a device, a mesh. A word without dot or folder is
-// a name of our own.
+// Return whether a word of a scene is a file and is this output: a material, a device, a mesh. A word without a dot or
+// a folder is a built-in name.
 static bool is_output(const char *folder, int folder_length, const char *word, const char *output)
 {
     char path[2 * PATH_MAX];
@@ -28,7 +28,7 @@ static bool is_output(const char *folder, int folder_length, const char *word, c
     return stat(path, &there) == 0 && S_ISREG(there.st_mode) && kn_output_same(path, output);
 }
 
-// Whether the text, as far as it is YAML, names that output.
+// Return whether the YAML text names this output, as far as it can be parsed.
 static bool parser_names(yaml_parser_t *parser, const char *folder, int folder_length, const char *output)
 {
     yaml_event_t e;
@@ -41,12 +41,13 @@ static bool parser_names(yaml_parser_t *parser, const char *folder, int folder_l
     return found;
 }
 
+// Return whether the scene file names this output.
 static bool scene_names(const char *scene, const char *output)
 {
     yaml_parser_t parser;
     const char *slash = strrchr(scene, '/');
     FILE *f = fopen(scene, "rb");
-    if (!f) return false; // whoever loads it says so
+    if (!f) return false; // kn_scene_load complains about the file later
     bool found = false;
     if (yaml_parser_initialize(&parser)) {
         yaml_parser_set_input_file(&parser, f);
@@ -57,6 +58,7 @@ static bool scene_names(const char *scene, const char *output)
     return found;
 }
 
+// Return whether the value of a --set names this output.
 static bool set_names(const char *set, const char *output)
 {
     yaml_parser_t parser;
@@ -68,6 +70,7 @@ static bool set_names(const char *set, const char *output)
     return found;
 }
 
+// Refuse an output that is an input or that the scene or a --set names.
 static int try_output(const kn_shape_options *o, const named *out)
 {
     const named in[INPUTS] = {{"the scene", o->scene.scene_path},

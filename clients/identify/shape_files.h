@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_SHAPE_FILES_H
 #define KN_CLIENTS_IDENTIFY_SHAPE_FILES_H
-// Whether what `knead identify shape` is asked to write can be written, before its work: no output is an input, what
-// the scene names among them, or another output.
+// Check before the fit that the outputs of `knead identify shape` can be written. No output may be an input, a file
+// that the scene names, or another output.
 #include "clients/identify/shape_options.h"
 
 int kn_shape_files_try(const kn_shape_options *options); // an exit code, after a complaint

@@ -1,4 +1,4 @@
-// What was measured, out of files, for `knead identify shape`.
+// Read the measurements of `knead identify shape` from files.
 #include "clients/identify/curve_parts.h"
 #include "clients/identify/shape_options.h"
 #include "clients/identify/sheet.h"
@@ -13,10 +13,11 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-static const double beside_m = 1e-3; // of the tool's plan, hidden too
+static const double beside_m = 1e-3; // margin around the outline of the tool that counts as hidden, too
 
-// ---- what the tool hides
+// ---- the area hidden by the tool
 
+// Compute the box around the tool, as seen from above.
 static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double low_m[2], double high_m[2])
 {
     kn_shape shape = {0};
@@ -28,14 +29,14 @@ static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double l
     kn_outside_shape(def, &shape);
     kn_turn_unit(turn_wxyz, unit);
     kn_turn_matrix(unit, r);
-    for (int k = 0; k < 2; k++) { // ways of the scene in the tool's frame
+    for (int k = 0; k < 2; k++) { // directions of the scene in the tool's frame
         const double right[3] = {r[k][0], r[k][1], r[k][2]}, left[3] = {-r[k][0], -r[k][1], -r[k][2]};
         high_m[k] = kn_shape_support(&shape, right);
         low_m[k] = -kn_shape_support(&shape, left);
     }
 }
 
-// Of the tool that counts, while it is no higher than the top was.
+// Return the area that the tool of the press hides at a time. A tool above the top of the object at rest hides nothing.
 static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double time_s)
 {
     kn_relief_box box = {{0}, {0}};
@@ -55,6 +56,7 @@ static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double 
 
 // ---- surfaces
 
+// Load one range image, compare its place with the object, and report it.
 static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
@@ -74,7 +76,7 @@ static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candid
     return KN_EXIT_OK;
 }
 
-// Column of that name and dimension; -1 after a complaint.
+// Return the column of this name and dimension, or -1 after a complaint.
 static int named(const kn_sheet *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
@@ -89,7 +91,7 @@ static int named(const kn_sheet *s, const char *name, const char *unit)
     return -1;
 }
 
-// missing: points without all three coordinates, left out.
+// Read the points of a file. missing: number of points without all three coordinates, which are left out.
 static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int *count, int *missing, int *first_line)
 {
     int wanted[3], code = kn_sheet_open(s, file, NULL, me);
@@ -110,6 +112,7 @@ static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int
     return code;
 }
 
+// Read the points of the surface, leave out what the tool hides, and report them.
 static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
@@ -139,8 +142,8 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
 
 // ---- force
 
-// How much a column in N looks like the force of the press: contact_fz_n of our own tables, what is called force or
-// load, or something of that.
+// Rank how likely a column in N is the force of the press: contact_fz_n of Knead's own tables first, then a column
+// called force or load, then a name that contains either word.
 static int rank_of(const kn_heading *h)
 {
     if (!h->has_unit || !kn_measure_is(&h->unit, "N")) return 0;
@@ -149,7 +152,8 @@ static int rank_of(const kn_heading *h)
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
 }
 
-// Column of the force; -1 after a complaint. Which one of several is meant nobody can know: a sensor's z may lie.
+// Return the column of the force, or -1 after a complaint. If several columns have the same rank, the intended one is
+// unknown, since the z axis of a sensor may have any direction.
 static int force_of(const kn_sheet *s)
 {
     char names[300] = "";
@@ -170,6 +174,7 @@ static int force_of(const kn_sheet *s)
     return -1;
 }
 
+// Return the first column in a unit of time, or -1.
 static int time_of(const kn_sheet *s)
 {
     for (int i = 0; i < s->columns; i++)
@@ -177,14 +182,14 @@ static int time_of(const kn_sheet *s)
     return -1;
 }
 
-// Rows of our own tables are of several probes.
+// Read only the rows of this probe, if the table has rows of several probes, as Knead's own tables do.
 static void choose_rows(kn_sheet *s, const char *probe)
 {
     for (int i = 0; i < s->columns; i++)
         if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
 }
 
-// Into the order of time, since nothing is lost by it. False: no memory.
+// Sort the readings by time; all are kept. Return false if memory runs out.
 static bool sort_force(const char *file, int count, double *time_s, double *force_n, int *line)
 {
     kn_readings r = {.count = count, .time_s = time_s, .value = force_n, .line = line};
@@ -193,7 +198,7 @@ static bool sort_force(const char *file, int count, double *time_s, double *forc
     return moved >= 0;
 }
 
-// told: the columns and whose rows they are.
+// Read time and force from a file. `told` receives the names of the columns and of the probe, for the report.
 static int read_force(kn_sheet *s, const char *file, const char *probe, double **time_s, double **force_n, int *count,
                       char told[2 * KN_HEADING_NAME + 100])
 {
@@ -206,6 +211,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
                                  "no column of time with its unit, expected e.g. time [s], force [N]");
     choose_rows(s, probe);
     if ((code = kn_sheet_read(s, 2, wanted)) != KN_EXIT_OK) return code;
+    // A second table in the file would be another press.
     const int end = kn_curve_range_end(s, wanted[0], 0);
     if (end < s->rows)
         return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], wanted[0]),
@@ -227,6 +233,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     return KN_EXIT_OK;
 }
 
+// Collect the forces of the log, without ticks that have none.
 static int logged_force(const kn_press *p, double **time_s, double **force_n, int *count)
 {
     *time_s = calloc((size_t)p->ticks + 1, sizeof **time_s);
@@ -249,18 +256,20 @@ static void print_force(const kn_pull *p, const char *file, const char *told)
                p->stray_n, p->stray_s);
 }
 
+// Read the force from a file or from the log, sort it into spans, and report it.
 static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[300], told[2 * KN_HEADING_NAME + 100] = "";
     kn_sheet s;
     double *time_s = NULL, *force_n = NULL;
     int count = 0, code = KN_EXIT_OK;
+    // The force comes from the file, or else from the log.
     if (o->force) {
         code = read_force(&s, o->force, c->scene->model.probe[e->press.probe].name, &time_s, &force_n, &count, told);
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
     } else code = logged_force(&e->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces has poses all the same
+    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces still has poses
         free(time_s);
         free(force_n);
         return code;
@@ -273,8 +282,9 @@ static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candid
     return KN_EXIT_OK;
 }
 
-// ---- all of it
+// ---- all measurements
 
+// Make the press and find the moments of all surfaces in it.
 static int take_press(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[600];

@@ -121,7 +121,7 @@ static const struct option list[] = {{"depth", 1, 0, DEPTH},
 
 #define REFUSE(...) return kn_complain("identify shape", KN_EXIT_USAGE, __VA_ARGS__)
 
-// A quantity of that dimension; seconds may be bare.
+// Parse a quantity of this dimension; seconds may be bare.
 static bool take_si(const char *text, const char *unit_text, double least, double most, double *value)
 {
     kn_unit unit;
@@ -134,7 +134,7 @@ static bool take_si(const char *text, const char *unit_text, double least, doubl
     return *value >= least && *value <= most;
 }
 
-// "hold,end,3.5"
+// Parse a list of moments like "hold,end,3.5".
 static bool take_moments(const char *text, kn_shape_options *o)
 {
     for (o->moments = 0; o->moments < KN_PRESS_MOMENTS;) {
@@ -152,6 +152,7 @@ static bool take_moments(const char *text, kn_shape_options *o)
     return false;
 }
 
+// Parse a whole number of jobs.
 static bool take_jobs(const char *text, int *jobs)
 {
     double value;
@@ -160,7 +161,7 @@ static bool take_jobs(const char *text, int *jobs)
     return true;
 }
 
-// NULL, or what was expected.
+// Take one option. Return NULL, or a phrase that says what was expected.
 static const char *take(kn_shape_options *o, int option, const char *text)
 {
     switch (option) {
@@ -182,6 +183,7 @@ static const char *take(kn_shape_options *o, int option, const char *text)
     case SPEED: return take_si(text, "m/s", 1e-5, 1, &o->press.speed_m_s) ? NULL : "a speed above 0 like '10 mm/s'";
     case HOLD:
         if (!take_si(text, "s", 0, 3600, &o->press.hold_s)) return "a time from 0 to 3600 s";
+        // A field of 0 means the default, so a hold of 0 s is stored as -1.
         if (o->press.hold_s == 0) o->press.hold_s = -1;
         return NULL;
     case PROBE: o->press.probe = text; return NULL;
@@ -199,10 +201,12 @@ static const char *take(kn_shape_options *o, int option, const char *text)
     }
 }
 
+// Check the options against each other and fill in the default moments.
 static int check(kn_shape_options *o, int argc, char **argv)
 {
     if (argc - optind != 1) REFUSE("expected one scene%s; --help tells the rest", argc > optind ? ", and options" : "");
     o->scene.scene_path = argv[optind];
+    // At least one surface is needed, with at most one moment for each.
     const int surfaces = o->depths + (o->points != NULL);
     if (surfaces == 0) REFUSE("expected --depth IMAGE.png or --points FILE.csv: a shape");
     if (surfaces > KN_PRESS_MOMENTS) REFUSE("--points: expected at most %d surfaces", KN_PRESS_MOMENTS);
@@ -229,8 +233,8 @@ int kn_shape_options_parse(kn_shape_options *o, int argc, char **argv)
     o->sets = calloc((size_t)argc + 1, sizeof *o->sets);
     if (!o->sets) return kn_complain("identify shape", KN_EXIT_INTERNAL, "out of memory");
     o->scene.sets = o->sets;
-    opterr = 0; // our own words
-    optind = 0; // for a second time in one process
+    opterr = 0; // getopt prints nothing; this function complains itself
+    optind = 0; // restart getopt, in case of a second call in one process
     while ((option = getopt_long(argc, argv, ":h", list, &which)) != -1) {
         const char *word = argv[optind - 1];
         if (option == ':') REFUSE("%s: expected a value", word);

@@ -1,19 +1,19 @@
 #ifndef KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
 #define KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
-// What `knead identify shape` was asked for.
+// The options of `knead identify shape`.
 #include "clients/identify/candidate.h"
 #include "clients/viewer/range_file.h"
 
-#define KN_SHAPE_HOLD (-INFINITY) // among moments: the end of the hold; INFINITY: the end of the press
+#define KN_SHAPE_HOLD (-INFINITY) // special value of at_s: the end of the hold. INFINITY: the end of the press
 
 typedef struct kn_shape_options { // paths point into argv
     kn_candidate_def scene;
     const char **sets; // owned
     const char *depth[KN_PRESS_MOMENTS], *points, *force, *log;
     int depths;
-    double at_s[KN_PRESS_MOMENTS]; // of each image, then of the points
-    int moments;                   // that were told
-    double force_begin_s;          // in the file of the force, when the press begins
+    double at_s[KN_PRESS_MOMENTS]; // time of each image, then of the points
+    int moments;                   // number of times given
+    double force_begin_s;          // time in the force file at which the press begins
     kn_press_def press;
     kn_range_given given;
     bool align, finer, help;
@@ -22,12 +22,13 @@ typedef struct kn_shape_options { // paths point into argv
     const char *png, *out, *out_depth;
 } kn_shape_options;
 
-// An exit code, after a complaint. --json has opened kn_result then.
+// Parse the command line. Return an exit code, after a complaint. If --json is given, kn_result is open afterwards.
 int kn_shape_options_parse(kn_shape_options *options, int argc, char **argv);
 void kn_shape_options_free(kn_shape_options *options);
 
-// What was measured, by the options, in the scene that all candidates press. candidate: any of them. An exit code,
-// after a complaint; evidence is zeroed then. What was done to the readings is told on stdout.
+// Read the measurements that the options name. `candidate` may be any candidate, since all candidates share the object
+// and the press. Return an exit code; after a complaint `evidence` is zeroed. Changes to the readings are reported on
+// stdout.
 int kn_shape_measured(kn_evidence *evidence, const kn_shape_options *options, const kn_candidate *candidate);
 
 #endif

@@ -17,7 +17,7 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
                "none\n");
 }
 
-// "1.03 [0.98 .. 1.08]", "< 0.05", "-"
+// Write a parameter as "1.03 [0.98 .. 1.08]", "< 0.05", or "-" if it is not an unknown.
 static const char *number(const kn_identified *k, bool sought, double unit, char text[48])
 {
     const kn_fit_interval *i = &k->interval;
@@ -37,6 +37,7 @@ static const char *millimetres(double m, char text[16])
     return text;
 }
 
+// Print one row of the table.
 static void print_row(const kn_evidence *e, const kn_candidate *c, double off, double delta)
 {
     char text[2][48], mm[6][16], share[16] = "-", apart[16] = "-";
@@ -57,6 +58,7 @@ static void print_row(const kn_evidence *e, const kn_candidate *c, double off, d
                        : "");
 }
 
+// Write the misfit of every surface to --json.
 static void tell_surfaces(json_t *row, const kn_evidence *e, const kn_candidate *c)
 {
     json_t *all = json_array();
@@ -75,6 +77,7 @@ static void tell_surfaces(json_t *row, const kn_evidence *e, const kn_candidate 
     }
 }
 
+// Write one structure to --json.
 static void tell(const kn_evidence *e, const kn_candidate *c, double off, double delta)
 {
     json_t *row = kn_result_add("structures");
@@ -125,6 +128,8 @@ void kn_shape_print(const kn_shape_options *o, const kn_evidence *e, const kn_ca
 
 void kn_shape_print_finer(const kn_evidence *e, const kn_candidate *best, const kn_candidate *finer)
 {
+    // Compare the residuals with those of the coarser cells: the change is the share of the misfit that comes from the
+    // lattice.
     const double off = sqrt(finer->sum / e->readings), was = sqrt(best->sum / e->readings);
     double sum = 0;
     putchar('\n');
@@ -133,6 +138,7 @@ void kn_shape_print_finer(const kn_evidence *e, const kn_candidate *best, const 
         sum += pow(finer->residual[i] - best->residual[i], 2) / e->readings;
     const double moved = sqrt(sum);
     if (!finer->found) printf("so nothing is known of the lattice's part.\n");
+    // A change of more than half of the misfit means that the lattice matters.
     else if (moved > 0.5 * was)
         printf("Halving the cells moves what these numbers predict by %.1f times the noise: structure and numbers hold "
                "for "

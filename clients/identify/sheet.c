@@ -22,7 +22,7 @@ int kn_sheet_complain(const kn_sheet *s, int line, int at, const char *format, .
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s:%d:%d: %s", s->file, line, at, text);
 }
 
-// Ten million rows do not remember it: the file is read once more, up to there.
+// Read the file once more, up to the line. Positions are not stored, since a file may have ten million rows.
 int kn_sheet_at(const kn_sheet *s, int line, int column)
 {
     struct stat is;
@@ -54,6 +54,7 @@ static void take_note(kn_sheet *s)
     if (s->notes < KN_SHEET_NOTES && kn_note_read(s->lines.text, s->lines.number, &note)) s->note[s->notes++] = note;
 }
 
+// If two notes have the same key, their values must agree.
 int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, double *value)
 {
     char error[120];
@@ -74,7 +75,7 @@ int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, dou
 
 // ---- names and units
 
-// Where blanks separate, "Time (s)" is one name.
+// Read the names. If blanks separate the cells, "Time (s)" is one name: a bracket is joined to the name before it.
 static bool take_names(kn_sheet *s, const char *line)
 {
     kn_cell c;
@@ -98,6 +99,7 @@ static bool take_names(kn_sheet *s, const char *line)
     return true;
 }
 
+// Read a row of units below the names. A unit that a name already has is kept.
 static void take_units(kn_sheet *s, const char *line)
 {
     kn_cell c;
@@ -111,7 +113,8 @@ static void take_units(kn_sheet *s, const char *line)
     }
 }
 
-// A name of --units means each column that has no unit and this word in its name.
+// Return whether the name contains the word. A name in --units means every column without a unit that has this word in
+// its name.
 static bool has_word(const char *name, const char *word)
 {
     const size_t length = strlen(word);
@@ -120,6 +123,7 @@ static bool has_word(const char *name, const char *word)
     return false;
 }
 
+// Give the unit to all columns that contain the word and have no unit. Return false if no column contains the word.
 static bool give_unit(kn_sheet *s, const char *word, const kn_measure *unit, const char *unit_text)
 {
     bool any = false;
@@ -135,12 +139,14 @@ static bool give_unit(kn_sheet *s, const char *word, const kn_measure *unit, con
     return any;
 }
 
+// Read the list of --units, "time=s,modulus=Pa".
 static int take_given(kn_sheet *s, const char *units)
 {
     for (const char *at = units; at && *at;) {
         char item[KN_HEADING_NAME], error[100];
         kn_heading named;
         kn_measure m;
+        // Each item is a name and a unit with '=' between.
         const size_t length = strcspn(at, ",");
         snprintf(item, sizeof item, "%.*s", (int)length, at);
         at += length + (at[length] == ',');
@@ -157,6 +163,7 @@ static int take_given(kn_sheet *s, const char *units)
     return KN_EXIT_OK;
 }
 
+// Say why no table was found.
 static int no_table(const kn_sheet *s, const kn_header *header)
 {
     if (*s->lines.error) return kn_sheet_complain(s, s->lines.number ? s->lines.number : 1, 1, "%s", s->lines.error);
@@ -177,6 +184,7 @@ int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *
     if (!kn_lines_rewind(&s->lines))
         return kn_sheet_complain(s, 1, 1, "no numbers in the first 256 kB, expected a table");
     s->header_line = header.names;
+    // The header was found by reading ahead. Now read from the first line again and take names, units and notes.
     s->separator = header.separator;
     s->of_rows = header.of_rows;
     while (s->lines.number < (header.units ? header.units : header.names) && kn_lines_next(&s->lines)) {
@@ -191,6 +199,7 @@ int kn_sheet_open(kn_sheet *s, const char *file, const char *units, const char *
 
 // ---- rows
 
+// Make room for one more row in all wanted columns. Double the room each time.
 static bool grow(kn_sheet *s, int count, const int wanted[])
 {
     if (s->rows < s->room) return true;
@@ -208,7 +217,7 @@ static bool grow(kn_sheet *s, int count, const int wanted[])
     return ok;
 }
 
-// Of what was set aside, and did not end in the names again.
+// Complain about text in place of a number after which the names were not repeated.
 static int bad_text(const kn_sheet *s)
 {
     const char *text = s->strange.text;
@@ -221,6 +230,7 @@ static int bad_text(const kn_sheet *s)
         thousands ? " without separators of thousands" : ", or nothing where a reading is missing");
 }
 
+// Remember the first text found in place of a number. Count the lines with such text and without any number.
 static void set_aside(kn_sheet *s, const kn_sheet_column *column, const kn_cell *c, bool numbers)
 {
     s->strange.lines += !numbers;
@@ -231,6 +241,7 @@ static void set_aside(kn_sheet *s, const kn_sheet_column *column, const kn_cell 
     kn_cell_text(s->strange.text, sizeof s->strange.text, c);
 }
 
+// Return whether the row filter `only` excludes the row.
 static bool is_other(kn_sheet *s, int index, const kn_cell *c)
 {
     char text[KN_HEADING_NAME];
@@ -241,8 +252,8 @@ static bool is_other(kn_sheet *s, int index, const kn_cell *c)
     return other;
 }
 
-// slot[index of a cell]: the column that it belongs to, or -1. cells: how many names there are. A line with text for a
-// number is set aside; once a row comes after it, it is an error.
+// Read one row. slot[i] is the column of cell i, or -1. `cells` is the number of names. A line with text in place of a
+// number is remembered. The text becomes an error if another row follows.
 static int take_row(kn_sheet *s, int cells, const int slot[])
 {
     kn_cell c, bad = {0};
@@ -250,6 +261,7 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
     const kn_sheet_column *of_bad = NULL;
     const char *line = s->lines.text;
     for (const char *at = line; kn_cell_next(s->of_rows, &at, &c); index++) {
+        // Cells of columns that were not asked for may hold anything. Empty cells beyond the last name are ignored.
         double value = NAN;
         if (index >= cells && c.length == 0) continue;
         if (index >= cells)
@@ -268,10 +280,10 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
                                      "%g in SI units, expected at most %g", value, KN_SHEET_MOST);
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
-    for (; index < cells; index++) // a short row: what it lacks is missing
+    for (; index < cells; index++) // a row with too few cells: the absent cells are missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
-    if (of_bad || numbers == 0) return KN_EXIT_OK; // or nothing of what is wanted
+    if (of_bad || numbers == 0) return KN_EXIT_OK; // text was found, or the row has no number in the columns asked for
     if (s->strange.name) return bad_text(s);
     s->line[s->rows++] = s->lines.number;
     if (s->commas && s->points)
@@ -280,7 +292,7 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
     return KN_EXIT_OK;
 }
 
-// The names once more, as instruments write them above each of their intervals, or units.
+// Return whether the line repeats the names, as instruments write them above each of their intervals.
 static bool is_repeated(const kn_sheet *s, const char *line)
 {
     kn_cell c;
@@ -295,7 +307,7 @@ static bool is_repeated(const kn_sheet *s, const char *line)
     return same >= 2 && 2 * same >= s->columns;
 }
 
-// Whether a line that is no row is skipped: the names again, units below them, notes, nothing.
+// Return whether a line is not a row and can be skipped: repeated names, units below them, a note or an empty line.
 static bool is_skipped(kn_sheet *s, bool *repeated)
 {
     const char *text = s->lines.text + strspn(s->lines.text, " \t");
@@ -306,6 +318,7 @@ static bool is_skipped(kn_sheet *s, bool *repeated)
     }
     const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"'; // rows begin with a digit
     *repeated = words && is_repeated(s, text);
+    // The names are repeated, so the text before them was the heading of the instrument's next interval.
     if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
     return *repeated || (below && kn_header_is_units(text, s->separator));
 }
@@ -315,6 +328,7 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
     int slot[KN_SHEET_COLUMNS], code = KN_EXIT_OK;
     const int cells = s->columns ? s->column[s->columns - 1].index + 1 : 0;
     bool repeated = false;
+    // Map the cells of a row to the wanted columns.
     for (int i = 0; i < KN_SHEET_COLUMNS; i++) slot[i] = -1;
     for (int i = 0; i < count; i++) slot[s->column[wanted[i]].index] = wanted[i];
     while (code == KN_EXIT_OK && kn_lines_next(&s->lines)) {
@@ -324,6 +338,7 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
                                      "more than %d rows of %d columns, expected fewer: thin it, "
                                      "e.g. awk 'NR < 9 || NR %% 10 == 0'",
                                      s->rows, count);
+        // Read the row into the next free place.
         if (!grow(s, count, wanted)) return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
         code = take_row(s, cells, slot);
     }

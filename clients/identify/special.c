@@ -15,7 +15,7 @@ static double by_series(double x)
     return -EULER_GAMMA - log(x) - sum;
 }
 
-// exp(-x) (1/(x+1- 1/(x+3- 4/(x+5- ...)))), from the front (Lentz). Some 80/x terms are needed.
+// exp(-x) (1/(x+1- 1/(x+3- 4/(x+5- ...)))), evaluated from the front (Lentz). About 80/x terms are needed.
 static double by_fraction(double x)
 {
     double b = x + 1, c = INFINITY, d = 1 / b, h = d;

@@ -2,9 +2,9 @@
 #define KN_CLIENTS_IDENTIFY_SPECIAL_H
 // Functions that the C library lacks, for relaxation in closed form.
 
-// Exponential integral E1(x) = integral of exp(-u)/u from x to infinity, x > 0, to 1e-15 of itself: its power series
-// up to 1, beyond it the continued fraction (Abramowitz and Stegun, Handbook of Mathematical Functions, 5.1.11 and
-// 5.1.22). INFINITY at 0, NAN below.
+// Return the exponential integral E1(x), the integral of exp(-u)/u from x to infinity, to a relative error of 1e-15.
+// The function uses the power series up to x = 1, and the continued fraction beyond (Abramowitz and Stegun, Handbook of
+// Mathematical Functions, 5.1.11 and 5.1.22). Return INFINITY for x = 0 and NAN for x < 0.
 double kn_e1(double x);
 
 #endif

@@ -6,8 +6,9 @@
 #include <string.h>
 
 enum { STARTS = 16 };
-#define NONE 1e10  // a part so many times stiffer, or softer, than all that was measured is none
-#define EXACT 1e-4 // no rheometer's moduli are that good: what is left below it is digits, and chooses no element
+#define NONE 1e10 // a spring or damper that is stiffer or softer than all measurements by this factor has no effect
+// no rheometer is more accurate than this; a smaller misfit is rounding and must not decide between elements
+#define EXACT 1e-4
 
 typedef struct work {
     const kn_curve *curve;
@@ -28,7 +29,7 @@ void kn_spectrum_modulus(const kn_spectrum_row *row, double frequency_hz, double
     modulus(&row->net.element, moduli, frequency_hz, storage_pa, loss_pa);
 }
 
-// All storage moduli, then all loss moduli.
+// Compute the residuals: all storage moduli, then all loss moduli.
 static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
     const work *w = of;
@@ -51,14 +52,17 @@ static void add_letter(kn_spectrum_row *row, char letter)
     if (n + 3 <= sizeof row->letters) snprintf(row->letters + n, sizeof row->letters - n, n ? " %c" : "%c", letter);
 }
 
+// Add one row for each class of the catalogue. Elements of one class share a row and list their letters.
 static void add_classes(kn_spectrum *s)
 {
     for (int i = 0; i < KN_CATALOGUE; i++) {
         kn_element e;
         char error[64], text[KN_ELEMENT_TEXT];
-        if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue; // our own text
+        // parsing cannot fail, since the catalogue is a constant of this program
+        if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
         const kn_oneport class = kn_oneport_of(&e);
         int k = 0;
+        // Elements with the same Voigt form are one class.
         kn_oneport_voigt(&class, text);
         while (k < s->rows && strcmp(s->row[k].expression, text) != 0) k++;
         if (k == KN_SPECTRUM_ROWS) continue;
@@ -76,7 +80,7 @@ static void add_classes(kn_spectrum *s)
 
 // ---- one fit
 
-// A number in 0..1 that is the same in every run.
+// Return a pseudo-random number in 0..1. Every run gets the same sequence.
 static double draw(unsigned *seed)
 {
     *seed = *seed * 1664525u + 1013904223u;
@@ -90,7 +94,8 @@ static bool is_spring(const kn_element *e, int leaf)
     return false;
 }
 
-// Springs as large as some modulus that was measured, dampers as makes one at some frequency.
+// Choose a random start: each spring has one of the measured moduli, each damper has such a modulus at one of the
+// frequencies.
 static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
 {
     for (int leaf = 0; leaf < w->element->leaves; leaf++) {
@@ -101,6 +106,7 @@ static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
     }
 }
 
+// Set the bounds of every spring and damper (part) far beyond the measured moduli and frequencies.
 static void bounds(const work *w, kn_fit *fit)
 {
     static const char *const name[KN_SPECTRUM_PARTS] = {"1", "2", "3", "4"};
@@ -120,15 +126,18 @@ static void bounds(const work *w, kn_fit *fit)
     }
 }
 
-// The best place for what a smaller element has found: each of its parts at one of that kind, the others at a bound, as
-// if they were not there. Which of these is the smaller element is not asked: it has its sum.
+// Search state: place the fitted parts of a smaller element within a larger one. Each part of the smaller element takes
+// the place of a part of the same kind. The remaining parts are put at a bound where they have no effect. The placement
+// with the least sum of squares is kept. If the larger element contains the smaller one, this sum equals that of the
+// smaller element.
 typedef struct nesting {
-    kn_fit *fit; // of the larger one
+    kn_fit *fit; // fit of the larger element
     const kn_element *element;
     const kn_spectrum_row *within;
     double at[KN_FIT_UNKNOWNS], *best, least;
 } nesting;
 
+// Try all placements by recursion over the leaves (springs and dampers) of the larger element.
 static void nest(nesting *n, int leaf, unsigned placed)
 {
     const kn_element *small = &n->within->net.element;
@@ -150,7 +159,8 @@ static void nest(nesting *n, int leaf, unsigned placed)
     }
 }
 
-// From what elements of fewer parts have found: where one is within this one, the search ends no higher than theirs.
+// Add starts from fitted elements with fewer parts. If this element contains one of them, the sum of squares cannot end
+// above that of the contained element.
 static int start_within(kn_fit *fit, const kn_element *element, const kn_spectrum *found,
                         double start[][KN_FIT_UNKNOWNS])
 {
@@ -165,7 +175,7 @@ static int start_within(kn_fit *fit, const kn_element *element, const kn_spectru
     return count;
 }
 
-// What each part is called: of a material k1, c1, c2, else s1, d1, ...
+// Name a part: k1, c1, c2 in a material, else s1, d1, ...
 static void call(const kn_spectrum_row *row, int leaf, char name[8])
 {
     const double m = row->net.part[leaf].modulus;
@@ -175,6 +185,7 @@ static void call(const kn_spectrum_row *row, int leaf, char name[8])
         snprintf(name, 8, "%s", spring ? "k1" : row->material.damper && m == row->material.c2_pa_s ? "c2" : "c1");
 }
 
+// Fill a row from its finished fit: parts, material, AICc, runs, misfit and intervals.
 static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
 {
     static const char *const names[] = {"k1", "c1", "c2", "s1", "s2", "s3", "s4", "d1", "d2", "d3", "d4"};
@@ -198,6 +209,7 @@ static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
     }
 }
 
+// Fit one element from random starts and from the smaller elements that have been fitted.
 static void fit_row(const work *all, const kn_spectrum *found, kn_spectrum_row *row, double confidence)
 {
     work w = *all;
@@ -213,6 +225,8 @@ static void fit_row(const work *all, const kn_spectrum *found, kn_spectrum_row *
     if (row->fitted) judge(row, &fit, confidence);
 }
 
+// Choose the row with the fewest parts among those within KN_SPECTRUM_NEAR of the least AICc. material: only rows that
+// a scene can have.
 static int choose(const kn_spectrum *s, bool material)
 {
     double least = INFINITY;
@@ -234,7 +248,7 @@ bool kn_spectrum_fit(kn_spectrum *s, int curves, const kn_curve *curve, double s
     for (int c = 0; c < curves; c++) s->readings += curve[c].count;
     const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
     add_classes(s);
-    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++) // smaller ones first: larger ones go on from them
+    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++) // smaller elements first: larger ones start from them
         for (int i = 0; i < s->rows; i++)
             if (s->row[i].parts == parts) fit_row(&w, s, &s->row[i], confidence);
     s->best = choose(s, false);

@@ -22,7 +22,7 @@ static void told(void *of, int64_t ticks)
     kn_progress_step(&b->progress, (double)(b->done += ticks));
 }
 
-// How far the lowest vertex of what was the top has come down.
+// Return how far the lowest vertex of the former top has come down.
 static double dent(const kn_model *model, const kn_surface *s, const float (*now)[3])
 {
     double top = -INFINITY, deepest = 0, rest[3];
@@ -37,6 +37,7 @@ static double dent(const kn_model *model, const kn_surface *s, const float (*now
     return deepest;
 }
 
+// Draw the block at one moment. The tool is drawn only at the end of the hold.
 static int draw(const char *subcommand, const kn_model *model, const kn_state *rest, const kn_press *press,
                 const kn_pressed *done, int moment, const char *png)
 {
@@ -60,6 +61,7 @@ static int draw(const char *subcommand, const kn_model *model, const kn_state *r
     return ok ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", png, error);
 }
 
+// Copy time and force, and find the largest force and that at the end of the hold.
 static bool keep(kn_squeeze *q, const kn_press *press, const kn_pressed *done)
 {
     q->ticks = done->ticks;
@@ -75,6 +77,7 @@ static bool keep(kn_squeeze *q, const kn_press *press, const kn_pressed *done)
     return true;
 }
 
+// Press the block, keep the force, draw both moments and measure the dents.
 static int play(kn_squeeze *q, const char *subcommand, const kn_scene *scene, const kn_model *model,
                 const char *const png[2])
 {

@@ -30,6 +30,7 @@ static bool recovery_misfit(void *of, const double *value, double *residual)
     return true;
 }
 
+// Fit equation 5 to the readings after the release.
 static bool fit_recovery(kn_stages *s, const kn_curve *c, int from)
 {
     recovery r = {.count = c->count - from,
@@ -55,12 +56,13 @@ double kn_stages_recovered(const kn_stages *s, double since_release_s)
     return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
 }
 
-// ---- 2: what the Voigt part does under the measured stress, a straight line between two readings
+// ---- 2: the Voigt part under the measured stress, which is linear between two readings
 
 static void subtract_voigt(kn_stages *s, const kn_curve *c)
 {
     double k1 = s->material.k1_pa, tau = s->material.c1_pa_s / k1, x = 0, from_s = c->step[0].time_s;
     double from_pa = c->step[0].stress_pa;
+    // The exact solution of c1 x' + k1 x = P for a linear P over one interval.
     for (int i = 0; i < s->count; i++) {
         double h = c->time_s[i] - from_s, to_pa = s->stress_pa[i], gone = -expm1(-h / tau);
         double slope = h > 0 ? (to_pa - from_pa) / h : 0;
@@ -74,8 +76,9 @@ static void subtract_voigt(kn_stages *s, const kn_curve *c)
 
 // ---- 3: the damper
 
-// Slope of the straight line nearest to the readings around one: HALF_LINE on either side, or, where
-// they are means that lie dense after the load came, those of as long a time as so many steady ones would take.
+// Return the slope of the best line through the readings around one reading: HALF_LINE on either side. Thinned readings
+// (means) are denser just after the load was applied. There the line spans as long a time as the same number of evenly
+// spaced readings would.
 static double slope_around(const kn_curve *c, const double *x, int count, int at)
 {
     const double *t = c->time_s, half_s = 0.999 * HALF_LINE * (t[count - 1] - t[0]) / (count - 1);
@@ -95,6 +98,7 @@ static double slope_around(const kn_curve *c, const double *x, int count, int at
     return tt > 0 ? tx / tt : 0;
 }
 
+// Residuals of equation 6 for the logarithm of c2. The unknowns are alpha, beta, P0 and P1.
 static bool damper_misfit(void *of, const double *value, double *residual)
 {
     const kn_stages *s = of;
@@ -106,6 +110,7 @@ static bool damper_misfit(void *of, const double *value, double *residual)
     return true;
 }
 
+// Compute c2 = P/v from the slope v of the damper's displacement, and fit equation 6 to it.
 static bool fit_damper(kn_stages *s, const kn_curve *c)
 {
     double low = INFINITY, high = 0, mean = 0, top = c->step[0].stress_pa;
@@ -120,6 +125,7 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
         count++;
     }
     if (count < FEWEST || !(high > low)) return false;
+    // Start from several values of beta, with P0 and P1 just outside the stresses.
     double alpha = exp(mean / count), start[STARTS][KN_FIT_UNKNOWNS];
     kn_fit fit = {.unknowns = 4, .readings = count, .misfit = damper_misfit, .of = s};
     fit.unknown[0] = (kn_fit_unknown){.name = "alpha", .low = alpha * 1e-6, .high = alpha * 1e12};
@@ -140,7 +146,8 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
     return true;
 }
 
-// A single reading there is taken as it is; a mean lies earlier, and is carried on.
+// Find strain and stress at the release. If the last entry under load is a single reading, its strain is used. If it is
+// a mean of several readings, its time is earlier, so its strain is extrapolated.
 static void at_release(kn_stages *s, const kn_curve *c)
 {
     const int last = s->count - 1;
@@ -158,6 +165,7 @@ bool kn_stages_fit(kn_stages *s, const kn_curve *c)
     size_t n = (size_t)s->count;
     s->stress_pa = calloc(4 * (size_t)c->count, sizeof *s->stress_pa);
     if (!s->stress_pa) return false;
+    // All arrays share one allocation; the stress has an entry for every reading.
     s->voigt = s->stress_pa + c->count;
     s->damper = s->voigt + n;
     s->c2_pa_s = s->damper + n;

@@ -1,29 +1,32 @@
 #ifndef KN_CLIENTS_IDENTIFY_STAGES_H
 #define KN_CLIENTS_IDENTIFY_STAGES_H
-// The first paper's own way, section 4, from one creep curve with its recovery:
+// The first paper's own method, section 4, for one creep curve with its recovery:
 //
 //     1. x(tr) - x(t) = Pr/k1 (1 - exp(-k1/c1 (t - tr))) after the release gives k1, c1             (its equation 5)
-//     2. the Voigt part, driven by the measured stress, is subtracted; what is left is the damper's displacement
-//     3. its slope v gives c2 = P/v, to whose logarithm equation 6 is fitted
+//     2. the Voigt part, driven by the measured stress, is subtracted, which leaves the damper's displacement
+//     3. the slope v of that displacement gives c2 = P/v; equation 6 is fitted to the logarithm of c2
 //
-// Kept to compare with. At no noise it is 2.7 % low in k1 and c1: the stress falls during creep, so that the Voigt part
-// is above Pr/k1 at the release. With 1 % of noise it is some five times less certain than the joint fit of the same
-// curve (joint.h). The paper does not say how it smoothed; here v is the slope of a straight line through 21 readings.
+// The method is kept for comparison. Even without noise its k1 and c1 are 2.7 % too low: the stress falls during creep,
+// so the strain of the Voigt element at the release is above Pr/k1. With 1 % of noise the method is about five times
+// less certain than the joint fit of one curve (joint.h). The paper does not say how it smoothed; here v is the slope
+// of a straight line through 21 readings.
 #include "clients/identify/curve.h"
 #include "core/material.h"
 
 typedef struct kn_stages {
     kn_material material;
     double release_s, release_pa, release_strain; // tr, Pr, x(tr)
-    int count;                                    // of the readings under load; the caller frees with kn_stages_free
-    double *stress_pa, *voigt, *damper, *c2_pa_s; // at each; c2: NAN where the slope is not positive
+    int count;                                    // number of readings under load
+    // [count] stress, strain of the Voigt part, strain of the damper, c2 (NAN if the slope is not positive)
+    double *stress_pa, *voigt, *damper, *c2_pa_s;
 } kn_stages;
 
-// False: never released, fewer than 10 readings on either side, no slope; then nothing is to be freed.
+// Run the three stages. Return false if the load was never released, if there are fewer than 10 readings on either
+// side, or if no slope can be computed. Nothing needs to be freed then.
 bool kn_stages_fit(kn_stages *stages, const kn_curve *curve);
 void kn_stages_free(kn_stages *stages);
 
-// Equation 5 after the release, of the strain that came back.
+// Return the recovered strain after the release by equation 5.
 double kn_stages_recovered(const kn_stages *stages, double since_release_s);
 
 #endif

@@ -1,4 +1,4 @@
-// knead identify sweep: from storage and loss modulus over frequency to springs and dampers.
+// The command `knead identify sweep`: find springs and dampers from storage and loss modulus over frequency.
 #include "clients/identify/document.h"
 #include "clients/identify/experiments.h"
 #include "clients/identify/figure.h"
@@ -43,9 +43,9 @@ static const char help[] =
     "a sweep of small swings knows the damper at rest, c2 = c_max, not how it thins: beta, P0 and P1 take creep or "   \
     "relax"
 
-#define FAR 0.05    // a misfit that noise must explain, as in relax
-#define ABSURD 0.30 // what a scene would load has nothing to do with the data
-#define FLOOR 1e-3  // a misfit that nobody feels
+#define FAR 0.05    // misfit above which noise must explain it, as in relax
+#define ABSURD 0.30 // misfit above which a scene's material has nothing to do with the data
+#define FLOOR 1e-3  // a misfit below this cannot be felt
 
 typedef struct work {
     kn_identify_options opt;
@@ -55,7 +55,7 @@ typedef struct work {
     kn_spectrum found;
 } work;
 
-// ---- what is to be doubted
+// ---- notes on what is doubtful
 
 static double noise(const work *w)
 {
@@ -64,13 +64,14 @@ static double noise(const work *w)
     return most;
 }
 
-// Whether the element that a scene can load is beside the data; then one sentence on how far. The mean of |x| of normal
-// deviates is 0.8 of their standard deviation: twice the noise is more than any of it.
+// Return whether the element that a scene can load does not fit the data, with one sentence on its misfit. The mean of
+// |x| of normal deviates is 0.8 of their standard deviation, so a misfit of twice the noise is more than noise.
 static bool doubt(const work *w, char *text, size_t size)
 {
     const kn_spectrum *s = &w->found;
     if (s->material < 0) return false;
     const kn_spectrum_row *m = &s->row[s->material], *best = &s->row[s->best];
+    // The element is rejected if another element is much better supported, or if its misfit exceeds the noise.
     const bool rejected = m->error > FLOOR && m->aicc > best->aicc + KN_SPECTRUM_NEAR;
     const bool beyond_noise = m->error > FAR && m->error > 2 * noise(w);
     if (!rejected && !beyond_noise) return false;
@@ -92,7 +93,7 @@ static bool is_served(const work *w, char *why, size_t size)
     return w->found.material < 0 || kn_material_served(&w->found.row[w->found.material].material, why, size);
 }
 
-// ---- what is told
+// ---- printed results
 
 static void numbers_of(const kn_spectrum_row *row, char *text, size_t size)
 {
@@ -105,6 +106,7 @@ static void numbers_of(const kn_spectrum_row *row, char *text, size_t size)
     }
 }
 
+// State which element the data support, which others are as well supported, and the nearest material of a scene.
 static void verdict(const kn_spectrum *s, char *text, size_t size)
 {
     const kn_spectrum_row *best = &s->row[s->best];
@@ -133,7 +135,7 @@ static void note(const char *words)
     kn_result_text(kn_result_add("notes"), "words", words);
 }
 
-// "-" where there are too few readings to tell.
+// Return the runs as text, "-" if there are too few readings.
 static const char *runs_of(const kn_spectrum_row *row, char text[16])
 {
     snprintf(text, 16, "-");
@@ -166,6 +168,7 @@ static void print(const work *w)
     if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) note(AT_REST);
 }
 
+// Write all elements to --json.
 static void tell(const kn_spectrum *s)
 {
     char text[700];
@@ -210,6 +213,7 @@ static int write_csv(const work *w, const char *path)
     return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
 }
 
+// Write the material. An element with a misfit above ABSURD is refused.
 static int write_material(const work *w, const char *path)
 {
     const kn_spectrum_row *row = &w->found.row[w->found.material];
@@ -233,9 +237,10 @@ enum { POINTS = 200 };
 
 typedef struct drawing {
     double hz[POINTS], storage[2][POINTS], loss[2][POINTS];
-    double *left; // of storage, then of loss, of all curves
+    double *left; // residuals of storage, then of loss, of all curves
 } drawing;
 
+// Add the moduli of one element as lines: the chosen one solid, the other one dashed.
 static void add_row(kn_figure_panel *p, drawing *d, const kn_spectrum_row *row, int k)
 {
     for (int i = 0; i < POINTS; i++) kn_spectrum_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
@@ -244,6 +249,7 @@ static void add_row(kn_figure_panel *p, drawing *d, const kn_spectrum_row *row, 
     kn_figure_add(p, (kn_figure_series){NULL, POINTS, d->hz, d->loss[k], 1, 1, look, k ? 8 : 0});
 }
 
+// Add a curve's moduli, and the residuals of the chosen element.
 static void add_curve(const work *w, kn_figure_panel p[2], const kn_curve *c, double *left, bool named)
 {
     double *other = left + w->found.readings;
@@ -278,6 +284,7 @@ static int draw(const work *w, const char *path)
         }
         for (int i = 0; i < POINTS; i++) d->hz[i] = low * pow(high / low, i / (POINTS - 1.0));
         add_row(&p[0], d, &w->found.row[w->found.best], 0);
+        // Draw the nearest material of a scene, too, if it is another element.
         if (w->found.material >= 0 && w->found.material != w->found.best)
             add_row(&p[0], d, &w->found.row[w->found.material], 1);
         code = kn_figure_draw(w->opt.subcommand, path, "storage and loss modulus", p, 2, 2);
@@ -288,6 +295,7 @@ static int draw(const work *w, const char *path)
     return code;
 }
 
+// Write the page: verdict, elements, notes, plot and files.
 static int report(kn_document *d, const work *w)
 {
     char path[PATH_MAX], text[700], why[300], runs[16];
@@ -323,6 +331,7 @@ static int report(kn_document *d, const work *w)
 
 // ---- the command
 
+// Check that all outputs can be written before the work begins.
 static int try_outputs(const kn_identify_options *opt)
 {
     int code = opt->png ? kn_plot_try(opt->subcommand, opt->png) : KN_EXIT_OK;
@@ -345,7 +354,8 @@ static int write(const work *w, kn_document *d)
     int code = o->csv ? write_csv(w, o->csv) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && o->png) code = draw(w, o->png);
     if (code == KN_EXIT_OK && kn_document_is_open(d)) code = report(d, w);
-    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out); // last: no scene may take it
+    // Write the material last, since this fails if no scene accepts it.
+    if (code == KN_EXIT_OK && o->out) code = write_material(w, o->out);
     return kn_document_close(d, code);
 }
 

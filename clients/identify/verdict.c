@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+// Return the AICc of a candidate for `worth` independent readings. A sum of squares below the number of residuals is
+// raised to that number, since a misfit below the noise supports no candidate.
 static double aicc(const kn_candidate *c, int readings, double worth)
 {
     const int n = (int)fmax(worth, c->unknowns + 3);
@@ -13,11 +15,13 @@ static double aicc(const kn_candidate *c, int readings, double worth)
 static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
 {
     double best_sum = INFINITY, worth = 0, least = INFINITY;
+    // The candidate with the least sum sets the number of independent readings for all.
     for (int i = 0; i < count; i++)
         if (c[i].found && c[i].sum < best_sum) best_sum = c[i].sum, worth = c[i].worth;
     for (int i = 0; i < count; i++) {
         v->off[i] = c[i].found ? sqrt(c[i].sum / readings) : (double)INFINITY;
         v->delta[i] = c[i].found ? aicc(&c[i], readings, worth) : (double)INFINITY;
+        // A candidate whose fit removed the gas cannot be the best, unless there is no other.
         if (!c[i].found || c[i].no_gas_left || !(v->delta[i] < least)) continue;
         least = v->delta[i];
         v->best = i;
@@ -26,9 +30,11 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    // If nothing explains the data, take the candidate with the least `off`.
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    // The rival is the nearest other candidate that cannot be excluded.
     for (int i = 0; i < count && v->best >= 0; i++) {
         const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
         if (i == v->best || c[i].no_gas_left || !near) continue;
@@ -47,6 +53,7 @@ __attribute__((format(printf, 2, 3))) static void add(kn_verdict *v, const char 
     va_end(args);
 }
 
+// State how the rival compares with the best, and which measurement could separate the two.
 static void tell_rival(kn_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
@@ -60,6 +67,7 @@ static void tell_rival(kn_verdict *v, const kn_candidate *c)
     else add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
 }
 
+// State the verdict in words: the best, its misfit, the rival, and structures without gas.
 static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_evidence *e)
 {
     const kn_candidate *best = &c[v->best];

@@ -1,27 +1,31 @@
 #ifndef KN_CLIENTS_IDENTIFY_VERDICT_H
 #define KN_CLIENTS_IDENTIFY_VERDICT_H
-// Which of the fitted structures explains what was measured, and in words how sure that is.
+// Verdict: which of the fitted structures (candidates) explains the measurements, and how certain that is, in words. S
+// is the sum of squared residuals, n their number.
 //
-//     off     sqrt(S/n): how many times the noise the residuals are; above KN_VERDICT_OFF nothing explains them
-//     dAICc   of Akaike's criterion against the best, by as many independent readings as the best one's residuals are
-//             worth; S no less than n: what is below the noise supports nobody
+//     off     sqrt(S/n): the size of the residuals in units of the noise; nothing explains the data above
+//             KN_VERDICT_OFF
+//     dAICc   difference of Akaike's criterion from the best, for the number of independent readings that the residuals
+//             of the candidate with the least S are worth. S is at least n, since a misfit below the noise supports no
+//             candidate
 //
-// Where nothing explains it the model's error decides, not the noise: then the best is the one that is least off,
-// whatever its numbers cost, and all that are off by up to KN_VERDICT_NEAR times as much are as likely.
+// If no candidate explains the data, the errors of the models decide instead of the noise. The best candidate is then
+// the one with the least `off`, whatever its number of unknowns. All candidates whose `off` is at most KN_VERDICT_NEAR
+// times as large count as equally likely.
 //
-// Gas whose pressure the fit has taken away is no structure of its own: it is the same without gas.
+// A structure whose fitted gas pressure is near 0 is not counted: it equals the structure without gas.
 #include "clients/identify/candidate.h"
 
 #define KN_VERDICT_OFF 3.0
 #define KN_VERDICT_NEAR 1.3
-#define KN_VERDICT_APART 10.0 // of dAICc: hardly any support is left
+#define KN_VERDICT_APART 10.0 // dAICc above which a candidate has hardly any support
 
 typedef struct kn_verdict {
-    int best;                    // candidate; -1: none has an answer
-    double delta[KN_CANDIDATES]; // INFINITY: no answer
+    int best;                    // index of the best candidate; -1: none has a solution
+    double delta[KN_CANDIDATES]; // dAICc; INFINITY: no solution
     double off[KN_CANDIDATES];
-    bool explained; // best's off is small enough
-    int rival;      // as well supported; -1: none
+    bool explained; // whether `off` of the best candidate is at most KN_VERDICT_OFF
+    int rival;      // index of a candidate that is as well supported as the best; -1: none
     char words[600];
 } kn_verdict;
 
