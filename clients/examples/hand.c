@@ -1,10 +1,10 @@
-// hand.c: your haptic device on a running kneadd, in 80 lines. Stock LCM; replace the three places marked (1) (2) (3).
-// From the top of the source tree:
+// hand.c: connect your haptic device to a running kneadd, in 80 lines. Needs stock LCM only. Replace the three places
+// marked (1) (2) (3). From the top of the source tree:
 //
 //     mkdir -p build/hand/proto
 //     lcm-gen -c --c-cpath build/hand/proto --c-hpath build/hand/proto proto/probe_pose_t.lcm proto/contact_force_t.lcm
 //     cc -O2 -Ibuild/hand -o build/hand/hand clients/examples/hand.c build/hand/proto/*.c -llcm -lm
-//     build/hand/hand [PROBE]          the scene's name for the tool, default finger; Ctrl-C ends it
+//     build/hand/hand [PROBE]          the tool's name in the scene, default finger; Ctrl-C ends the program
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include <math.h>
@@ -13,14 +13,14 @@
 
 enum { HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200 }; // own watchdog; a session ends after 1 s without poses
 
-static knead_contact_force_t force; // the newest one
-static int force_age_ms;            // since it came
+static knead_contact_force_t force; // newest force message
+static int force_age_ms;            // age of the newest force, ms
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *msg, void *session)
 {
     (void)buf, (void)channel;
-    int again = msg->session == force.session && msg->tick <= force.tick; // no sign of life
-    if (msg->session != *(int64_t *)session || again) return;             // or somebody else has the tool
+    int again = msg->session == force.session && msg->tick <= force.tick; // repeated: does not reset the age
+    if (msg->session != *(int64_t *)session || again) return;             // other session: another client has the tool
     force = *msg;
     force_age_ms = 0;
 }
@@ -40,17 +40,17 @@ int main(int argc, char **argv)
     lcm_t *lcm = lcm_create(NULL);
     if (!lcm) return fprintf(stderr, "hand: no LCM; is there a multicast route? README.md says how\n"), 3;
     int64_t session = now_ns(CLOCK_REALTIME), tick_ns = now_ns(CLOCK_MONOTONIC), wall_ns = session - tick_ns;
-    knead_contact_force_t_subscription_set_queue_capacity( // LCM drops the newest when full: keep the queue short
+    knead_contact_force_t_subscription_set_queue_capacity( // a full queue drops the newest message, so keep it short
         knead_contact_force_t_subscribe(lcm, force_channel, on_force, &session), 2);
     // (1) open your device here and enable its force output
     knead_probe_pose_t pose = {.session = session, .orientation_wxyz = {1, 0, 0, 0}};
     for (int64_t n = 0, silent_ms = 0, tripped = 0;; n++) {
-        tick_ns += 1000000; // 1 kHz on an absolute grid: no drift
+        tick_ns += 1000000; // absolute 1 kHz grid: no drift
         struct timespec t = {tick_ns / 1000000000, tick_ns % 1000000000};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
-        if (now_ns(CLOCK_MONOTONIC) - tick_ns > 1000000) tick_ns = now_ns(CLOCK_MONOTONIC); // late: never catch up
+        if (now_ns(CLOCK_MONOTONIC) - tick_ns > 1000000) tick_ns = now_ns(CLOCK_MONOTONIC); // late: do not catch up
 
-        // (2) read your device here: m and m/s, z up, origin under the object's centre. This pokes: 60 to 37 mm in 4 s
+        // (2) read your device here: m and m/s, z up, origin under the object's centre. Here: poke, 60 to 37 mm in 4 s
         double w = 2 * M_PI / 4, phase = w * 1e-3 * (double)n;
         pose.position_m[2] = 0.0485 + 0.0115 * cos(phase);
         pose.velocity_m_s[2] = -0.0115 * w * sin(phase);
@@ -58,18 +58,18 @@ int main(int argc, char **argv)
         if (silent_ms == 0) {
             pose.session = session, pose.seq = n + 1;
             pose.sent_ns = now_ns(CLOCK_MONOTONIC);
-            pose.utime = (wall_ns + pose.sent_ns) / 1000; // no clock that may be set back
+            pose.utime = (wall_ns + pose.sent_ns) / 1000; // from the monotonic clock, which is never set back
             knead_probe_pose_t_publish(lcm, pose_channel, &pose);
         }
         force_age_ms++;
         while (lcm_handle_timeout(lcm, 0) > 0)
-            ; // everything that has come; the newest stays
-        // Own watchdog: hold 3 ms, fade to 0 N by 20 ms; then silence, and a new session, which starts from zero force
+            ; // read all waiting messages; the newest stays
+        // Own watchdog: hold the force 3 ms, fade it to 0 N by 20 ms, send no poses for 1.2 s, begin a new session
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
         double factor = tripped ? 0 : fmin(1, fmax(0, (double)(ZERO_MS - force_age_ms) / (ZERO_MS - HOLD_MS)));
 
-        // (3) give the force to your device here, N, in the scene's frame
+        // (3) give the force to your device here: N, in the scene's frame
         double given_n = factor * force.force_n[2];
 
         if (n % 500) continue;

@@ -11,7 +11,7 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-static const int priority = 60; // below kneadd's threads: a device has a processor of its own
+static const int priority = 60; // SCHED_FIFO, below kneadd's threads: the client of a device has a processor of its own
 static const int retry_ms = 500;
 
 void kn_tactile_bad(kn_tactile *device, const char *format, ...)
@@ -26,7 +26,7 @@ void kn_tactile_bad(kn_tactile *device, const char *format, ...)
 void kn_bridge_lost(kn_bridge *b, const char *format, ...)
 {
     va_list args;
-    if (b->lost) return; // the first reason is the one
+    if (b->lost) return; // keep the first reason
     va_start(args, format);
     vsnprintf(b->now.why, sizeof b->now.why, format, args);
     va_end(args);
@@ -35,6 +35,8 @@ void kn_bridge_lost(kn_bridge *b, const char *format, ...)
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
 
+// Give the device its newest force. The motors are enabled only if the link is live and the device's watchdog is
+// trusted.
 static void answer(kn_bridge *b)
 {
     const kn_tether *t = &b->now.tether;
@@ -49,17 +51,20 @@ static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
-    kn_join_send(b->bus, b->pose_channel, bytes, size); // a lost pose is what watchdogs are for
+    kn_join_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
 }
 
+// Take a pose of the device: give it the tether's session and number, turn it into the scene's axes, and send it.
 void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 {
     kn_tether *t = &b->now.tether;
     knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
                                .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
+    // The mount turns the device's frame into the scene's. The leaving button is reserved for let_go.
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
+    // The local model needs the tool's orientation before the pose is rendered.
     kn_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;
@@ -70,11 +75,15 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     b->last = pose;
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
     b->now.buttons = pose.buttons;
+    // With the local model, the force for this pose is rendered at once. Devices that answer wait for the next tick
+    // instead.
     if (!t->render.def.local || b->device->answers) return;
     kn_tether_give(t, now_s());
     answer(b);
 }
 
+// Take a force message. The tether decides whether the force is accepted. After all waiting messages have been read,
+// the device gets the newest force.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -87,10 +96,11 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
                              .flags = f.flags,
                              .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
-    memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is in it already
+    memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is already applied
     b->heard |= kn_tether_take(&b->now.tether, &force);
 }
 
+// Update the local model with a contact message.
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -102,6 +112,8 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     kn_render_contact(&b->now.tether.render, &unit);
 }
 
+// Close a device that was reported lost. The close waits for the tick, so that no driver is closed inside its own
+// callback.
 static void close_lost(kn_bridge *b)
 {
     if (!b->lost) return;
@@ -114,7 +126,8 @@ static void close_lost(kn_bridge *b)
 
 void kn_bridge_hear(kn_bridge *b)
 {
-    kn_join_handle(b->bus, 0); // the newest stay
+    // Read every message that waits, so that only the newest force is given.
+    kn_join_handle(b->bus, 0);
     if (b->heard && !b->now.tether.render.def.local) {
         kn_tether_give(&b->now.tether, now_s());
         answer(b);
@@ -139,14 +152,18 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
 {
     kn_tactile *d = b->device;
     b->now.late += elapsed_ms - 1;
+    // Let the driver run first: it may report a pose or a loss in this ms.
     if (b->open && d->tick) d->tick(d, elapsed_ms);
     bool live = kn_tether_live(&b->now.tether);
     kn_tether_tick(&b->now.tether, now_s(), elapsed_ms);
-    if (!b->answered || kn_tether_live(&b->now.tether) != live) answer(b); // motors go off in the ms of the trip
+    // Call `give` in this ms even without a new force, so that a tripped watchdog switches the motors off at once.
+    if (!b->answered || kn_tether_live(&b->now.tether) != live) answer(b);
     b->answered = false;
+    // Close a lost device, and try to open a closed one every 500 ms.
     close_lost(b);
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
 
+    // Post the news for other threads. The mailbox never blocks this thread.
     b->now.messages = d->messages;
     b->now.bad = d->bad;
     b->now.lost = d->lost;
@@ -161,6 +178,8 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)ev, (void)events;
     kn_bridge *b = watcher->data;
+    // The timer counts the periods since the last read, so a stall is known to the watchdogs. More than 1 s counts
+    // as 1 s.
     uint64_t times = 1;
     if (read(b->timer_fd, &times, sizeof times) == sizeof times) kn_bridge_tick(b, times < 1000 ? (int)times : 1000);
 }
@@ -171,6 +190,7 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
     ev_break(ev, EVBREAK_ALL);
 }
 
+// Join the bus and subscribe. Contact messages are only needed for the local model.
 static bool open_bus(kn_bridge *b)
 {
     b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
@@ -183,7 +203,7 @@ static bool watch(kn_bridge *b)
     ev_io_init(&b->forces, on_forces, kn_join_fd(b->bus), EV_READ);
     b->forces.data = b;
     ev_io_start(b->ev, &b->forces);
-    // libev's own timers are as coarse as epoll's milliseconds
+    // A timerfd, because libev's own timers have only the millisecond resolution of epoll.
     const struct itimerspec every = {{0, KN_PERIOD_NS}, {0, KN_PERIOD_NS}};
     b->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     if (b->timer_fd < 0 || timerfd_settime(b->timer_fd, 0, &every, NULL) != 0) {
@@ -196,9 +216,11 @@ static bool watch(kn_bridge *b)
     return true;
 }
 
+// Tell kneadd that the hand leaves the tool, switch the motors off and close the device.
 static void let_go(kn_bridge *b)
 {
-    if (b->last.session) { // its last pose once more, as the last
+    // Send the last pose again, marked as the last of the session.
+    if (b->last.session) {
         b->last.seq++;
         b->last.buttons |= KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
         send_pose(b, &b->last);
@@ -208,6 +230,7 @@ static void let_go(kn_bridge *b)
     if (b->device->destroy) b->device->destroy(b->device);
 }
 
+// Thread of the bridge: report to kn_bridge_start whether the start succeeded, then run until on_stop.
 static void *run(void *self)
 {
     kn_bridge *b = self;
@@ -270,14 +293,16 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
         close_all(b);
         return false;
     }
+    // sem_wait returns early when a signal arrives.
     while (sem_wait(&b->ready) != 0)
-        ; // a signal
+        ;
     if (atomic_load(&b->up)) return true;
     pthread_join(b->thread, NULL);
     close_all(b);
     return false;
 }
 
+// A reader keeps the last snapshot when no newer one was posted.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
 {
     bool fresh;

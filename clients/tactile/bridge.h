@@ -1,17 +1,18 @@
 #ifndef KN_CLIENTS_BRIDGE_H
 #define KN_CLIENTS_BRIDGE_H
-// Between a real device and kneadd: a real-time thread that sleeps until either end has news and hands it on at once.
-// Nothing waits for a tick of its own: a pose goes out when the device has it, its force when kneadd has it; that of the
-// local model at once.
+// Bridge between a real device and kneadd. Its real-time thread sleeps until a pose or a force arrives, and passes the
+// message on at once, without waiting for a timer tick. A pose of the device goes to kneadd, and a force of kneadd goes
+// to the device. With the local model, the force goes to the device right after each pose.
 //
 //                 moved()                 KNEAD_POSE_<probe>
 //     device  -------------->  bridge  ---------------------->  kneadd
 //             <--------------          <----------------------
 //                 give()      tether     KNEAD_FORCE_<probe>, KNEAD_CONTACT_<probe>
 //                                |
-//                                +-- 1 ms timer: watchdogs, a device that is to be opened again, the faded force
+//                                +-- 1 ms timer: watchdogs, fading of the force, reopening of a lost device
 //
-// The thread neither prints nor waits: what it has to tell lies in news, for another thread to look at.
+// The tether (tether.h) is the part of the bridge that holds the session, the watchdogs and the output stage. The
+// thread neither prints nor blocks. It posts its counters and messages as kn_bridge_news for other threads.
 #include "clients/knead/join.h"
 #include "clients/tactile/tether.h"
 #include "proto/knead_contact_force_t.h"
@@ -24,54 +25,60 @@
 
 typedef struct kn_bridge kn_bridge;
 
-typedef struct kn_tactile_pose { // in the device's own frame and metres
+typedef struct kn_tactile_pose { // pose of the tool in the device's own frame, m
     double position_m[3], velocity_m_s[3], orientation_wxyz[4];
     int32_t buttons;
 } kn_tactile_pose;
 
-// A device's own watchdog, which takes its force away when this program stands still.
+// State of a device's own watchdog, which must remove the force when this program stops running.
 typedef enum kn_own_watchdog {
-    KN_OWN_TRUSTED,  // seen to act, not asked for (--no-watchdog), or not needed: no motors
-    KN_OWN_UNPROVED, // the device has been opened, and gives no force before it has shown its watchdog
-    KN_OWN_MISSING   // it did not act
+    KN_OWN_TRUSTED,  // the watchdog has acted in a test, is waived by --no-watchdog, or is not needed (no motors)
+    KN_OWN_UNPROVED, // the device is open, but gets no force until its watchdog has acted in a test
+    KN_OWN_MISSING   // the watchdog did not act
 } kn_own_watchdog;
 
-// One kind of device. Its own struct begins with this one. All calls come from the bridge's thread.
+// One kind of device. A driver's own struct begins with this struct. All calls come from the bridge's thread.
 typedef struct kn_tactile {
     const char *name; // "paddle"
-    // Reaches for the device, watchers go to bridge->ev. False and one line in error. A device that answers later says
-    // kn_bridge_lost when it does not.
+    // Open the device and attach its watchers to bridge->ev. On failure return false and one line in `error`. A driver
+    // may return true before its device has answered. If no answer comes, the driver then calls kn_bridge_lost.
     bool (*open)(struct kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size);
-    void (*close)(struct kn_tactile *device);   // after a loss, too; not before open
-    void (*destroy)(struct kn_tactile *device); // once, at the end, while bridge->ev still is; NULL: nothing to do
-    void (*tick)(struct kn_tactile *device, int elapsed_ms); // every ms while open; NULL: not needed
-    // What the motors are to give, N in the device's frame; not live: enable off. After every force (of the local model
-    // after every pose), and every ms without one. NULL: a device without motors.
+    void (*close)(struct kn_tactile *device); // also called after kn_bridge_lost; never called before open
+    // Called once at the end, while bridge->ev still exists. NULL: nothing to do.
+    void (*destroy)(struct kn_tactile *device);
+    // Called every ms while the device is open. NULL: not needed.
+    void (*tick)(struct kn_tactile *device, int elapsed_ms);
+    // Set the force of the motors in the device's frame, N. live false: disable the motors. Called after every force
+    // from kneadd (with the local model, after every pose), and in every ms in which no force came. NULL: the device
+    // has no motors.
     void (*give)(struct kn_tactile *device, const double force_n[3], bool live);
-    bool answers; // says where it is only when it is given something: at a pose it is not, or the two would chase
-    kn_own_watchdog watchdog; // the driver's, from each opening on
-    // what the driver counts
-    int64_t messages;  // that said where the device is
-    int64_t bad, lost; // refused as malformed; told by numbers, never came
-    char why[96];      // of the last bad one
-    char state[96];    // what the device says of itself; "": nothing worth telling
+    // The device sends a pose only as an answer to a force. The bridge then sends no force in reply to a pose, because
+    // poses and forces would cause each other without a pause.
+    bool answers;
+    kn_own_watchdog watchdog; // set by the driver at each opening
+    // Counters of the driver.
+    int64_t messages;  // messages with a pose
+    int64_t bad, lost; // bad: malformed messages; lost: messages that never came, by gaps in the sequence numbers
+    char why[96];      // reason for the last bad message
+    char state[96];    // the device's own state in words; "": nothing to report
 } kn_tactile;
 
+// Snapshot of the bridge for other threads, posted every ms.
 typedef struct kn_bridge_news {
     kn_tether tether;
-    bool there; // the device has said where it is since it was opened last
-    int64_t arrivals, losses;
-    char why[160];                     // of the last loss
-    int64_t messages, bad, lost, late; // of the device; late: ms in which this thread did not run
+    bool there;                        // the device has given a pose since it was last opened
+    int64_t arrivals, losses;          // times that the device appeared, and was lost after it had given a pose
+    char why[160];                     // reason for the last loss
+    int64_t messages, bad, lost, late; // counters of the driver; late: total delay of the 1 ms timer, ms
     char bad_why[96], state[96];
     kn_own_watchdog watchdog;
-    double position_m[3]; // the tool's, in the scene
+    double position_m[3]; // of the tool, in the scene
     int32_t buttons;
 } kn_bridge_news;
 
 struct kn_bridge {
     struct ev_loop *ev;
-    bool lost; // kn_bridge_lost was called: the device will be closed within the ms
+    bool lost; // kn_bridge_lost was called: the device will be closed within 1 ms
     // private
     kn_tactile *device;
     const char *url;
@@ -81,43 +88,49 @@ struct kn_bridge {
     kn_bridge_news now, slots[3];
     kn_mailbox news;
     kn_join *bus;
-    knead_probe_pose_t last; // that was sent; session 0: none
+    knead_probe_pose_t last; // last pose that was sent; session 0: none
     ev_io forces, timer;
     ev_async stop;
     int timer_fd, retry_ms;
-    bool open;     // and maybe not there yet
-    bool heard;    // a force of ours has come, and was not handed on yet
-    bool answered; // the device has been given a force since the last tick
+    bool open;     // the device is open, although it may not have given a pose yet
+    bool heard;    // a force of this session has come and was not passed on yet
+    bool answered; // give was called since the last tick
     int priority_error;
     sem_t ready;
     atomic_bool up;
     pthread_t thread;
 };
 
+// Settings of one link.
 typedef struct kn_bridge_def {
-    const char *url; // as kn_join_open takes it
+    const char *url; // URL of the bus, see kn_join_open
     const char *probe;
-    kn_render_def render; // the device, how it stands, what is rendered
+    kn_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
     int64_t session;      // random, not 0
 } kn_bridge_def;
 
-// Joins the bus, opens the device, starts. False and one line in error. bridge: zeroed, and stays where it is.
+// Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be
+// zeroed, and must not move in memory afterwards.
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge); // valid until the next call
-int kn_bridge_priority_error(const kn_bridge *bridge);     // 0, or why there is no SCHED_FIFO (errno)
-void kn_bridge_stop(kn_bridge *bridge);                    // zero force, closes the device
+int kn_bridge_priority_error(const kn_bridge *bridge);     // 0, or the errno that refused SCHED_FIFO
+void kn_bridge_stop(kn_bridge *bridge);                    // gives zero force and closes the device
 
-// The same without a thread and a timer of its own: the caller calls tick every ms, elapsed_ms after the last one, and
-// hear as soon as bridge->bus has messages. A driver that watches bridge->ev cannot be opened so.
+// Run a bridge without a thread and a timer of its own. The caller calls kn_bridge_tick every ms and kn_bridge_hear as
+// soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses bridge->ev cannot be
+// opened with kn_bridge_open.
 bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 void kn_bridge_hear(kn_bridge *bridge);
 void kn_bridge_tick(kn_bridge *bridge, int elapsed_ms);
 void kn_bridge_close(kn_bridge *bridge);
 
-// For drivers, from within their callbacks.
+// Functions for drivers, to be called from within their callbacks.
+
+// Report a pose of the device.
 void kn_bridge_moved(kn_bridge *bridge, const kn_tactile_pose *pose);
-// It is gone: it will be closed within the ms and tried again every 500 ms.
+// Report that the device is gone. The bridge closes the device within 1 ms and tries every 500 ms to open it again.
 __attribute__((format(printf, 2, 3))) void kn_bridge_lost(kn_bridge *bridge, const char *format, ...);
+// Count a malformed message and keep the reason.
 __attribute__((format(printf, 2, 3))) void kn_tactile_bad(kn_tactile *device, const char *format, ...);
 
 #endif

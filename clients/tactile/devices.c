@@ -1,4 +1,4 @@
-// knead devices: what could be a hand on this machine, what it lacks, and the fix.
+// knead devices: lists the haptic devices of this machine, and for each the reason why it is not ready and the remedy.
 #include "clients/tactile/devices.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -24,7 +24,7 @@ static const char help[] =
     "  --root DIR   look for dev and sys in there (/)\n\n"
     "Exit codes: 0 whatever was found, 2 bad input.\n";
 
-// Of USB: vendor, product (-1: any), what it is, the profile that fits. knead drives the pucks, through spacenavd.
+// Known USB devices: vendor, product (-1: any), name, most suitable profile. knead drives pucks through spacenavd.
 static const struct known {
     unsigned vendor;
     int product;
@@ -40,6 +40,7 @@ static const struct known {
     {0x0403, 0xcb48, false, "Novint Falcon", "falcon"},  {0x1451, -1, false, "Force Dimension", "omega"},
 };
 
+// Format a text, and replace bytes that could change the terminal.
 __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT], const char *format, ...)
 {
     va_list args;
@@ -47,10 +48,10 @@ __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT]
     vsnprintf(text, KN_DEVICES_TEXT, format, args);
     va_end(args);
     for (char *c = text; *c; c++)
-        if (*c < ' ' || *c > '~') *c = '?'; // a device may call itself anything
+        if (*c < ' ' || *c > '~') *c = '?'; // a device may report any name
 }
 
-// The first line of DIRECTORY/name, or "".
+// Read the first line of directory/name, or "" if there is none.
 static void read_line(const char *directory, const char *name, char *line, size_t size)
 {
     char path[PATH_MAX + 32];
@@ -62,6 +63,7 @@ static void read_line(const char *directory, const char *name, char *line, size_
     fclose(f);
 }
 
+// Read a hexadecimal number of 16 bits; 0 if there is none.
 static unsigned hex(const char *directory, const char *name)
 {
     char line[16];
@@ -78,14 +80,14 @@ static void name_usb(kn_found *f, const char *directory)
     snprintf(f->usb, sizeof f->usb, "%04x:%04x", hex(directory, "idVendor"), hex(directory, "idProduct"));
 }
 
-// ---- what there may be
+// ---- candidates
 
 static void find_spacenavd(kn_found *f, bool puck)
 {
     strcpy(f->kind, "spacenavd");
     set(f->where, "%s", kn_spacenav_socket());
     set(f->use, "knead hand spacenav");
-    f->profile = "bench"; // it has no motors to spare
+    f->profile = "bench"; // a puck has no motors that a force limit must protect
     if (!puck) set(f->name, "no known puck on USB");
     f->ready = kn_spacenav_reach();
     if (f->ready) return;
@@ -106,11 +108,12 @@ static void find_haply(kn_found *f)
     kn_haply_url(KN_HAPLY_URL, host, &port);
     set(f->where, KN_HAPLY_URL);
     set(f->use, "knead hand haply");
-    f->profile = "unknown"; // nobody has measured an Inverse3 for us
+    f->profile = "unknown"; // no measured profile of an Inverse3 exists
     f->ready = kn_haply_reach(host, port, f->missing, sizeof f->missing);
     if (!f->ready) set(f->fix, "start Haply Hub, or: systemctl start haply-inverse-service");
 }
 
+// Describe one serial line: its USB identity, and the permission that is missing.
 static void find_tty(kn_found *f, const char *root, const char *path)
 {
     char device[PATH_MAX];
@@ -118,12 +121,14 @@ static void find_tty(kn_found *f, const char *root, const char *path)
     strcpy(f->kind, "tty");
     set(f->where, "%s", path + strlen(root));
     snprintf(device, sizeof device, "%s/sys/class/tty/%s/device/..", root, strrchr(path, '/') + 1);
-    if (hex(device, "idVendor") == 0) strcat(device, "/.."); // ttyUSB hangs one lower than ttyACM
+    // A ttyUSB lies one directory deeper than a ttyACM, so its USB device is one level further up.
+    if (hex(device, "idVendor") == 0) strcat(device, "/..");
     if (hex(device, "idVendor") != 0) name_usb(f, device);
     set(f->use, "knead hand paddle --tty %s", f->where);
     f->profile = "unknown";
     f->ready = stat(path, &s) == 0 && access(path, R_OK | W_OK) == 0;
     if (f->ready) return;
+    // Without permission, joining the line's group is the lasting fix, if the group may read and write.
     const struct group *g = getgrgid(s.st_gid);
     set(f->missing, "no permission");
     if (g && (s.st_mode & 0060) == 0060) set(f->fix, "sudo usermod -aG %s $USER, and log in again", g->gr_name);
@@ -138,6 +143,7 @@ static const struct known *know(unsigned vendor, unsigned product)
     return NULL;
 }
 
+// Describe a USB device if it is known. Return whether it is; set *puck if it is a puck.
 static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck)
 {
     const struct known *known = know(hex(path, "idVendor"), hex(path, "idProduct"));
@@ -163,7 +169,8 @@ int kn_devices_find(const char *root, kn_found *found)
     char pattern[PATH_MAX];
     glob_t list;
     bool puck = false;
-    int n = 2; // the two services come first, but whether there is a puck is known last
+    // The two services come first in the list, but the presence of a puck is known only after the USB search.
+    int n = 2;
     memset(found, 0, KN_DEVICES_MAX * sizeof *found);
     const char *const ttys[] = {"ACM", "USB"};
     for (int k = 0; k < 2; k++) {
@@ -172,6 +179,7 @@ int kn_devices_find(const char *root, kn_found *found)
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
         globfree(&list);
     }
+    // USB devices of known vendors, by the ids in /sys.
     snprintf(pattern, sizeof pattern, "%s/sys/bus/usb/devices/*", root);
     if (glob(pattern, 0, NULL, &list) == 0) {
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++)
@@ -183,7 +191,7 @@ int kn_devices_find(const char *root, kn_found *found)
     return n;
 }
 
-// ---- told
+// ---- output
 
 static void print_lines(const kn_found *found, int count)
 {

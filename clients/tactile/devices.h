@@ -1,30 +1,33 @@
 #ifndef KN_CLIENTS_DEVICES_H
 #define KN_CLIENTS_DEVICES_H
-// What could be a hand on this machine: looked for, not opened, since opening a serial line resets many a board.
+// Search for haptic devices on this machine. No serial line is opened, because opening resets many boards.
 //
-//     spacenavd's socket    whether a connection is taken           -> knead hand spacenav
-//     the Inverse Service   whether a connection is taken           -> knead hand haply
-//     /dev/ttyACM*, USB*    what is behind them, /sys; permission   -> knead hand paddle --tty
-//     USB devices, /sys     haptic ones that nothing here drives    -> clients/examples/hand.c
+//     looked at                   checked                                  command to use what is found
+//     spacenavd's socket          accepts a connection                     knead hand spacenav
+//     the Inverse Service         accepts a connection                     knead hand haply
+//     /dev/ttyACM*, /dev/ttyUSB*  name of the device (/sys), permission    knead hand paddle --tty
+//     USB devices in /sys         haptic devices without a driver here     see clients/examples/hand.c
 #include <stdbool.h>
 #include <stddef.h>
 
+// Largest number of devices found, and size of a text, bytes.
 #define KN_DEVICES_MAX 64
 #define KN_DEVICES_TEXT 192
 
 typedef struct kn_found {
     char kind[16];                 // spacenavd, haply, tty, usb
-    char where[KN_DEVICES_TEXT];   // socket, address, device file, place on the bus
-    char usb[10];                  // "2341:0043"; "": not of USB
-    char name[KN_DEVICES_TEXT];    // as the device says it, printable
-    bool ready;                    // can be used as it is
-    char use[KN_DEVICES_TEXT];     // the command that does
-    const char *profile;           // `device:` of a scene that fits best; NULL: none asked for
-    char missing[KN_DEVICES_TEXT]; // "": nothing
-    char fix[KN_DEVICES_TEXT];
+    char where[KN_DEVICES_TEXT];   // socket, address, device file, or place on the USB bus
+    char usb[10];                  // "2341:0043"; "": not a USB device
+    char name[KN_DEVICES_TEXT];    // name that the device reports, printable characters only
+    bool ready;                    // the device can be used at once
+    char use[KN_DEVICES_TEXT];     // command that uses the device
+    const char *profile;           // profile that suits the device, for `device:` in a scene; NULL: not determined
+    char missing[KN_DEVICES_TEXT]; // reason why the device is not ready; "": it is ready
+    char fix[KN_DEVICES_TEXT];     // what the user can do against `missing`
 } kn_found;
 
-// root: "" or a folder to look for dev and sys in, for tests. found: KN_DEVICES_MAX. How many; more than fit are left.
+// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. Devices beyond this number are
+// left out. root: "", or for tests a folder that contains the folders dev and sys.
 int kn_devices_find(const char *root, kn_found *found);
 
 #endif

@@ -1,4 +1,4 @@
-// knead doctor: what this machine lacks for real time, for LCM and for devices, and the fix of each.
+// knead doctor: checks this machine for real time, LCM and devices, and lists each problem with its remedy.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/tactile/devices.h"
@@ -40,13 +40,13 @@ static const char help[] =
     "Exit: 0 nothing is missing, 1 something is, 2 bad input.\n";
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
-#define LOCKED_BYTES ((size_t)64 << 20) // of a server with a large object
-#define BUFFER_BYTES (1 << 20)          // that server/bus.c asks for
+#define LOCKED_BYTES ((size_t)64 << 20) // memory of a server with a large object
+#define BUFFER_BYTES (1 << 20)          // socket buffer that server/bus.c requests
 
 typedef struct check {
     char name[16];
     bool good;
-    char found[256], fix[256]; // fix: "" when nothing can be done, or need be
+    char found[256], fix[256]; // fix: "" when no fix exists or none is needed
 } check;
 
 typedef struct findings {
@@ -54,6 +54,7 @@ typedef struct findings {
     check check[CHECKS_MAX];
 } findings;
 
+// Append a check. The formatted text goes to its field `found`.
 __attribute__((format(printf, 4, 5))) static check *add(findings *f, const char *name, bool good, const char *format,
                                                         ...)
 {
@@ -67,6 +68,7 @@ __attribute__((format(printf, 4, 5))) static check *add(findings *f, const char 
     return c;
 }
 
+// Add a remedy to a check that has failed. A check that has passed gets none.
 __attribute__((format(printf, 2, 3))) static void fix(check *c, const char *format, ...)
 {
     va_list arguments;
@@ -85,7 +87,7 @@ static bool read_word(const char *path, char *word, size_t size)
     return read;
 }
 
-// What a process of ours may: tried in a child, which keeps nothing of it. Returns its errno.
+// Run a function in a child process, so that its effects end with the child. Return its errno, 0 for success.
 static int attempt(int (*what)(void))
 {
     fflush(stdout);
@@ -104,12 +106,13 @@ static int take_priority(void)
 static int lock_memory(void)
 {
     void *memory = mmap(NULL, LOCKED_BYTES, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    // not mlock: that of the sanitizers does nothing
+    // Call mlock through syscall, because the sanitizers replace mlock by a function that does nothing.
     return memory == MAP_FAILED ? -1 : (int)syscall(SYS_mlock, memory, LOCKED_BYTES);
 }
 
-// --- what there is ---
+// --- checks of the machine ---
 
+// Real-time priority, locked memory and the kernel's limit on real-time threads.
 static void look_at_limits(findings *f)
 {
     int error = attempt(take_priority);
@@ -125,6 +128,8 @@ static void look_at_limits(findings *f)
     fix(c,
         "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo groupadd -fr knead; sudo usermod -aG "
         "knead $USER; log in again");
+    // The kernel limits real-time threads to a part of each second. A limit below 90 % could stop a busy servo loop. A
+    // negative value means no limit.
     char word[32];
     if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
@@ -135,25 +140,30 @@ static void look_at_limits(findings *f)
     fix(c, "sudo sysctl kernel.sched_rt_runtime_us=950000");
 }
 
+// Route of LCM's multicast group and size of the socket buffers.
 static void look_at_bus(findings *f)
 {
-    static const char also[] = "; as root: "; // between what is wrong and the cure, in server/bus.c
+    // Separates the problem from the remedy in messages of server/bus.c.
+    static const char also[] = "; as root: ";
     char error[512], word[32];
     kn_bus bus;
     const char *url = getenv("LCM_DEFAULT_URL");
     if (!url || !*url) url = KN_LCM_URL;
     bool parsed = kn_bus_parse(&bus, url, NULL, error, sizeof error);
     bool good = parsed && kn_bus_check_route(&bus, error, sizeof error);
+    // Split the bus's error message into the problem and the remedy.
     char *cure = good ? NULL : strstr(error, also);
     if (cure) *cure = '\0';
     check *c = add(f, "route", good, "%s%s", good ? url : error, good ? " stays on this machine" : "");
     fix(c, "%s%s", cure ? "as root: " : "unset LCM_DEFAULT_URL", cure ? cure + strlen(also) : "");
     if (!read_word("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
     long bytes = strtol(word, NULL, 10);
+    // Root may exceed rmem_max, so the limit does not matter for root.
     c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may keep %ld KiB", bytes >> 10);
     fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
 }
 
+// Number of processors, instruction set, clock governor, clock source and kernel.
 static void look_at_processor(findings *f)
 {
     char word[64] = "";
@@ -162,6 +172,7 @@ static void look_at_processor(findings *f)
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     check *c = add(f, "processors", processors >= 2, "%ld", processors);
     fix(c, "two: on one, a tick and whoever it serves wait for each other");
+    // Without FMA the results are right, but no tick is in time.
     c = add(f, "instructions", kn_isa_supported(KN_ISA_AVX2), "%s",
             kn_isa_supported(KN_ISA_AVX512) ? "AVX-512"
             : kn_isa_supported(KN_ISA_AVX2) ? "AVX2 and FMA"
@@ -187,7 +198,8 @@ static void look_at_processor(findings *f)
 
 enum { GROUPS = 256 };
 
-// What the process has is of its log-in; what the system says may be younger.
+// Return true if the user is in a group. by_now false: use the groups of this process, which date from the log-in.
+// by_now true: use the system's files, which may be newer.
 static bool has_group(gid_t group, bool by_now)
 {
     gid_t list[GROUPS];
@@ -200,10 +212,12 @@ static bool has_group(gid_t group, bool by_now)
     return !by_now && getegid() == group;
 }
 
+// Check that the user is a member of `group`. `whose`: text that states the purpose of the group.
 static void look_at_group(findings *f, const struct group *group, const char *whose)
 {
     char name[64];
-    snprintf(name, sizeof name, "%s", group->gr_name); // what is asked next may take its place
+    // A later getgrnam or getgrgid may overwrite *group.
+    snprintf(name, sizeof name, "%s", group->gr_name);
     gid_t id = group->gr_gid;
     bool needed = geteuid() != 0, has = has_group(id, false), soon = has_group(id, true);
     check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "no member");
@@ -212,6 +226,7 @@ static void look_at_group(findings *f, const struct group *group, const char *wh
     else fix(c, "sudo usermod -aG %s $USER; log in again", name);
 }
 
+// Groups of knead itself and of the serial lines, each group once.
 static void look_at_groups(findings *f, const char *root, const kn_found *found, int count)
 {
     const struct group *knead = getgrnam("knead");
@@ -224,6 +239,7 @@ static void look_at_groups(findings *f, const char *root, const kn_found *found,
         struct stat node;
         bool known = false;
         snprintf(path, sizeof path, "%s%s", root, found[i].where);
+        // Only a group that has access where others have none can help.
         if (strcmp(found[i].kind, "tty") != 0 || stat(path, &node) != 0 || (node.st_mode & 0066) != 0060) continue;
         for (int t = 0; t < tolds; t++) known |= told[t] == node.st_gid;
         const struct group *owner = known ? NULL : getgrgid(node.st_gid);
@@ -241,19 +257,21 @@ static void look_at_devices(findings *f, const char *root)
     look_at_groups(f, root, found, count);
     for (int i = 0; i < count; i++) {
         const kn_found *d = &found[i];
-        bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0; // nobody has to have one
+        // The services spacenavd and Inverse Service are optional.
+        bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0;
         if (!service) fix(add(f, d->kind, d->ready, "%s: %s", d->where, d->ready ? d->use : d->missing), "%s", d->fix);
     }
     free(found);
 }
 
-// --- how late a thread wakes here ---
+// --- measurement of wake-up lateness ---
 
 typedef struct wakes {
     int seconds;
-    int64_t count, missed, late_ns[]; // of each wake
+    int64_t count, missed, late_ns[]; // lateness of each wake
 } wakes;
 
+// Sleep until each millisecond, as the servo loop does, and record the lateness of each wake.
 static void *sleep_by_milliseconds(void *arg)
 {
     wakes *w = arg;
@@ -267,6 +285,8 @@ static void *sleep_by_milliseconds(void *arg)
     return NULL;
 }
 
+// Run the loop of the function above in a real-time thread. Judge its missed ticks and the 99th percentile (p99) of its
+// lateness.
 static void measure(findings *f, int seconds)
 {
     kn_rt rt;
@@ -280,7 +300,7 @@ static void measure(findings *f, int seconds)
         qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
         double most = 1e-6 * (double)w->late_ns[w->count - 1];
-        // of a millisecond a tick of ordinary objects leaves half
+        // A tick with an ordinary object leaves half of the millisecond free, so a wake-up may be that late.
         check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
                        "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (most)",
                        1000 * seconds, w->missed, p50, p99, most);
@@ -292,7 +312,7 @@ static void measure(findings *f, int seconds)
     free(w);
 }
 
-// --- told ---
+// --- output ---
 
 static int print_json(const findings *f)
 {
@@ -331,7 +351,7 @@ int kn_doctor_main(int argc, char **argv)
         if (option == 'h') return fputs(help, stdout), KN_EXIT_OK;
         else if (option == 'j') json = true;
         else if (option == 'r') root = optarg;
-        else if (option != 's') return KN_EXIT_USAGE; // getopt has said which
+        else if (option != 's') return KN_EXIT_USAGE; // getopt has printed the option
         else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
             return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
     }

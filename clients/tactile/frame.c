@@ -6,7 +6,8 @@ static const uint8_t sync[2] = {'K', 'N'};
 
 uint16_t kn_frame_crc(const uint8_t *bytes, size_t size)
 {
-    unsigned crc = 0xffff; // bit by bit: a table would save 2 us of every ms at most
+    // The CRC is computed bit by bit. A table would save at most 2 us of every ms.
+    unsigned crc = 0xffff;
     for (size_t i = 0; i < size; i++) {
         crc ^= (unsigned)bytes[i] << 8;
         for (int bit = 0; bit < 8; bit++) crc = (crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1) & 0xffff;
@@ -14,6 +15,7 @@ uint16_t kn_frame_crc(const uint8_t *bytes, size_t size)
     return (uint16_t)crc;
 }
 
+// Clamp instead of casting directly: casting a NaN or an out-of-range double is undefined in C.
 int32_t kn_frame_number(double value, double unit)
 {
     double n = rint(value / unit);
@@ -21,6 +23,7 @@ int32_t kn_frame_number(double value, double unit)
     return n >= INT32_MAX ? INT32_MAX : n <= INT32_MIN ? INT32_MIN : (int32_t)n;
 }
 
+// Bytes are written and read one at a time, so the code does not depend on the host's byte order.
 static void put32(uint8_t *at, int32_t value)
 {
     for (int i = 0; i < 4; i++) at[i] = (uint8_t)((uint32_t)value >> 8 * i);
@@ -48,7 +51,7 @@ void kn_frame_encode(const kn_frame *frame, uint8_t bytes[KN_FRAME_SIZE])
     put16(bytes + 18, kn_frame_crc(bytes, 18));
 }
 
-// Throws away the first byte and all behind it that cannot begin a frame.
+// Drop the first byte and all following bytes that cannot begin a frame.
 static void skip(kn_deframer *d)
 {
     int at = 1;
@@ -62,8 +65,10 @@ bool kn_deframer_push(kn_deframer *d, uint8_t byte, kn_frame *frame)
 {
     const uint8_t *b = d->bytes;
     d->bytes[d->count++] = byte;
+    // Keep the buffer aligned with a possible frame start. skip drops anything else.
     if (b[0] != sync[0] || (d->count > 1 && b[1] != sync[1])) skip(d);
     if (d->count < KN_FRAME_SIZE) return false;
+    // On a wrong checksum or kind, search on inside the bytes already read.
     if (get16(b + 18) != kn_frame_crc(b, 18) || b[2] != d->kind) {
         d->bad++;
         skip(d);
@@ -77,7 +82,8 @@ bool kn_deframer_push(kn_deframer *d, uint8_t byte, kn_frame *frame)
                         .force_un = get32(b + 14)};
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
-    if (d->frames++ > 0 && gap < 0x8000) d->lost += gap; // else it counts anew
+    // A gap of half the range or more means that the sender has started counting anew.
+    if (d->frames++ > 0 && gap < 0x8000) d->lost += gap;
     d->seq = frame->seq;
     return true;
 }

@@ -1,18 +1,20 @@
 #ifndef KN_CLIENTS_FRAME_H
 #define KN_CLIENTS_FRAME_H
-// What a serial paddle and its computer say to each other: frames of 20 bytes, the same in both directions. Little
-// endian; README.md of this folder has the drawing and what a paddle's firmware has to do.
+// Frames between a serial paddle and its computer. A frame has 20 bytes, little endian, and the same layout in both
+// directions. README.md of this folder has a drawing and specifies a paddle's firmware.
 //
 //     0      2      3       4     6             10             14          18    20
 //     | K  N | kind | flags | seq | position_nm | velocity_um_s | force_un | CRC |
 //
-// Integers with units instead of floats: a microcontroller without a floating-point unit makes them of its encoder's
-// counts, no bit pattern of them is a NaN, and 1 nm resolves every encoder over +-2.1 m. Neither direction has a frame
-// longer than the other, so that one decoder serves both. CRC-16/CCITT-FALSE (polynomial 0x1021, begins with 0xffff,
-// "123456789" gives 0x29b1) over the first 18 bytes.
+// The numbers are integers instead of floats for two reasons. A microcontroller without a floating-point unit can
+// compute them from its encoder's counts, and no bit pattern is a NaN. position_nm has a resolution of 1 nm, finer than
+// any encoder, and a range of +-2.1 m. Frames of both directions have the same length, so that one decoder serves both.
 //
-// Bytes that are no frame are skipped: after a wrong checksum the search for K N goes on one byte behind the last one,
-// inside what has been read already, so that a frame behind garbage is never lost with it.
+// The CRC is CRC-16/CCITT-FALSE (polynomial 0x1021, begins with 0xffff, "123456789" gives 0x29b1) over the first 18
+// bytes.
+//
+// Bytes outside a frame are skipped. After a wrong CRC, the search for K N resumes one byte after the last K N, inside
+// the bytes already read. So a valid frame that follows garbage is never lost.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -20,44 +22,49 @@
 #define KN_FRAME_SIZE 20
 
 typedef enum kn_frame_kind {
-    KN_FRAME_STATE = 1,  // paddle to computer, 1 kHz of its own clock
-    KN_FRAME_COMMAND = 2 // computer to paddle: force_un; position and velocity are 0
+    KN_FRAME_STATE = 1,  // paddle to computer, at 1 kHz of the paddle's clock
+    KN_FRAME_COMMAND = 2 // computer to paddle: force_un is set, position and velocity are 0
 } kn_frame_kind;
 
-enum {                      // flags of a state; bits 4..7 are buttons 0..3
-    KN_FRAME_MOTOR = 1,     // gives force
-    KN_FRAME_TRIPPED = 2,   // its own watchdog has: no command for 20 ms; cleared by a command without KN_FRAME_ENABLE
-    KN_FRAME_SATURATED = 4, // the motor cannot give what it was asked for
+enum {                  // flags of a state frame; bits 4..7 are buttons 0..3
+    KN_FRAME_MOTOR = 1, // the motor is on
+    // The paddle's own watchdog has tripped: no command for 20 ms. A command without KN_FRAME_ENABLE clears the trip.
+    KN_FRAME_TRIPPED = 2,
+    KN_FRAME_SATURATED = 4, // the motor cannot give the commanded force
     KN_FRAME_BUTTON_0 = 16
 };
-enum { KN_FRAME_ENABLE = 1 }; // flags of a command: the motor may give force
+enum { KN_FRAME_ENABLE = 1 }; // flag of a command frame: the motor may give force
 
 typedef struct kn_frame {
     kn_frame_kind kind;
     uint8_t flags;
-    uint16_t seq; // counts up by 1, wraps
+    uint16_t seq; // increases by 1 with every frame; 65535 is followed by 0
     int32_t position_nm, velocity_um_s;
-    int32_t force_un; // on the hand, along the position's axis; of a state: what the motor gives now
+    // Force on the hand along the axis of position_nm. In a state frame: force that the motor gives now.
+    int32_t force_un;
 } kn_frame;
 
+// Encode a frame, including its CRC.
 void kn_frame_encode(const kn_frame *frame, uint8_t bytes[KN_FRAME_SIZE]);
+// Return the CRC-16/CCITT-FALSE of the bytes.
 uint16_t kn_frame_crc(const uint8_t *bytes, size_t size);
-// value in multiples of unit (1e-9 for nm), rounded, held within an int32. 0 for a NaN.
+// Return value in multiples of unit (1e-9 for nm), rounded and clamped to an int32; 0 for a NaN.
 int32_t kn_frame_number(double value, double unit);
 
-typedef struct kn_deframer { // zeroed but for kind
-    kn_frame_kind kind;      // which it hears; its own echo, or a paddle set up as a computer, is counted as bad
+typedef struct kn_deframer { // zeroed, except for kind
+    // Kind of frame that is accepted. A frame of the other kind (an echo of one's own frames) is counted as bad.
+    kn_frame_kind kind;
     int64_t frames;
-    int64_t bad;     // 20 bytes that begin with K N and have a wrong checksum or kind
-    int64_t skipped; // bytes that were in no frame
-    int64_t lost;    // by seq, frames that never came
+    int64_t bad;     // number of times that 20 bytes began with K N but had a wrong CRC or kind
+    int64_t skipped; // bytes outside any frame
+    int64_t lost;    // frames that never came, according to gaps in seq
     // private
     int count;
     uint8_t bytes[KN_FRAME_SIZE];
     uint16_t seq;
 } kn_deframer;
 
-// Takes one byte. True: it completed frame.
+// Take one byte. Return true if the byte completed a valid frame, which is written to *frame.
 bool kn_deframer_push(kn_deframer *deframer, uint8_t byte, kn_frame *frame);
 
 #endif

@@ -1,5 +1,5 @@
-// knead hand: a real device on a running kneadd. The device's thread is bridge.h's; here is where the tool begins, and
-// what is said about it all.
+// knead hand: connect a real device to a running kneadd. The device's thread is in bridge.h. This file finds where the
+// tool begins, starts the bridge, and reports on both.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/foot.h"
@@ -19,19 +19,23 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 4000; // KNEAD_SCENE comes every 1 s
-static const int look_ms = 50;
-static const int answer_ms = 3000; // without a force, it is said that nobody answers
-static const int stalled_ms = 10;  // more than this and the silence is our own
-static const int bad_ms = 10000;   // a device that talks nonsense must not fill a terminal
-static const double above_m = 0.02;
-static const double cautious_n = 3.3; // profile bench is a virtual hand's; the smallest of the common devices has this
-static const double thinnest = 0.5;   // of the object's height stays under a tool that no force stops
+static const int scene_wait_ms = 4000; // longest wait for KNEAD_SCENE, which comes every 1 s
+static const int look_ms = 50;         // interval of looking at the news
+static const int answer_ms = 3000;     // time without a force after which the missing answer is reported
+static const int stalled_ms = 10;      // a tick this long means that this process itself did not run
+// Shortest time between two reports of bad messages, so that they cannot fill a terminal.
+static const int bad_ms = 10000;
+static const double above_m = 0.02; // start height of the tool above the object
+// Force limit used instead of that of the profile `bench`, which describes a virtual hand. It is the smallest limit of
+// the common devices.
+static const double cautious_n = 3.3;
+static const double thinnest = 0.5; // share of the object's height that must remain under a steered tool
 
-typedef struct told { // of the bridge's news, so as to tell each thing once
+// Counters and states of the news reported last, so that each event is reported once.
+typedef struct told {
     int64_t losses, arrivals, force_trips, pose_trips, faults, bad, reflexes, refusals, units;
-    int64_t bad_ms, far_ms, answer_ms; // when those were last told; since when forces are missing
-    int64_t model_ms;                  // since when contacts are missing, though forces come
+    int64_t bad_ms, far_ms, answer_ms; // time of the last reports; time since when forces are missing
+    int64_t model_ms;                  // time since when contacts are missing although forces come
     int64_t heard, foreign;
     bool unanswered, latched, modelless;
 } told;
@@ -60,6 +64,7 @@ static void on_signal(int number)
 
 static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
 
+// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
 static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
 {
     for (int i = 0; i < def->probe_count; i++)
@@ -67,7 +72,7 @@ static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
     return name || def->probe_count == 0 ? NULL : &def->probe[0];
 }
 
-// The scene's device as it is there, but for what the command line says.
+// Set up the renderer from the scene's device and the tool. Options of the command line take precedence.
 static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
 {
     kn_device_def *d = &h->render.device;
@@ -80,16 +85,22 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
                                 .level = tool->shape == KN_PROBE_PLATE,
                                 .guard_n_per_ms = scene->limits.guard_n_per_ms,
                                 .local = o->local,
-                                .held = o->kind == KN_HAND_SPACENAV}; // a puck has no motors for a late force
+                                // A puck has no motors, so a late force can do no harm.
+                                .held = o->kind == KN_HAND_SPACENAV};
     kn_model_def_extent(&scene->model, extent_m);
+    // Zero of the device: set by the option or by the scene, otherwise above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
     else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0) at_m[2] = extent_m[2] + kn_foot_m(tool) + above_m;
-    if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error); // was found right before
+    // The option was checked when it was parsed.
+    if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
+    // The bench profile allows more force than real devices bear, so its limit is replaced.
     if (o->scale > 0.0) d->scale = o->scale;
     if (o->force_limit_n > 0.0) d->force_limit_n = o->force_limit_n;
     else if (!strcmp(d->name, "bench")) d->force_limit_n = cautious_n;
     kn_device_axes(d, axes);
-    bool upright = axes[2][2] > 0.999; // else the reach alone is left to hold a steered tool
+    // Limit how deep a steered tool can go. With a tilted mount only its reach limits the tool, because the device's z
+    // is not the height.
+    bool upright = axes[2][2] > 0.999;
     h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_foot_m(tool) - at_m[2]) / d->scale : -INFINITY;
 }
 
@@ -103,7 +114,7 @@ static int use_scene(hand *h, const kn_scene *scene)
     return KN_EXIT_OK;
 }
 
-// Which tool, where the object ends, which device the scene is for: of the scene that is being served.
+// Find the tool, the object's height and the device's settings in the scene that kneadd serves.
 static int look_at_scene(hand *h)
 {
     kn_live live;
@@ -119,8 +130,9 @@ static int look_at_scene(hand *h)
     return code;
 }
 
-// ---- what is told: each thing once, bad messages at most every 10 s
+// ---- reports: each event once, bad messages at most every 10 s
 
+// Report losses, arrivals and bad messages of the device.
 static void tell_device(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
     if (n->losses > t->losses)
@@ -135,6 +147,7 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
     t->bad_ms = now_ms;
 }
 
+// Report stops of the renderer: the impulse guard, a link that is too slow, and missing contacts.
 static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now_ms)
 {
     const kn_render *n = &r->render;
@@ -146,6 +159,7 @@ static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now
     t->reflexes = n->reflexes;
     t->refusals = n->refusals;
 
+    // The local model needs contacts. Forces without contacts mean that kneadd does not send them.
     bool misses = n->def.local && r->heard > t->heard && n->model.taken == t->units;
     if (!misses) t->model_ms = now_ms, t->modelless = false;
     t->units = n->model.taken;
@@ -154,11 +168,13 @@ static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now
     fprintf(stderr, "knead hand: forces, but no contact for 3 s: 0 N; start kneadd with --local-model\n");
 }
 
+// Report watchdog trips, faults of kneadd, and missing forces.
 static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
     const kn_tether *r = &n->tether;
     const char *then = "0 N; 1.2 s of silence, then a new session";
     bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
+    // A tick of 10 ms or more means that this process stood still, so neither end is to blame.
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
@@ -170,16 +186,19 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
 
     tell_stop(t, r, then, now_ms);
 
+    // Report a latched fault of kneadd once, with its remedy.
     bool latched = r->flags & KN_FLAG_LATCHED;
     if (latched && !t->latched)
         fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
                 kn_fault_remedy((kn_fault)r->fault));
     t->latched = latched;
-    bool away = !n->there && n->arrivals > 0; // which was said already
+    // The loss was already reported.
+    bool away = !n->there && n->arrivals > 0;
     if (r->heard > t->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     t->heard = r->heard;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
+    // Name the likely cause: another client, no kneadd, or a device that has not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
@@ -187,6 +206,7 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
                                     : "the device has not said where it is");
 }
 
+// Overwrite one terminal line with the tool's position, its force and the state of the link.
 static void tell_tool(const kn_bridge_news *n)
 {
     const double *x = n->position_m, *f = n->tether.render.given_n;
@@ -200,6 +220,7 @@ static void tell_tool(const kn_bridge_news *n)
     fflush(stdout);
 }
 
+// Print the counters of the whole run.
 static void summarise(const kn_bridge_news *n, const char *name, bool motors)
 {
     const kn_tether *t = &n->tether;
@@ -223,7 +244,7 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
            n->bad_why, *n->state ? "; " : "", n->state);
 }
 
-// KN_EXIT_DEVICE: the device would keep a force that this program no longer renews.
+// Report news until the end. Return KN_EXIT_DEVICE if the device would keep a force that this program no longer renews.
 static int watch(hand *h)
 {
     const char *name = h->device.base.name;
@@ -234,6 +255,7 @@ static int watch(hand *h)
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
+        // The proof of the device's watchdog has failed, so going on would not be safe.
         if (n->watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE,
                                "the %s kept its motor on through 100 ms of silence: if this program "
@@ -247,6 +269,7 @@ static int watch(hand *h)
     return KN_EXIT_OK;
 }
 
+// Start the driver and the bridge, watch them, and print the summary.
 static int run(hand *h)
 {
     const kn_device_def *d = &h->render.device;
@@ -256,7 +279,8 @@ static int run(hand *h)
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
-    def.session = 1 + ((int64_t)random << 20); // room for the sessions that follow
+    // The session number is random. The low 20 bits leave room for the sessions that follow.
+    def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
     if (kn_bridge_priority_error(&h->bridge))
@@ -280,7 +304,8 @@ int kn_hand_main(int argc, char **argv)
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
     int code = kn_hand_options_parse(&h->opt, argc, argv, &done);
     if (code == KN_EXIT_OK && !done) {
-        signal(SIGPIPE, SIG_IGN); // libspnav and sockets: a device that is gone is no reason to be gone
+        // libspnav and sockets raise SIGPIPE when a device is gone. The bridge handles the loss.
+        signal(SIGPIPE, SIG_IGN);
         sigaction(SIGINT, &stop, NULL);
         sigaction(SIGTERM, &stop, NULL);
         code = look_at_scene(h);

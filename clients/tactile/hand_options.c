@@ -61,6 +61,7 @@ static int bad(const char *option, const char *text, const char *expected)
     return kn_complain("hand", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
 }
 
+// Read a finite number above 0.
 static int number(const char *option, const char *text, double *value)
 {
     char *end;
@@ -69,6 +70,8 @@ static int number(const char *option, const char *text, double *value)
     return bad(option, text, "a number above 0");
 }
 
+// Read a quantity and convert it to `unit_text`. A number without a unit has the unit *otherwise. If `otherwise` is
+// NULL, such a number is refused. *said: the unit that was used.
 static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
 {
     kn_unit unit;
@@ -83,6 +86,7 @@ static bool quantity(const char *text, const char *unit_text, const kn_unit *oth
     return isfinite(*value);
 }
 
+// Read a quantity above 0, like '5 cm/s'.
 static int quantity_option(const char *option, const char *text, const char *unit, const char *example, double *value)
 {
     kn_unit said;
@@ -90,7 +94,7 @@ static int quantity_option(const char *option, const char *text, const char *uni
     return kn_complain("hand", KN_EXIT_USAGE, "--%s %s: expected something like '%s'", option, text, example);
 }
 
-// Three lengths, of which the last must say its unit and the others may.
+// Read three lengths. The last must have a unit, and the others use this unit if they have none.
 static int origin(const char *text, double origin_m[3])
 {
     char part[3][48];
@@ -101,6 +105,7 @@ static int origin(const char *text, double origin_m[3])
     return ok ? KN_EXIT_OK : bad("origin", text, "three lengths like '0,0,6 cm'");
 }
 
+// Read the name of the device, which is the only argument that is not an option.
 static int device(kn_hand_options *o, int count, char **names)
 {
     static const char *const known[] = {
@@ -112,6 +117,7 @@ static int device(kn_hand_options *o, int count, char **names)
     return kn_complain("hand", KN_EXIT_USAGE, "no device `%s`: expected " DEVICES, names[0]);
 }
 
+// Check conditions between options, and the URLs.
 static int check(const kn_hand_options *o)
 {
     char error[256];
@@ -125,9 +131,11 @@ static int check(const kn_hand_options *o)
     return KN_EXIT_OK;
 }
 
+// Values of the long options. All values are above those of characters, so that none is taken for a short option.
 enum { TTY = 256, BAUD, SPEED, TURN, DEAD, REACH, URL, DEVICE, PRESET };
 enum { PROBE = PRESET + 1, ORIGIN, BASIS, SCALE, LIMIT, SECONDS, LCM_URL, MESH_URL, QUIET, LOCAL, UNWATCHED, HELP };
 
+// Store an option that belongs to one kind of device.
 static int take_of_device(kn_hand_options *o, int option, const char *text)
 {
     char *end;
@@ -153,6 +161,7 @@ static int take_of_device(kn_hand_options *o, int option, const char *text)
     return KN_EXIT_OK;
 }
 
+// Store an option that applies to all devices.
 static int take(kn_hand_options *o, int option, const char *text)
 {
     char why[128];
@@ -162,6 +171,7 @@ static int take(kn_hand_options *o, int option, const char *text)
     case ORIGIN: o->origin = text; return origin(text, o->origin_m);
     case BASIS:
         o->basis = text;
+        // Check the basis now. The scene's device, which it applies to, is not known yet.
         kn_mount_init(&any);
         if (kn_mount_basis(&any, text, why, sizeof why)) break;
         return kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
@@ -191,6 +201,7 @@ int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
                                          {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
                                          {"local", 0, 0, LOCAL},       {"no-watchdog", 0, 0, UNWATCHED},
                                          {"help", 0, 0, HELP},         {0, 0, 0, 0}};
+    // Defaults. Fields that stay 0 are filled from the scene or by the driver.
     *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     optind = 1;
@@ -201,6 +212,7 @@ int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
             fputs(help, stdout);
             return KN_EXIT_OK;
         }
+        // getopt returns '?' for an unknown option and ':' for a missing value.
         if (c != '?' && c != ':') code = take(o, c, optarg);
         else
             code = kn_complain("hand", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],

@@ -10,10 +10,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-static const size_t largest = 1 << 18; // bytes of a message: an inventory of many devices has some thousand
-static const int patience_ms = 1000;   // for an answer
-static const int ask_ms = 500;         // for an arm that is not there
-static const int reach_ms = 300;
+static const size_t largest = 1 << 18; // largest message, bytes: an inventory of many devices takes some thousand
+static const int patience_ms = 1000;   // longest wait for an answer before the service counts as lost
+static const int ask_ms = 500;         // interval of asking for an arm that is not there
+static const int reach_ms = 300;       // longest wait for a connection
 
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
 {
@@ -22,6 +22,7 @@ bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
     return (n == 2 || (n == 3 && end == '/' && !strchr(url + 5, '/')[1])) && *port > 0 && *port < 65536;
 }
 
+// Return whether the address takes a connection on the non-blocking fd. errno says why not.
 static bool answers(int fd, const struct addrinfo *a)
 {
     int error = 0;
@@ -40,6 +41,7 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     bool ok = false;
     struct addrinfo *list = NULL, like = {.ai_socktype = SOCK_STREAM};
     snprintf(service, sizeof service, "%d", port);
+    // Try each address of the host in turn, and keep the errno of the last attempt for the message.
     int code = getaddrinfo(host, service, &like, &list);
     errno = 0;
     for (struct addrinfo *a = list; a && !ok; a = a->ai_next) {
@@ -57,32 +59,38 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     return ok;
 }
 
-// ---- the proof that the service drops a force that is not renewed, from the greeting on:
+// ---- proof: a test that the service drops a force that is not renewed. Times count from the greeting:
 //
-//     0 ms  0 N, renewed   20 ms  silence   120 ms  asked for its state: control_mode is idle
-#define SILENT_NS 20000000
+//     0 ms    send 0 N again and again
+//     20 ms   send nothing
+//     120 ms  ask for the state: control_mode must be idle
+#define SILENT_NS 20000000 // after the greeting
 #define ASKED_NS 100000000 // after the last message
 
 static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
 
 static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns; }
 
-// ---- the conversation
+// ---- conversation with the service
 
+// Request a write, unless an answer is still pending or the proof demands silence.
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
     if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
-    h->in_flight = true; // from here on, so that nothing is asked for twice
+    // Set now, so that no second write is requested before the callback.
+    h->in_flight = true;
     lws_callback_on_writable(h->wsi);
 }
 
+// Write the next message: a request for the inventory or state, the greeting, or the newest force.
 static int write_message(kn_haply *h)
 {
     char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
     if (!h->in_flight) return 0;
     h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
     h->sent_ns = kn_now_ns();
+    // No arm known, or end of the proof's silence: ask. A new arm: greet. Otherwise: push the force.
     int size = !*h->device_id || h->asked ? kn_haply_ask(text)
                : h->greeted               ? kn_haply_push(text, h->device_id, h->force_n)
                                           : kn_haply_greet(text, h->device_id, h->preset);
@@ -92,6 +100,7 @@ static int write_message(kn_haply *h)
     return lws_write(h->wsi, (unsigned char *)text, (size_t)size, LWS_WRITE_TEXT) < size ? -1 : 0;
 }
 
+// Handle one complete message of the service.
 static void take(kn_haply *h)
 {
     char error[80];
@@ -99,6 +108,7 @@ static void take(kn_haply *h)
     bool known = *h->device_id;
     h->in_flight = false;
     h->silent_ms = 0;
+    // Before an arm is selected, look for the wanted one. Afterwards, read only the selected arm.
     switch (kn_haply_read(h->message, h->length, known ? h->device_id : h->wanted, &s, error, sizeof error)) {
     case KN_HAPLY_MALFORMED: kn_tactile_bad(&h->base, "%s", error); break;
     case KN_HAPLY_ABSENT:
@@ -106,17 +116,21 @@ static void take(kn_haply *h)
         else snprintf(h->base.state, sizeof h->base.state, "the service has no arm %s", h->wanted);
         return;
     case KN_HAPLY_STATE:
+        // The first message that has the arm is the inventory. Answer it with the greeting.
         if (!known) strcpy(h->device_id, s.device_id), h->wanted_force = true;
         h->base.messages++;
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
                  s.calibrated ? "" : ", not calibrated: put its grip on the rest");
+        // The answer at the end of the proof decides: an idle arm has dropped its force.
         if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
-        if (known && s.calibrated && !proves(h))
-            kn_bridge_moved(h->bridge, &s.pose); // the inventory is from before the preset
+        // The inventory's position is older than the preset, so it is not passed on.
+        if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose);
     }
+    // If a force came while a message was under way, send the force now.
     if (*h->device_id && h->wanted_force) send_next(h);
 }
 
+// Collect the fragments of one message.
 static int receive(kn_haply *h, struct lws *wsi, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) h->length = 0;
@@ -133,7 +147,8 @@ static int receive(kn_haply *h, struct lws *wsi, const void *bytes, size_t size)
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
 {
     kn_haply *h = lws_context_user(lws_get_context(wsi));
-    bool ours = wsi == h->wsi; // one that was closed may still have something to say
+    // A connection that was closed may still deliver events.
+    bool ours = wsi == h->wsi;
     switch ((int)reason) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
         h->connected = ours;
@@ -151,8 +166,9 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     }
 }
 
-// ---- as a device
+// ---- driver interface
 
+// Start libwebsockets on the bridge's libev loop, once. Its context outlives a lost connection.
 static bool start_library(kn_haply *h)
 {
     static const struct lws_protocols protocols[] = {{"haply", on_event, 0, 1 << 16, 0, NULL, 0},
@@ -175,8 +191,10 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     kn_haply *h = (kn_haply *)device;
     h->bridge = bridge;
     if (!kn_haply_reach(h->host, h->port, error, error_size)) return false;
+    // Each message is written before its step, so that a failing step leaves its own reason.
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!start_library(h)) return false;
+    // Forget the earlier connection, and prove the watchdog again.
     h->connected = h->greeted = h->in_flight = h->wanted_force = false;
     h->length = 0;
     h->silent_ms = 0;
@@ -200,7 +218,8 @@ static void close_haply(kn_tactile *device)
 {
     kn_haply *h = (kn_haply *)device;
     struct lws *wsi = h->wsi;
-    h->wsi = NULL; // what it still says is not ours
+    // Events of the old connection are ignored from here on.
+    h->wsi = NULL;
     h->connected = false;
     if (wsi) lws_set_timeout(wsi, PENDING_TIMEOUT_CLOSE_SEND, LWS_TO_KILL_ASYNC);
 }
@@ -224,6 +243,7 @@ static void tick(kn_tactile *device, int elapsed_ms)
 {
     kn_haply *h = (kn_haply *)device;
     h->silent_ms += elapsed_ms;
+    // While the wanted arm is missing, ask for it again. If the service does not answer, report it as lost.
     if (!*h->device_id && h->connected && !h->in_flight && h->silent_ms >= ask_ms) send_next(h);
     if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
 }

@@ -1,55 +1,59 @@
 #ifndef KN_CLIENTS_HAPLY_H
 #define KN_CLIENTS_HAPLY_H
-// An Inverse3 or Minverse of Haply Robotics through their Inverse Service 3.5, which runs on this machine: three
-// degrees of freedom with force, the orientation and buttons of a grip.
+// Driver of an Inverse3 or Minverse of Haply Robotics through their Inverse Service 3.5, which runs on this machine:
+// three degrees of freedom with force, plus the orientation and buttons of a grip.
 //
 //     service                        this driver
-//        --- inventory ------------->   which arm
+//        --- inventory ------------->   selects the arm
 //        <-- greeting, 0 N ----------
-//        --- state ----------------->   pose to kneadd
-//        <-- force ------------------   as soon as kneadd has one, at the latest after 1 ms
+//        --- state ----------------->   sends the pose to kneadd
+//        <-- force ------------------   sent as soon as kneadd gives a force, at the latest after 1 ms
 //        --- state ----------------->   ...
 //
-// The service answers every message with exactly one state, and forgets a force that is not renewed: one message is
-// under way at a time, and zero force is sent, not silence. Untested on hardware and on the real service:
-// tests/tactile/tool_haply.c is one made from their documentation.
+// The service answers every message with exactly one state, so the driver has at most one message under way. The
+// service drops a force that is not renewed, so the driver also sends zero forces. The driver has not been tested with
+// hardware or with the real service. tests/tactile/tool_haply.c imitates the service according to Haply's
+// documentation.
 #include "clients/tactile/haply_json.h"
 
 struct lws_context;
 struct lws;
 
 #define KN_HAPLY_URL "ws://localhost:10001"
-#define KN_HAPLY_PRESET "arm_front_centered" // the arm in front, its zero at the centre of its reach
+#define KN_HAPLY_PRESET "arm_front_centered" // arm in front of the user, zero at the centre of its reach
+// Size of a host name with its NUL, bytes.
 #define KN_HAPLY_HOST 64
 
 typedef struct kn_haply {
     kn_tactile base;
     char host[KN_HAPLY_HOST];
     int port;
-    char wanted[KN_HAPLY_ID]; // "": the first arm
+    char wanted[KN_HAPLY_ID]; // id of the wanted arm; "": the first arm
     const char *preset;
     // private
     kn_bridge *bridge;
-    struct lws_context *context; // kept from the first opening on
+    struct lws_context *context; // created at the first opening and kept
     struct lws *wsi;
-    char device_id[KN_HAPLY_ID]; // "": not known yet
-    char *message;               // what has come of it
+    char device_id[KN_HAPLY_ID]; // id of the selected arm; "": not known yet
+    char *message;               // bytes of the message received so far
     size_t length;
     bool connected, greeted;
-    bool in_flight, wanted_force; // a message has not been answered; there is a force to send
-    bool unwatched, asked;
-    int64_t greeted_ns, sent_ns; // 0: not yet; the last message
-    int silent_ms;
+    bool in_flight, wanted_force; // in_flight: a message is not answered yet; wanted_force: a force waits to be sent
+    bool unwatched, asked;        // unwatched: --no-watchdog; asked: the last message asked for the inventory
+    int64_t greeted_ns, sent_ns;  // time of the greeting (0: not greeted yet), time of the last message
+    int silent_ms;                // time since the last answer
     double force_n[3];
 } kn_haply;
 
-// ws://HOST:PORT. False for anything else.
+// Split ws://HOST:PORT. Return false for any other form.
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port);
-// preset: borrowed. device_id: "" for the first arm. unwatched: give force without that proof.
+// Prepare the driver without connecting. preset: the text must outlive the driver. device_id: "" for the first arm.
+// unwatched: give force without first testing that the service drops a force that is not renewed.
 void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset,
                    bool unwatched);
 
-// Whether somebody listens there, asked for 300 ms at most. False and one line in error.
+// Return true if host:port accepts a connection within 300 ms per address. Otherwise return false and one line in
+// `error`.
 bool kn_haply_reach(const char *host, int port, char *error, size_t error_size);
 
 #endif

@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double farthest_m = 1.0, fastest_m_s = 100.0; // no arm of theirs is larger; more is not a position
+// Plausibility limits. No arm of Haply's is larger than farthest_m.
+static const double farthest_m = 1.0, fastest_m_s = 100.0;
 
 bool kn_haply_id_known(const char *id)
 {
@@ -12,7 +13,8 @@ bool kn_haply_id_known(const char *id)
     return n > 0 && n < KN_HAPLY_ID && !id[n];
 }
 
-// The numbers that object has under the letters of names. False: some are missing, or beyond most.
+// Read the numbers with one-letter names from a JSON object. Return false if a number is missing, or if its magnitude
+// is above `most`.
 static bool numbers(const json_t *object, const char *names, double most, double *value)
 {
     for (; *names; names++, value++) {
@@ -24,17 +26,18 @@ static bool numbers(const json_t *object, const char *names, double most, double
     return true;
 }
 
+// Read a quaternion and normalise it. Return false if its length is not close to 1.
 static bool orientation(const json_t *object, double wxyz[4])
 {
     double q[4];
     if (!numbers(object, "wxyz", 1.1, q)) return false;
     double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(fabs(size - 1.0) < 0.1)) return false; // theirs come with four digits
+    if (!(fabs(size - 1.0) < 0.1)) return false; // the service rounds to four digits
     for (int i = 0; i < 4; i++) wxyz[i] = q[i] / size;
     return true;
 }
 
-// A wireless grip before a wired one; one that says nothing of use is as good as none.
+// Read the grip. A wireless grip takes precedence over a wired one. A grip without a valid orientation is ignored.
 static void read_grip(const json_t *root, kn_haply_state *s)
 {
     const char *const kinds[] = {"wireless_verse_grip", "verse_grip"};
@@ -44,10 +47,12 @@ static void read_grip(const json_t *root, kn_haply_state *s)
         s->grip = orientation(json_object_get(grip, "orientation"), s->pose.orientation_wxyz);
         for (int b = 0; s->grip && b < 3; b++)
             if (json_is_true(json_object_get(buttons, (const char *[]){"a", "b", "c"}[b]))) s->pose.buttons |= 1 << b;
+        // Some grips have a single field "button" instead.
         if (s->grip && json_is_true(json_object_get(grip, "button"))) s->pose.buttons |= 1;
     }
 }
 
+// Return the wanted arm, or the first arm with a valid id if device_id is "".
 static const json_t *find(const json_t *arms, const char *device_id)
 {
     for (size_t i = 0; i < json_array_size(arms); i++) {
@@ -58,6 +63,7 @@ static const json_t *find(const json_t *arms, const char *device_id)
     return NULL;
 }
 
+// Check and read the arm's part of a message. Position and velocity are required; everything else has a default.
 static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_haply_state *s, char *error, size_t size)
 {
     const json_t *arms = json_object_get(root, "inverse3"), *arm = find(arms, device_id);
@@ -77,6 +83,7 @@ static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_hap
         snprintf(error, size, "expected cursor_velocity x, y, z within 100 m/s");
         return KN_HAPLY_MALFORMED;
     }
+    // A missing control_mode counts as not idle: the watchdog's proof must not pass by accident.
     const char *mode = json_string_value(json_object_get(state, "control_mode"));
     s->idle = mode && !strcmp(mode, "idle");
     s->calibrated = !json_is_false(json_object_get(json_object_get(arm, "status"), "calibrated"));
@@ -90,7 +97,8 @@ kn_haply_heard kn_haply_read(const char *text, size_t size, const char *device_i
     json_error_t why;
     json_t *root = json_loadb(text, size, JSON_REJECT_DUPLICATES, &why);
     if (!root) {
-        snprintf(error, error_size, "no JSON at byte %d", why.position); // not its words: they quote what has come
+        // Do not use jansson's text: it quotes the received bytes.
+        snprintf(error, error_size, "no JSON at byte %d", why.position);
         return KN_HAPLY_MALFORMED;
     }
     kn_haply_heard heard = read_arm(root, device_id, state, error, error_size);

@@ -11,6 +11,7 @@ bool kn_mount_basis(kn_device_def *d, const char *text, char *error, size_t erro
 {
     kn_device_def turned = *d;
     const char *at = text, *wrong = NULL;
+    // Read one optional sign and one letter per axis. Axes count from 1, and 0 marks an unknown letter.
     for (int i = 0; i < 3; i++) {
         double sign = *at == '-' ? -1.0 : 1.0;
         at += *at == '-' || *at == '+';
@@ -18,6 +19,7 @@ bool kn_mount_basis(kn_device_def *d, const char *text, char *error, size_t erro
         turned.basis[i] = letter ? sign * (double)((letter - "XYZxyz") % 3 + 1) : 0.0;
         at += letter != NULL;
     }
+    // kn_device_check refuses unknown letters, repeated axes and left-handed bases.
     wrong = *at ? "more than three axes, expected something like XYZ or Y-XZ" : kn_device_check(&turned);
     if (!wrong) memcpy(d->basis, turned.basis, sizeof d->basis);
     else snprintf(error, error_size, "%s", wrong);
@@ -28,7 +30,7 @@ void kn_mount_orientation(const kn_device_def *d, const double device_wxyz[4], d
 {
     double a[3][3];
     kn_device_axes(d, a);
-    scene_wxyz[0] = device_wxyz[0]; // the axis of a rotation turns with A, its angle stays
+    scene_wxyz[0] = device_wxyz[0]; // A turns the rotation's axis, and its angle stays
     for (int i = 0; i < 3; i++)
         scene_wxyz[1 + i] = a[i][0] * device_wxyz[1] + a[i][1] * device_wxyz[2] + a[i][2] * device_wxyz[3];
 }

@@ -10,7 +10,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-static const int waiting_most = 2 * KN_FRAME_SIZE; // bytes in the line: what waits longer is an old force
+// Most bytes queued in the line. A command behind more bytes would be out of date on arrival.
+static const int waiting_most = 2 * KN_FRAME_SIZE;
 
 static const struct {
     int baud;
@@ -27,16 +28,19 @@ static speed_t speed_of(int baud)
 
 bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 
-// The proof of a paddle's own watchdog, from its opening on:
+// Proof: a test of the paddle's own watchdog. Times count from the opening of the line:
 //
-//     0 ms  commands without enable   10 ms  with enable, 0 N   30 ms  silence   50 ms  its watchdog has tripped
+//     0 ms    send commands without enable
+//     10 ms   send commands with enable, 0 N
+//     30 ms   send nothing
+//     50 ms   the paddle's watchdog must have tripped
 //
-// It begins anew when this thread was late for it, or the motor has not shown that it was on.
+// The proof starts again if this thread was late, or if the motor never reported that it was on.
 #define ENABLED_NS 10000000
-#define SILENT_NS 30000000
-#define JUDGED_NS 130000000
-#define LATE_NS 5000000
-#define PROOFS 5
+#define SILENT_NS 30000000  // end of the commands, begin of the silence
+#define JUDGED_NS 130000000 // deadline for the paddle to report the trip
+#define LATE_NS 5000000     // largest gap between two commands of a proof
+#define PROOFS 5            // attempts before the watchdog is judged missing
 
 static void begin_proof(kn_paddle *p)
 {
@@ -45,28 +49,34 @@ static void begin_proof(kn_paddle *p)
     p->begun_ns = p->given_ns = kn_now_ns();
 }
 
+// Advance the proof with a state frame of the paddle.
 static void judge_watchdog(kn_paddle *p, const kn_frame *f)
 {
     bool tripped = f->flags & KN_FRAME_TRIPPED;
     int64_t age_ns = kn_now_ns() - p->begun_ns;
-    p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED; // after the proof, until a command has rearmed it
+    // After the proof, armed stays set until a command without enable has cleared the trip.
+    p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED;
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
+    // If the paddle reports a trip during the silence, its watchdog is proved. If it reports none by the deadline, the
+    // watchdog is missing; but if the motor never reported that it was on, make a new attempt.
     if (age_ns > ENABLED_NS && age_ns <= SILENT_NS && !tripped && f->flags & KN_FRAME_MOTOR) p->armed = true;
     if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
     else if (age_ns > JUDGED_NS && (p->armed || p->proofs == PROOFS)) p->base.watchdog = KN_OWN_MISSING;
     else if (age_ns > JUDGED_NS) begin_proof(p);
 }
 
-// Return whether a command of the proof is to be sent.
+// Return whether the proof sends a command now. *live: whether this command has enable set.
 static bool prove(kn_paddle *p, bool *live)
 {
     int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
+    // If this thread was late with its last command, the proof proves nothing. Begin the proof again.
     if (age_ns <= SILENT_NS && now_ns - p->given_ns > LATE_NS) begin_proof(p), age_ns = 0;
     p->given_ns = now_ns;
     *live = age_ns > ENABLED_NS;
     return age_ns <= SILENT_NS;
 }
 
+// Hand a state frame to the bridge as a pose, and describe the paddle for the operator.
 static void take(kn_paddle *p, const kn_frame *f)
 {
     judge_watchdog(p, f);
@@ -86,6 +96,7 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     kn_paddle *p = watcher->data;
     uint8_t bytes[256];
     kn_frame frame, newest = {0};
+    // Read whatever bytes wait. An error or the end of the file means that the line is gone.
     ssize_t size = read(p->fd, bytes, sizeof bytes);
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (size <= 0) {
@@ -96,7 +107,7 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     kn_deframer *d = &p->deframer;
     int64_t skipped = d->skipped;
     for (ssize_t i = 0; i < size; i++)
-        if (kn_deframer_push(d, bytes[i], &frame)) newest = frame; // after a stall, the old ones are history
+        if (kn_deframer_push(d, bytes[i], &frame)) newest = frame; // after a stall, older frames are out of date
     if (d->skipped != skipped)
         kn_tactile_bad(&p->base, "%lld bytes that are no frame, %lld wrong checksums so far", (long long)d->skipped,
                        (long long)d->bad);
@@ -104,15 +115,19 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     if (newest.kind) take(p, &newest);
 }
 
+// Set the line to raw 8N1 without flow control, with low latency. False: errno says why.
 static bool setup(int fd, int baud)
 {
     struct termios t;
     if (tcgetattr(fd, &t) != 0) return false;
     cfmakeraw(&t);
-    t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL); // HUPCL resets many boards whenever somebody closes
+    // HUPCL would reset many boards whenever a program closes the line.
+    t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
     t.c_cflag |= CS8 | CLOCAL | CREAD;
     if (cfsetspeed(&t, speed_of(baud)) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
-    struct serial_struct line; // USB adapters collect bytes for 16 ms unless told; those that cannot be told do not
+    // USB adapters collect bytes for up to 16 ms unless told otherwise. Adapters that reject the request do not
+    // collect.
+    struct serial_struct line;
     if (ioctl(fd, TIOCGSERIAL, &line) == 0) {
         line.flags = (int)((unsigned)line.flags | ASYNC_LOW_LATENCY);
         ioctl(fd, TIOCSSERIAL, &line);
@@ -125,6 +140,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
     kn_paddle *p = (kn_paddle *)device;
     p->bridge = bridge;
     p->fd = open(p->tty, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    // TIOCEXCL: no second program may open the line while this one drives the motor.
     if (p->fd < 0 || ioctl(p->fd, TIOCEXCL) != 0 || !setup(p->fd, p->baud)) {
         snprintf(error, error_size, "%s: %s%s; knead devices lists what is there", p->tty,
                  errno == ENOTTY ? "no serial line" : strerror(errno),
@@ -132,6 +148,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
         if (p->fd >= 0) close(p->fd);
         return false;
     }
+    // Each opening starts with a fresh frame and a new proof of the watchdog.
     p->deframer.count = 0;
     p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     p->proofs = 0;
@@ -149,14 +166,18 @@ static void close_paddle(kn_tactile *device)
     close(p->fd);
 }
 
+// Send a force command, or the next command of the watchdog's proof.
 static void give(kn_tactile *device, const double force_n[3], bool live)
 {
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_FRAME_SIZE];
     int waiting = 0;
+    // After the proof, hold enable back until the trip is cleared. During the proof, send only what the proof asks for,
+    // at 0 N.
     if (p->base.watchdog != KN_OWN_UNPROVED) live &= !p->armed;
     else if (!prove(p, &live)) return;
     else force_n = (double[3]){0};
+    // Skip this command if the line is congested. Queued commands would reach the motor late.
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
         return;

@@ -1,10 +1,12 @@
 #ifndef KN_CLIENTS_PADDLE_H
 #define KN_CLIENTS_PADDLE_H
-// A paddle with one degree of freedom behind a serial line (Hapkit class): its position is the device's z, upwards.
-// Untested on hardware; what it was tested with is tests/tactile/tool_paddle.c behind a pty.
+// Driver of a paddle with one degree of freedom on a serial line (such as a Hapkit). The paddle's position is the z
+// coordinate of the device, upwards. The driver has not been tested on hardware, only with tests/tactile/tool_paddle.c
+// behind a pty.
 #include "clients/tactile/bridge.h"
 #include "clients/tactile/frame.h"
 
+// Default baud rate, and the list of accepted rates as a text for error messages.
 #define KN_PADDLE_BAUD 921600
 #define KN_PADDLE_BAUDS "230400, 460800, 500000, 576000, 921600, 1000000, 1500000, 2000000, 3000000 or 4000000"
 
@@ -18,16 +20,20 @@ typedef struct kn_paddle {
     ev_io readable;
     kn_deframer deframer;
     uint16_t seq;
-    bool unwatched, armed; // armed: its motor was on in this proof, or is still to be rearmed
-    int proofs;
-    int64_t begun_ns, given_ns; // of this proof; of the last command in it
-    int64_t held_back;          // commands that were not sent because older ones still waited in the line
+    // The proof is a test of the paddle's own watchdog, made after the line was opened. unwatched: give force without
+    // the proof. armed, during the proof: the motor has been on. armed, after the proof: the watchdog has tripped, and
+    // a command without enable has still to rearm it.
+    bool unwatched, armed;
+    int proofs;                 // number of proofs begun since the line was opened
+    int64_t begun_ns, given_ns; // start of the present proof; time of the last command of this proof
+    int64_t held_back;          // commands not sent because older ones still waited in the line
 } kn_paddle;
 
-// A line that cannot carry 1 kHz of frames both ways is not known.
+// Return true if `baud` is an accepted rate. An accepted rate can carry 1000 frames per second in both directions.
 bool kn_paddle_baud_known(int baud);
 
-// tty: borrowed. unwatched: give force though the paddle has not shown its own watchdog.
+// Prepare the driver without opening the line. tty: the text must outlive the driver. unwatched: give force without a
+// test of the paddle's own watchdog.
 void kn_paddle_init(kn_paddle *paddle, const char *tty, int baud, bool unwatched);
 
 #endif

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+// lag_s: time constant of the lag between puck and tool. dt_s: time that one call of step() covers.
 static const double lag_s = 0.05, dt_s = 1e-3;
 
 void kn_puck_init(kn_puck *p, const kn_puck_def *def)
@@ -13,6 +14,7 @@ void kn_puck_init(kn_puck *p, const kn_puck_def *def)
     p->def.floor_m = fmin(fmax(p->def.floor_m, -p->def.reach_m), p->def.reach_m);
 }
 
+// Return the deflection as a share of full deflection, -1 .. 1, and 0 inside the dead zone.
 static double share(const kn_puck *p, int counts)
 {
     double beyond = fabs((double)counts) - p->def.dead;
@@ -20,7 +22,8 @@ static double share(const kn_puck *p, int counts)
     return copysign(fmin(1.0, beyond / (KN_PUCK_FULL - p->def.dead)), counts);
 }
 
-// q <- rotation by w dt, about the frame's axes, times q
+// Rotate the orientation q by the angle w dt about the axes of the frame. Normalise q afterwards, because rounding
+// errors add up.
 static void turn(double q[4], const double w[3])
 {
     double speed = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * speed * dt_s;
@@ -35,12 +38,13 @@ static void turn(double q[4], const double w[3])
 static void step(kn_puck *p, const int counts[6])
 {
     double *x = p->pose.position_m, *v = p->pose.velocity_m_s, gain = dt_s / lag_s;
+    // Filter the wanted speed and twist with the lag, then move and clamp each axis to its walls.
     for (int i = 0; i < 3; i++) {
         double low = i == 2 ? p->def.floor_m : -p->def.reach_m, high = p->def.reach_m;
         v[i] += gain * (p->def.speed_m_s * share(p, counts[i]) - v[i]);
         p->turning_rad_s[i] += gain * (p->def.turn_rad_s * share(p, counts[3 + i]) - p->turning_rad_s[i]);
         double to = fmin(fmax(x[i] + v[i] * dt_s, low), high);
-        v[i] = (to - x[i]) / dt_s; // at a wall: what it did go
+        v[i] = (to - x[i]) / dt_s; // at a wall: the actual velocity
         x[i] = to;
     }
     turn(p->pose.orientation_wxyz, p->turning_rad_s);
@@ -48,6 +52,6 @@ static void step(kn_puck *p, const int counts[6])
 
 void kn_puck_tick(kn_puck *p, const int counts[6], int elapsed_ms)
 {
-    // a stall of this process is not made up for: the tool would jump
+    // Do not make up for a stall of this process beyond 5 ms: the tool would jump.
     for (int ms = 0; ms < (elapsed_ms < 5 ? elapsed_ms : 5); ms++) step(p, counts);
 }

@@ -1,36 +1,38 @@
 #ifndef KN_CLIENTS_PUCK_H
 #define KN_CLIENTS_PUCK_H
-// A tool that is steered, not held: how far a puck is pushed is how fast the tool goes. Pure; one call per ms.
+// Steering of a tool by a puck (a 3D mouse): the puck's deflection sets the speed of the tool. The functions are pure.
+// kn_puck_tick is called once per ms.
 //
-//     speed |            .---    each axis apart: nothing inside the dead zone, then straight up to full deflection;
-//           |         .-'        a first-order lag of 50 ms between the hand and the tool, because a puck's news come
-//        0  |______.-'           60 to 120 times a second in steps, and a step of speed is a blow to dough
+//     speed |            .---    Each axis for itself: 0 inside the dead zone, then linear up to full deflection.
+//           |         .-'        A first-order lag of 50 ms smooths the speed. A puck's values come in steps, 60 to
+//        0  |______.-'           120 times a second, and a step of the speed would be an impact on dough.
 //           +-----+------+---> deflection
 //              dead     full
 //
-// It carries no force: the tool goes where it is steered, and the object cannot stop it. So it stays within `reach` of
-// its zero, and above `floor_m`. It stands still when the puck is let go, and where the walls are.
+// The puck gives no force to the hand, so the object cannot stop the tool. Therefore the tool is kept within reach_m of
+// its zero position and above floor_m. The tool stops at these limits, and when the puck is released.
 #include "clients/tactile/bridge.h"
 
 #define KN_PUCK_FULL 350 // counts at full deflection of a SpaceNavigator, with spacenavd's sensitivity 1
 
-typedef struct kn_puck_def { // zero means default, but for turn_rad_s and floor_m
-    double speed_m_s;        // at full deflection, default 0.05
-    double turn_rad_s;       // at full twist; 0: the tool keeps its orientation
-    int dead;                // counts, default 15; < KN_PUCK_FULL
-    double reach_m;          // default 0.08, along each axis
-    double floor_m;          // lowest z; -reach_m when that is higher
+typedef struct kn_puck_def { // 0 selects the default, except for turn_rad_s and floor_m
+    double speed_m_s;        // speed at full deflection, default 0.05
+    double turn_rad_s;       // angular speed at full twist; 0: the tool keeps its orientation
+    int dead;                // half width of the dead zone, counts, default 15; < KN_PUCK_FULL
+    double reach_m;          // largest distance from the zero position along each axis, default 0.08
+    double floor_m;          // lowest z of the tool, clamped to +-reach_m
 } kn_puck_def;
 
 typedef struct kn_puck {
     kn_puck_def def;
-    kn_tactile_pose pose; // where the tool is, in the device's frame: x to the right, y forward, z up
+    kn_tactile_pose pose; // of the tool, in the device's frame: x to the right, y forward, z up
     double turning_rad_s[3];
 } kn_puck;
 
-void kn_puck_init(kn_puck *puck, const kn_puck_def *def); // at its zero, at rest
+void kn_puck_init(kn_puck *puck, const kn_puck_def *def); // tool at its zero, at rest
 
-// elapsed_ms of steering. counts: deflection along x, y, z and twist about them, in the device's frame, any int.
+// Move the tool for elapsed_ms. counts: deflection along x, y, z, then twist about x, y, z, in the device's frame. Any
+// int is allowed.
 void kn_puck_tick(kn_puck *puck, const int counts[6], int elapsed_ms);
 
 #endif

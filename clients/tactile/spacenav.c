@@ -8,9 +8,9 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-static const size_t event_bytes = 8 * sizeof(int32_t); // of spacenavd's protocol
-static const int events_most = 64;                     // taken per wake
-static const int buttons_most = 30;                    // the next one would be KN_BUTTON_LEAVING
+static const size_t event_bytes = 8 * sizeof(int32_t); // size of one event in spacenavd's protocol
+static const int events_most = 64;                     // events read per wake
+static const int buttons_most = 30;                    // button 30 would be KN_BUTTON_LEAVING
 
 const char *kn_spacenav_socket(void)
 {
@@ -24,6 +24,7 @@ bool kn_spacenav_reach(void)
     snprintf(at.sun_path, sizeof at.sun_path, "%.107s", kn_spacenav_socket());
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0) return false;
+    // Keep the errno of connect: close may overwrite it.
     bool ok = connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
     int why = errno;
     close(fd);
@@ -31,6 +32,7 @@ bool kn_spacenav_reach(void)
     return ok;
 }
 
+// Store one event of spacenavd: counts, buttons, or the arrival or loss of a puck.
 static void take(kn_spacenav *s, const spnav_event *event)
 {
     const struct spnav_event_motion *m = &event->motion;
@@ -38,6 +40,7 @@ static void take(kn_spacenav *s, const spnav_event *event)
     int32_t *buttons = &s->puck.pose.buttons;
     switch (event->type) {
     case SPNAV_EVENT_MOTION:
+        // Swap y and z: spacenavd has y up, the device's frame has z up.
         memcpy(s->counts, (int[]){m->x, m->z, m->y, m->rx, m->rz, m->ry}, sizeof s->counts);
         s->base.messages++;
         break;
@@ -54,8 +57,8 @@ static void take(kn_spacenav *s, const spnav_event *event)
     }
 }
 
-// Whether a whole event waits, asked before libspnav reads: to it, the end of the connection is no event, and half an
-// event is one.
+// Return 1 if a complete event waits in the socket. This must be checked before libspnav reads the socket. libspnav
+// would report the end of the connection as "no event", and half an event as a complete event.
 static int waiting(kn_spacenav *s)
 {
     uint8_t bytes[8 * sizeof(int32_t)];
@@ -70,6 +73,7 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)events;
     kn_spacenav *s = watcher->data;
+    // Bound the events of one wake, so that a flood cannot starve the timer.
     int n = 0;
     for (; n < events_most && waiting(s); n++) {
         spnav_event event = {0};
@@ -83,14 +87,16 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
 {
     kn_spacenav *s = (kn_spacenav *)device;
     s->bridge = bridge;
-    // libspnav leaks a little in every attempt that fails, and there are two a second; it knows a configured socket
+    // Try spnav_open only when it may succeed: libspnav leaks a little in every failed attempt, and there are two
+    // attempts a second. /etc/spnavrc may name another socket that libspnav knows.
     bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
-    errno = 0; // libspnav looks at what an earlier call has left there
+    errno = 0; // libspnav reads the errno of an earlier call
     if (!worth || spnav_open() != 0) {
         snprintf(error, error_size, "spacenavd does not answer at %s: is it running? knead devices tells more",
                  kn_spacenav_socket());
         return false;
     }
+    // A puck that was deflected before a loss must not steer the tool after the reopening.
     memset(s->counts, 0, sizeof s->counts);
     s->puck.pose.buttons = 0;
     ev_io_init(&s->readable, on_readable, spnav_fd(), EV_READ);

@@ -8,6 +8,7 @@ void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 {
     *t = (kn_tether){.session = session, .tick = -1};
     kn_render_init(&t->render, render);
+    // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
     kn_render_begin(&t->render, session);
     kn_watchdog_init(&t->forces, render->local ? KN_RENDER_LOCAL_HOLD_MS : 0,
                      render->local ? KN_RENDER_LOCAL_ZERO_MS : 0);
@@ -16,6 +17,7 @@ void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 
 static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
+// The link is live when the mode is HELD, forces keep coming and no stop has faded the force to zero.
 bool kn_tether_live(const kn_tether *t)
 {
     bool stopped = t->render.stop && t->render.gain == 0.0;
@@ -24,6 +26,7 @@ bool kn_tether_live(const kn_tether *t)
 
 void kn_tether_give(kn_tether *t, double now_s)
 {
+    // Both watchdogs scale the force, so that the silence of either end fades it.
     double share = kn_tether_live(t) ? t->forces.factor * t->poses.factor : 0.0;
     kn_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
     t->given_s = now_s;
@@ -32,6 +35,7 @@ void kn_tether_give(kn_tether *t, double now_s)
 
 bool kn_tether_pose(kn_tether *t, const double position_m[3], const double velocity_m_s[3])
 {
+    // Refuse a pose that is not finite. It does not reset the watchdog.
     if (!sane(position_m) || !sane(velocity_m_s)) {
         t->refused++;
         return false;
@@ -39,6 +43,7 @@ bool kn_tether_pose(kn_tether *t, const double position_m[3], const double veloc
     t->fresh_pose = true;
     memcpy(t->position_m, position_m, sizeof t->position_m);
     memcpy(t->velocity_m_s, velocity_m_s, sizeof t->velocity_m_s);
+    // While SILENT the pose is kept for later, but not sent: kneadd must see the session end.
     if (t->mode == KN_TETHER_SILENT) return false;
     t->seq++;
     t->sent++;
@@ -48,17 +53,20 @@ bool kn_tether_pose(kn_tether *t, const double position_m[3], const double veloc
 
 bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
 {
+    // Refuse a force of another session, and every force while SILENT.
     if (force->session != t->session || t->mode == KN_TETHER_SILENT) {
         t->foreign += force->session != t->session;
         return false;
     }
+    // Refuse a force whose tick is not newer. A recorded or repeated message must not keep the watchdog quiet.
     if (force->tick <= t->tick) {
         t->late++;
         return false;
     }
+    // Only the first answer to a pose measures the round trip. Later answers are older by the ticks in between.
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
-        t->refused++; // and the watchdog goes on counting
+        t->refused++; // the watchdog keeps counting
         return false;
     }
     if (first) t->answered = force->seq;
@@ -70,6 +78,7 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
     return true;
 }
 
+// Begin the silence that ends the session. kneadd ends a session after 1 s without poses.
 static void fall_silent(kn_tether *t)
 {
     t->mode = KN_TETHER_SILENT;
@@ -77,6 +86,7 @@ static void fall_silent(kn_tether *t)
     t->flags = t->fault = 0;
 }
 
+// Begin a new session: from zero force, with both watchdogs rearmed.
 static void begin_anew(kn_tether *t)
 {
     t->mode = KN_TETHER_HELD;
@@ -88,11 +98,13 @@ static void begin_anew(kn_tether *t)
     kn_watchdog_rearm(&t->poses);
 }
 
-// What only a new session clears; a link that is near enough again deserves one, too.
+// Return whether the session must be given up: after a fault or a faded reflex, which only a new session clears, or
+// when a link that was too slow has become fast enough again.
 static bool wants_anew(kn_tether *t)
 {
     const kn_render *r = &t->render;
-    bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED); // lifting does not clear it
+    // Lifting the tool does not clear this fault.
+    bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED);
     bool near = r->stop == KN_RENDER_FAR && r->round_trip_s < KN_RENDER_NEAR_S;
     t->faults += fault;
     return fault || near || (r->stop == KN_RENDER_REFLEX && r->gain == 0.0);
@@ -103,6 +115,7 @@ void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
     bool pose = t->fresh_pose, force = t->fresh_force, silent = false;
     t->fresh_pose = t->fresh_force = false;
     if (t->mode == KN_TETHER_HELD) {
+        // Count the ms since the last pose and the last force. A trip of either watchdog ends the session.
         kn_watchdog_tick(&t->poses, pose, elapsed_ms);
         kn_watchdog_tick(&t->forces, force, elapsed_ms);
         silent = wants_anew(t) || t->poses.tripped || t->forces.tripped;
@@ -111,9 +124,11 @@ void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
             fall_silent(t);
         }
     } else {
+        // Wait out the silence. A new session begins only when the device has just given a pose.
         t->silent_ms = t->silent_ms > elapsed_ms ? t->silent_ms - elapsed_ms : 0;
         if (t->silent_ms == 0 && pose) begin_anew(t);
     }
-    if (!t->given || silent || !t->render.def.local) kn_tether_give(t, now_s); // what a watchdog says now
+    // Apply the watchdogs' factors of this tick to the force.
+    if (!t->given || silent || !t->render.def.local) kn_tether_give(t, now_s);
     t->given = false;
 }

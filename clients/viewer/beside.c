@@ -10,6 +10,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 {
     struct stat there;
     *b = (kn_beside){.path = path};
+    // lstat, not stat: a link must be refused, not followed.
     if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) {
         snprintf(error, error_size, "%s: is no regular file, expected a file that may be replaced", path);
         return false;
@@ -18,12 +19,13 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
         snprintf(error, error_size, "%.40s...: a path of more than 4000 bytes", path);
         return false;
     }
+    // The new file is in the same folder, because a rename is atomic only within one file system.
     int fd = mkostemp(b->tmp, O_CLOEXEC);
     b->file = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (b->file) {
         mode_t mask = umask(0);
         umask(mask);
-        fchmod(fd, 0666 & ~mask); // mkstemp's 0600 is for secrets
+        fchmod(fd, 0666 & ~mask); // mkostemp sets 0600, which is meant for secrets; follow the umask instead
         return true;
     }
     snprintf(error, error_size, "%s: %s", path, strerror(errno));
@@ -36,6 +38,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 
 bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
 {
+    // Check both the writes and the close: a full disk may show only at the close.
     const bool written = !ferror(b->file), closed = fclose(b->file) == 0;
     b->file = NULL;
     if (written && closed && rename(b->tmp, b->path) == 0) return true;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_BESIDE_H
 #define KN_CLIENTS_VIEWER_BESIDE_H
-// A file that appears whole: written under a name that nobody has, in the folder of its path, then renamed. Whoever
-// looks at the path sees the old file or the whole new one.
+// Atomic replacement of a file. The data is written to a new file with an unused name in the same folder. Renaming then
+// puts the new file in place. A reader of the path sees the old file or the whole new one.
 //
 //     kn_beside_open -> write .file, or the name .tmp -> kn_beside_keep, or kn_beside_drop
 #include <stdbool.h>
@@ -14,11 +14,12 @@ typedef struct kn_beside {
     FILE *file;
 } kn_beside;
 
-// path is kept. One that is there and no regular file is refused: renaming would put a file in the place of a device or
-// a link. False and one sentence in error.
+// Create the new file. Borrows `path`. If `path` exists and is not a regular file, it is refused, because the rename
+// would replace a device or a link by a file. On failure return false and put one sentence in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// Either one ends it. False and one sentence in error: it could not be written to its end, and is gone.
+// kn_beside_keep puts the new file in place, kn_beside_drop removes it. Every use must end with one of the two calls.
+// If the file could not be written completely, kn_beside_keep removes it, returns false and puts one sentence in error.
 bool kn_beside_keep(kn_beside *beside, char *error, size_t error_size);
 void kn_beside_drop(kn_beside *beside);
 

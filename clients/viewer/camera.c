@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#define FILL 0.86f     // of the picture's height or width, by the box
-#define HEADROOM 0.45f // of the object's height, above it, for a lifted probe and its arrow
+#define FILL 0.86f     // share of the picture's height or width that the box fills
+#define HEADROOM 0.45f // space above the object for a lifted probe and its arrow, as a share of the object's height
 
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
 {
@@ -14,7 +14,7 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
     kn_cross(up, back, right);
 }
 
-// The nearest distance from which the whole box of these half sides is inside the picture.
+// Return the smallest distance at which the whole box with half sides `half` is inside the picture.
 static float distance_for(const float half[3], double azimuth_deg, double elevation_deg, float aspect)
 {
     float right[3], up[3], back[3], distance = 0;
@@ -22,6 +22,7 @@ static float distance_for(const float half[3], double azimuth_deg, double elevat
     for (int corner = 0; corner < 8; corner++) {
         const float p[3] = {corner & 1 ? half[0] : -half[0], corner & 2 ? half[1] : -half[1],
                             corner & 4 ? half[2] : -half[2]};
+        // Each corner needs a distance at which it is within FILL of the picture's half width and half height.
         const float x = fabsf(kn_dot(p, right)) / aspect, y = fabsf(kn_dot(p, up));
         distance = fmaxf(distance, kn_dot(p, back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
     }
@@ -34,13 +35,15 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
     c->aspect = v->aspect;
     c->tan_half = KN_CAMERA_TAN_HALF / (float)(v->zoom > 0 ? v->zoom : 1);
     kn_camera_axes(v->azimuth_deg, v->elevation_deg, c->right, c->up, c->back);
+    // Aim at the middle of the box including the headroom.
     for (int i = 0; i < 3; i++) {
         target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
         half[i] = target[i] - low[i];
         scale = fmaxf(scale, high[i] - low[i]);
     }
     float distance = distance_for(half, v->azimuth_deg, v->elevation_deg, v->aspect);
-    for (int deg = 0; v->turns && deg < 180; deg += 5) // a box looks the same from behind
+    // Half a turn suffices, because a box looks the same from behind.
+    for (int deg = 0; v->turns && deg < 180; deg += 5)
         distance = fmaxf(distance, distance_for(half, deg, v->elevation_deg, v->aspect));
     for (int i = 0; i < 3; i++) c->eye[i] = target[i] + distance * c->back[i];
     kn_mat_view(view, c->right, c->up, c->back, c->eye);
@@ -56,6 +59,7 @@ void kn_camera_aim(kn_camera *c, const float low[3], const float high[3], double
 
 bool kn_camera_pick(const kn_camera *c, double u, double v, double z_m, double at_m[2])
 {
+    // Direction of sight through (u, v), scaled so that its component along the view axis is 1.
     double x = c->tan_half * c->aspect * (2.0 * u - 1.0), y = c->tan_half * (1.0 - 2.0 * v), sight[3];
     for (int i = 0; i < 3; i++) sight[i] = x * c->right[i] + y * c->up[i] - c->back[i];
     double far = (z_m - c->eye[2]) / sight[2];

@@ -10,6 +10,7 @@ kn_form kn_form_create(const kn_gl *gl)
     gl->BindVertexArray(s.array);
     gl->GenBuffers(1, &s.buffer);
     gl->BindBuffer(GL_ARRAY_BUFFER, s.buffer);
+    // Attributes 0 and 1: position and normal, interleaved.
     for (GLuint i = 0; i < 2; i++) {
         gl->VertexAttribPointer(i, 3, GL_FLOAT, GL_FALSE, 6 * sizeof(float), (const void *)(i * 3 * sizeof(float)));
         gl->EnableVertexAttribArray(i);
@@ -26,6 +27,7 @@ void kn_form_corners(const kn_gl *gl, kn_form *s, int corners, const float *data
     gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)((size_t)corners * 6 * sizeof *data), data, usage);
 }
 
+// Build rings of vertices along the profile, and join neighbouring rings by two triangles per segment.
 kn_form kn_form_turn(const kn_gl *gl, int count, const float (*profile)[2], int segments)
 {
     enum { RINGS = 17, SEGMENTS = 32 };
@@ -39,6 +41,7 @@ kn_form kn_form_turn(const kn_gl *gl, int count, const float (*profile)[2], int 
             xyz[a][1] = profile[i][0] * sinf(angle);
             xyz[a][2] = profile[i][1];
             if (i + 1 == count) continue;
+            // A ring of radius 0 is a single point, so one of the two triangles would be empty.
             int c = b + segments, d = a + segments;
             if (profile[i][0] > 0) memcpy(triangle[triangles++], (int[]){a, b, c}, sizeof *triangle);
             if (profile[i + 1][0] > 0) memcpy(triangle[triangles++], (int[]){a, c, d}, sizeof *triangle);
@@ -47,9 +50,11 @@ kn_form kn_form_turn(const kn_gl *gl, int count, const float (*profile)[2], int 
     kn_form s = kn_form_create(gl);
     s.low = profile[0][1];
     s.high = profile[count - 1][1];
+    // Extent of the solid, for the region that it covers in a picture.
     for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
+    // The skin gives smooth normals, and sharp ones at creases.
     kn_skin *skin = kn_skin_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
-    if (!skin) return s; // out of memory: nothing is drawn
+    if (!skin) return s; // out of memory: the form stays empty
     kn_skin_corners(skin, (const float(*)[3])xyz, corners);
     kn_skin_destroy(skin);
     kn_form_corners(gl, &s, 3 * triangles, corners, GL_STATIC_DRAW);

@@ -1,22 +1,24 @@
 #ifndef KN_CLIENTS_VIEWER_FORM_H
 #define KN_CLIENTS_VIEWER_FORM_H
-// Triangles in OpenGL's memory, ready to be drawn: an object's skin, which is given anew with every picture, and the
-// unit solids that tools, arrows and the table are made of. They go with their context: nothing is deleted singly.
+// Form: triangles in OpenGL's memory, ready to be drawn. A form is an object's skin, which is uploaded for every
+// picture, or a unit solid. Tools, arrows and the table are made of unit solids. Forms are freed with their OpenGL
+// context, and never deleted singly.
 #include "clients/viewer/gl.h"
 
 typedef struct kn_form {
-    GLuint array, buffer, sides, values; // buffers: position and normal; distances from drawn sides; places on a scale
+    // Buffers: position and normal; distances from drawn sides; values on the colour scale.
+    GLuint array, buffer, sides, values;
     int corners;
-    float half, low, high; // of a solid of revolution: extent along x and y, along z
+    float half, low, high; // extent of a solid of revolution along x and y, and along z
 } kn_form;
 
-kn_form kn_form_create(const kn_gl *gl); // empty
+kn_form kn_form_create(const kn_gl *gl); // create a form without triangles
 
-// data: [corners][6], position and unit normal.
+// Upload triangles. `data`: [corners][6], position and unit normal.
 void kn_form_corners(const kn_gl *gl, kn_form *form, int corners, const float *data, GLenum usage);
 
-// A solid of revolution about z: profile[i] is {radius, z} from the bottom up, at most 17 of them; at most 32 segments.
-// Four make a box of radius sqrt(1/2). Out of memory: nothing is drawn.
+// Create a solid of revolution about z. profile[i] is {radius, z} from the bottom up, with at most 17 entries. There
+// are at most 32 segments, and four segments make a box of radius sqrt(1/2). If memory is short, the form stays empty.
 kn_form kn_form_turn(const kn_gl *gl, int count, const float (*profile)[2], int segments);
 
 #endif

@@ -12,6 +12,7 @@ const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc)
     return NULL;
 }
 
+// Give a render buffer its storage, and attach it to the bound frame buffer.
 static void attach(const kn_gl *gl, GLuint buffer, GLenum point, GLenum format, int samples, const kn_gl_target *t)
 {
     gl->BindRenderbuffer(GL_RENDERBUFFER, buffer);
@@ -19,6 +20,7 @@ static void attach(const kn_gl *gl, GLuint buffer, GLenum point, GLenum format, 
     gl->FramebufferRenderbuffer(GL_FRAMEBUFFER, point, GL_RENDERBUFFER, buffer);
 }
 
+// Create a frame buffer from its colour buffer and, unless 0, its depth buffer.
 static bool create_frame(const kn_gl *gl, kn_gl_target *t, GLuint *frame, GLuint color, GLuint depth, int samples)
 {
     gl->GenFramebuffers(1, frame);
@@ -34,6 +36,7 @@ bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height
     gl->GenRenderbuffers(4, t->buffer);
     bool ok = create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
               create_frame(gl, t, &t->picture, t->buffer[3], samples > 1 ? 0 : t->buffer[2], 0);
+    // With one sample, the solids are drawn into the picture itself, and the picture needs the depth buffer.
     t->solids = t->picture;
     if (samples > 1) ok = ok && create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples);
     return ok && gl->GetError() == GL_NO_ERROR;
@@ -54,6 +57,7 @@ static void copy(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
                         GL_COLOR_BUFFER_BIT, GL_NEAREST);
 }
 
+// The scissor limits clearing and drawing of the solids to their region.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region, bool before_backdrop)
 {
     bool direct = t->solids == t->picture;
@@ -61,7 +65,8 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region re
     if (before_backdrop) copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
     else {
         gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
-        gl->Clear(direct ? GL_DEPTH_BUFFER_BIT : GL_COLOR_BUFFER_BIT); // with one sample the table covers all of it
+        // With one sample the table covers the whole picture, so its colour need not be cleared.
+        gl->Clear(direct ? GL_DEPTH_BUFFER_BIT : GL_COLOR_BUFFER_BIT);
     }
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
     gl->Viewport(0, 0, t->width, t->height);
@@ -70,6 +75,7 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region re
     gl->Clear(GL_DEPTH_BUFFER_BIT | (direct ? 0 : GL_COLOR_BUFFER_BIT));
 }
 
+// Copying from several samples to one resolves them: colour and alpha become averages over the pixel.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
 {
     if (t->solids == t->picture) return;
@@ -83,7 +89,7 @@ void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *t, uint8_t *rgba)
 {
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
     gl->ReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    // OpenGL counts rows from the bottom
+    // Swap the rows, because OpenGL counts them from the bottom.
     size_t row = (size_t)t->width * 4;
     uint8_t swap[256];
     for (int top = 0, bottom = t->height - 1; top < bottom; top++, bottom--) {
@@ -107,9 +113,9 @@ GLuint kn_gl_program(const kn_gl *gl, const char *vertex, const char *fragment, 
         gl->ShaderSource(shader, 1, &source[i], NULL);
         gl->CompileShader(shader);
         gl->AttachShader(program, shader);
-        gl->DeleteShader(shader); // lives as long as the program
+        gl->DeleteShader(shader); // deleted together with the program
     }
-    gl->LinkProgram(program); // fails with the words of a shader that did not compile
+    gl->LinkProgram(program); // fails with the log of a shader that did not compile
     GLint linked = 0;
     gl->GetProgramiv(program, GL_LINK_STATUS, &linked);
     if (linked) return program;

@@ -1,10 +1,9 @@
 #ifndef KN_CLIENTS_VIEWER_GL_H
 #define KN_CLIENTS_VIEWER_GL_H
-// The functions of OpenGL 3.3 core that the viewer calls, found at run time, and the frame buffer it draws into.
+// Functions of OpenGL 3.3 core that the viewer calls, looked up at run time, and the frame buffers that it draws into.
 //
-// Nothing links libGL: the context gives the addresses (OSMesaGetProcAddress, eglGetProcAddress), and a process
-// can hold a desktop's libGL beside them without either one answering for the other. A new function is one line in the
-// list.
+// Nothing links libGL. The addresses come from the context (OSMesaGetProcAddress, eglGetProcAddress). So a process can
+// also load a desktop's libGL without a conflict. To use a new function, add one line to the list.
 #include <GL/glcorearb.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -74,13 +73,13 @@ typedef struct kn_gl {
 #undef KN_GL_MEMBER
 } kn_gl;
 
-// Fills the table from the current context; NULL, or the name of the first function that it does not have.
+// Fill in the table from the current context. Return NULL, or the name of the first missing function.
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
-// Frame buffers of one size: the backdrop, drawn once for many pictures; the solids, with depth and several samples per
-// pixel; and the picture, in which the solids are resolved over the backdrop. With one sample per pixel the solids are
-// drawn into the picture itself. They go with their context, as everything made in one does: nothing here is deleted
-// singly.
+// Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The solids
+// have depth and several samples per pixel. The picture receives the solids, resolved over the backdrop. With one
+// sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their context, and never
+// deleted singly.
 typedef struct kn_gl_target {
     int width, height;
     GLuint backdrop, solids, picture;
@@ -91,18 +90,20 @@ typedef struct kn_gl_region { // pixels, from the lower left corner of the pictu
     int x, y, width, height;
 } kn_gl_region;
 
-bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height,
-                         int samples);                                   // false: refused by the context
-void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // what is drawn from here on is the backdrop
-// Empties the region of the solids (several samples are the dearest part of a picture: no more of them than needed) and
-// makes the picture the backdrop or, not before_backdrop, empty; what is drawn from here on goes to the solids.
+// Create the frame buffers. Return false if the context refuses them.
+bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height, int samples);
+void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // direct drawing to the backdrop
+// Begin the solids and direct drawing to them. Clear only their region, because buffers with several samples take most
+// of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop; otherwise it starts empty.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
-// The solids take their place in the picture. What is drawn from here on goes into that region of it: behind the solids
-// where alpha, the share of a pixel that they cover, leaves room or, with one sample, where their depth does.
+// Resolve the solids into the picture, and direct drawing to this region of the picture, behind the solids. Alpha is
+// the share of a pixel that solids cover, and drawing fills the remaining share. With one sample per pixel, the depth
+// buffer decides.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba); // [height][width][4], top row first
 
-// Compiles and links; 0 and the compiler's words in error (our shader is wrong, or the context is not OpenGL 3.3).
+// Compile and link a program. If a shader is wrong or the context is not OpenGL 3.3, return 0 and put the compiler's
+// message in error.
 GLuint kn_gl_program(const kn_gl *gl, const char *vertex, const char *fragment, char *error, size_t error_size);
 
 #endif

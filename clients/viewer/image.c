@@ -21,11 +21,13 @@ bool kn_image_write_png(const char *path, int width, int height, const uint8_t *
     return false;
 }
 
+// State of one use of libpng, which may fail: the place to jump to, and the message.
 typedef struct complaint {
     jmp_buf leave;
     char words[200];
 } complaint;
 
+// Error callback of libpng, which must not return.
 static void give_up(png_structp png, png_const_charp words)
 {
     complaint *c = png_get_error_ptr(png);
@@ -33,11 +35,12 @@ static void give_up(png_structp png, png_const_charp words)
     longjmp(c->leave, 1);
 }
 
-static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void)words; } // a warning
+static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void)words; } // warnings are ignored
 
 static void write_gray16(png_structp png, png_infop info, FILE *file, int width, int height, const uint16_t *level,
                          double pixel_m, int text_count, const kn_image_text *text)
 {
+    // Pixels per metre, for programs that measure in the picture.
     const png_uint_32 per_m = pixel_m > 0 && 1 / pixel_m < 1e9 ? (png_uint_32)lround(1 / pixel_m) : 0;
     png_init_io(png, file);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
@@ -51,7 +54,7 @@ static void write_gray16(png_structp png, png_infop info, FILE *file, int width,
                      1);
     png_write_info(png, info);
 #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-    png_set_swap(png); // a PNG is big-endian
+    png_set_swap(png); // PNG is big-endian
 #endif
     for (int y = 0; y < height; y++) png_write_row(png, (png_const_bytep)(level + (size_t)y * (size_t)width));
     png_write_end(png, info);
@@ -65,6 +68,7 @@ bool kn_image_write_gray16(const char *path, int width, int height, const uint16
     if (!kn_beside_open(&out, path, error, error_size)) return false;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &c, give_up, stay_calm);
     png_infop info = png ? png_create_info_struct(png) : NULL;
+    // volatile, because the variable is changed between setjmp and longjmp.
     volatile bool written = false;
     if (info && setjmp(c.leave) == 0) {
         write_gray16(png, info, out.file, width, height, level, pixel_m, text_count, text);
@@ -77,10 +81,11 @@ bool kn_image_write_gray16(const char *path, int width, int height, const uint16
     return false;
 }
 
-// ---- and back
+// ---- reading
 
-// Whether every chunk lies within the file; the position is behind the signature before and after. libpng sets aside
-// what a chunk of words says it is long, and zeroes it, before it looks: 156 bytes would cost 2 GB and 13 s.
+// Return whether every chunk lies within the file. The file position is just after the signature, both before and after
+// the call. Without this check, libpng would allocate and zero the length that a text chunk claims before reading the
+// chunk. A file of 156 bytes could then take 2 GB and 13 s.
 static bool chunks_fit(FILE *file)
 {
     png_byte head[8];
@@ -88,12 +93,14 @@ static bool chunks_fit(FILE *file)
     bool fit = fseeko(file, 0, SEEK_END) == 0 && (end = ftello(file)) > 0;
     for (bool last = false; fit && !last; last = memcmp(head + 4, "IEND", 4) == 0) {
         fit = fseeko(file, at, SEEK_SET) == 0 && fread(head, 1, sizeof head, file) == sizeof head;
+        // A chunk takes 12 bytes besides its data: length, type and checksum.
         if (fit) at += 12 + (off_t)png_get_uint_32(head);
         fit = fit && at <= end;
     }
     return fseeko(file, sizeof head, SEEK_SET) == 0 && fit;
 }
 
+// Return whether the picture has the wanted format and size. If not, put the reason in `words`.
 static bool fits(png_structp png, png_infop info, int most, char *words, size_t size)
 {
     const unsigned wide = png_get_image_width(png, info), high = png_get_image_height(png, info);
@@ -109,6 +116,7 @@ static bool fits(png_structp png, png_infop info, int most, char *words, size_t 
     return false;
 }
 
+// Copy the texts of the wanted keys.
 static void find_texts(png_structp png, png_infop info, int count, kn_image_found *text)
 {
     png_textp there;
@@ -120,7 +128,7 @@ static void find_texts(png_structp png, png_infop info, int count, kn_image_foun
     }
 }
 
-// Nothing of it is needed after a longjmp but *level, which the caller frees.
+// Read the picture. After a longjmp only *level is needed, and the caller frees it.
 static bool read_gray16(png_structp png, png_infop info, FILE *file, int most, int *width, int *height,
                         uint16_t **level, char *words, size_t size)
 {
@@ -135,6 +143,7 @@ static bool read_gray16(png_structp png, png_infop info, FILE *file, int most, i
 #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
     png_set_swap(png);
 #endif
+    // Interlaced files are read in several passes over the same rows.
     const int passes = png_set_interlace_handling(png);
     png_read_update_info(png, info);
     for (int pass = 0; pass < passes; pass++)

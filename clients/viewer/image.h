@@ -1,32 +1,35 @@
 #ifndef KN_CLIENTS_VIEWER_IMAGE_H
 #define KN_CLIENTS_VIEWER_IMAGE_H
-// A picture as a file.
+// Pictures as PNG files.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-// Writes rgba [height][width][4], top row first, as PNG: to a new file beside path, then renamed, so that whoever looks
-// at path sees the old picture or the whole new one. A path that is there and no regular file is refused: renaming
-// would put a file in the place of a device or a link. False and one sentence in error.
+// Write rgba [height][width][4], top row first, as PNG. The data is written to a new file in the same folder, which is
+// then renamed to `path`. So a reader of `path` sees the old picture or the whole new one. If `path` exists and is not
+// a regular file, it is refused, because the rename would replace a device or a link by a file. On failure return false
+// and put one sentence in error.
 bool kn_image_write_png(const char *path, int width, int height, const uint8_t *rgba, char *error, size_t error_size);
 
-// Words in a PNG, that its readers show or look up.
+// Text in a PNG, which programs can show or look up.
 typedef struct kn_image_text {
     const char *key, *text; // Latin-1; key of 1..79 letters
 } kn_image_text;
 
-// The same of 16-bit grey, with pixel_m for whoever wants to measure in it (0: not told).
+// Write 16-bit grey levels as PNG, in the same way. `pixel_m`: side of a pixel, m, for measuring in the picture; 0:
+// unknown.
 bool kn_image_write_gray16(const char *path, int width, int height, const uint16_t *level, double pixel_m,
                            int text_count, const kn_image_text *text, char *error, size_t error_size);
 
-// Reads such a PNG, of at most `most` pixels on a side. The texts that it has of those keys are copied, "" stays where
-// it has none. level [height][width] is the caller's to free, pixel_m 0 where the file does not say it. False and one
-// sentence in error: not there, no PNG, damaged, other than 16-bit grey.
+// Text to look up in a PNG; "" when the file has no text with this key.
 typedef struct kn_image_found {
     const char *key;
     char text[64];
 } kn_image_found;
 
+// Read a PNG of 16-bit grey, of at most `most` pixels on a side. The texts of the given keys are copied. The caller
+// frees *level, [height][width]. *pixel_m is 0 if the file does not give it. Return false and put one sentence in error
+// if the file is missing, is not a PNG, is damaged, or is not 16-bit grey.
 bool kn_image_read_gray16(const char *path, int most, int *width, int *height, uint16_t **level, double *pixel_m,
                           int text_count, kn_image_found *text, char *error, size_t error_size);
 

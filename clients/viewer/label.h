@@ -1,23 +1,23 @@
 #ifndef KN_CLIENTS_VIEWER_LABEL_H
 #define KN_CLIENTS_VIEWER_LABEL_H
-// What is written on a picture: what it is of, how long the bar on the table is, what the colours mean. Cairo's text,
-// in whatever sans-serif face fontconfig has.
+// Text on a picture: the caption, the length of the bar on the table, and the legend of the colours. Drawn by Cairo in
+// the sans-serif face that fontconfig finds.
 #include "clients/viewer/scale.h"
 #include <stdbool.h>
 #include <stdint.h>
 
 typedef struct kn_label {
-    const char *caption;   // upper left; NULL: none
-    const kn_scale *scale; // its legend, at the right; NULL: none
+    const char *caption;   // text at the upper left; NULL: none
+    const kn_scale *scale; // scale of the legend at the right; NULL: none
     const char *bar;       // "1 cm"; NULL: none
-    float bar_at[2];       // where: middle of the text's upper edge, pixels from the upper left corner
+    float bar_at[2];       // middle of the text's upper edge, pixels from the upper left corner
 } kn_label;
 
-// Says how long the bar is whose text belongs at bar_at, where that is in the picture. words: the caller's, as long
-// as the label is used.
+// Set the text of the bar, if bar_at is in the picture. `words` belongs to the caller, and must outlive the label.
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height);
 
-// On rgba [height][width][4], top row first. False and one sentence in error: libcairo is not there, out of memory.
+// Draw the label on rgba [height][width][4], top row first. Return false with one sentence in error if libcairo is
+// missing or memory is short.
 bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, char *error, size_t error_size);
 
 #endif

@@ -4,8 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#ifdef KN_SANITIZED // the leak sanitizer's hook: OSMesa 22.3 forgets 200 bytes with every context that it destroys,
-// fontconfig 651 once (label.c)
+#ifdef KN_SANITIZED
+// Hook of the leak sanitizer: OSMesa 22.3 leaks 200 bytes with every context that it destroys, and fontconfig 651 bytes
+// once (label.c).
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libOSMesa\nleak:libfontconfig\n"; }
 #endif
@@ -17,8 +18,10 @@ struct kn_offscreen {
     kn_gl_target target;
 };
 
-static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn_offscreen_egl}; // in this order
+// Back ends in the order in which they are tried.
+static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn_offscreen_egl};
 enum { BACKENDS = sizeof backends / sizeof *backends };
+// Back end of the last open, for kn_offscreen_get_proc.
 static const kn_offscreen_backend *last;
 
 bool kn_offscreen_knows(const char *name)
@@ -28,12 +31,13 @@ bool kn_offscreen_knows(const char *name)
     return i < BACKENDS;
 }
 
-// The one that KNEAD_GL names, or the first that is there; NULL: none, and why the first one is not.
+// Return the back end that KNEAD_GL names, or, without KNEAD_GL, the first one that loads. If none loads, return NULL
+// and put the reason of the first one in error.
 static const kn_offscreen_backend *choose(char *error, size_t error_size)
 {
     const char *asked = getenv("KNEAD_GL");
     char later[300];
-    setenv("LP_NUM_THREADS", "1", 0); // read once, when the first context is made
+    setenv("LP_NUM_THREADS", "1", 0); // read once by Mesa, when the first context is made
     for (int i = 0; asked && *asked && i < BACKENDS; i++)
         if (strcmp(backends[i]->name, asked) == 0) return backends[i]->load(error, error_size) ? backends[i] : NULL;
     if (asked && *asked) return snprintf(error, error_size, "KNEAD_GL=%s: expected osmesa or egl", asked), NULL;
@@ -44,6 +48,7 @@ static const kn_offscreen_backend *choose(char *error, size_t error_size)
 
 kn_gl_proc kn_offscreen_get_proc(const char *name) { return last ? last->get_proc(name) : NULL; }
 
+// Create the context, load its functions and create the frame buffers.
 static bool open_context(kn_offscreen *screen, int width, int height, int samples, char *error, size_t error_size)
 {
     const char *name = screen->backend->name;

@@ -1,6 +1,6 @@
-// A back end of offscreen: EGL on Mesa's surfaceless platform, for a Mesa that has no OSMesa any more (25.1). No libEGL
-// is linked. Drawn in software like the other one, unless the environment says LIBGL_ALWAYS_SOFTWARE=0: a GPU's driver
-// beside the servo is nothing that a viewer should bring along unasked.
+// Back end of offscreen: EGL on Mesa's surfaceless platform, for a Mesa without OSMesa (from 25.1 on). libEGL is not
+// linked. Drawing is in software, as with OSMesa, unless the environment says LIBGL_ALWAYS_SOFTWARE=0. A viewer should
+// not load a GPU driver beside the servo unless the user asks for it.
 #define EGL_NO_X11
 #include "clients/viewer/offscreen_backend.h"
 #include <EGL/egl.h>
@@ -20,7 +20,8 @@ static struct {
 static EGLDisplay display;
 static EGLConfig config;
 
-// Without a display server and without a device; false: this EGL has no such platform, or nothing to draw with.
+// Open a display without a display server and without a device. Return false if this EGL has no such platform or no
+// driver.
 static bool open_display(void)
 {
     static const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_NONE};
@@ -37,7 +38,7 @@ static bool load(char *error, size_t error_size)
     static bool ready;
     if (ready) return true;
     setenv("LIBGL_ALWAYS_SOFTWARE", "1", 0);
-    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed, as the other one
+    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed, like OSMesa
     if (!library) {
         snprintf(error, error_size,
                  "no pictures without " LIBRARY " (%s): install the packages libegl1 and "
@@ -59,13 +60,13 @@ static bool load(char *error, size_t error_size)
 
 static void use(void *context)
 {
-    egl.BindAPI(EGL_OPENGL_API); // of this thread
+    egl.BindAPI(EGL_OPENGL_API); // this setting belongs to the thread
     egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context);
 }
 
 static void destroy(void *context)
 {
-    egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); // a current one would stay
+    egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); // EGL would keep a current context
     egl.DestroyContext(display, context);
 }
 

@@ -1,4 +1,4 @@
-// A back end of offscreen: OSMesa. No libGL is linked, and no libOSMesa either (see offscreen.h).
+// Back end of offscreen: OSMesa. Neither libGL nor libOSMesa is linked (see offscreen.h).
 #include "clients/viewer/offscreen_backend.h"
 #include <GL/osmesa.h>
 #include <dlfcn.h>
@@ -7,7 +7,8 @@
 
 #define LIBRARY "libOSMesa.so.8" // the ABI of <GL/osmesa.h> since Mesa 9
 
-enum { SIDE = 16 }; // of the default frame buffer that OSMesa wants; nothing is drawn in it
+// Side of the default frame buffer that OSMesa demands. Nothing is drawn into it.
+enum { SIDE = 16 };
 
 typedef struct context {
     OSMesaContext mesa;
@@ -24,7 +25,7 @@ static struct {
 static bool load(char *error, size_t error_size)
 {
     if (mesa.create) return true;
-    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed: LLVM's exit handlers point into it
+    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed: exit handlers of LLVM point into it
     if (!library) {
         snprintf(error, error_size, "no pictures without " LIBRARY " (%s): install the package libosmesa6", dlerror());
         return false;
@@ -46,7 +47,7 @@ static void use(void *self) { make_current(self); }
 static void destroy(void *self)
 {
     context *c = self;
-    if (c->mesa) mesa.destroy(c->mesa); // and with it everything that was made in it
+    if (c->mesa) mesa.destroy(c->mesa); // this also frees everything that was created in the context
     free(c);
 }
 

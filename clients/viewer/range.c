@@ -3,12 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-#define AIR 1.04     // of the surface's sides
-#define LEVELS 65534 // above 0, which is nothing
-#define ROOM 1.25    // of the surface's height at rest, below the highest level: dough that is pressed bulges
+#define AIR 1.04     // size of the frame, as a multiple of the surface's sides
+#define LEVELS 65534 // levels for heights; level 0 means that nothing is there
+#define ROOM 1.25    // top level, as a multiple of the surface's height at rest, since pressed dough bulges
 
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3])
 {
+    // Box around the surface at rest and now, and the lowest point at rest, which is on the table.
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, table = INFINITY;
     for (int v = 0; v < vertex_count; v++) {
         table = fmin(table, rest[v][2]);
@@ -19,6 +20,7 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
         }
     }
     kn_range r = {.width = width, .height = height, .table_m = table};
+    // Round up to convenient numbers, then centre the frame on the box.
     r.pixel_m = kn_scale_round(AIR * fmax((high[0] - low[0]) / width, (high[1] - low[1]) / height));
     r.step_m = fmax(kn_scale_round(ROOM * (high[2] - table) / LEVELS), 1e-6);
     r.left_m = 0.5 * (low[0] + high[0]) - 0.5 * (width - 1) * r.pixel_m;
@@ -26,17 +28,18 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
     return r;
 }
 
-static double cross(const double a[2], const double b[2], double x, double y) // twice the area of a, b, (x, y)
+// Return twice the signed area of the triangle a, b, (x, y).
+static double cross(const double a[2], const double b[2], double x, double y)
 {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
 static int pixel(double at, int count) { return (int)fmin(fmax(at, 0), count - 1); }
 
-// Height of the plane through the corners over every middle of a pixel inside of them.
+// Draw the height of the triangle's plane at every pixel whose middle is inside the triangle.
 static void draw_triangle(const kn_range *r, const float *const corner[3], uint16_t *level)
 {
-    double at[3][2], z[3]; // columns and rows
+    double at[3][2], z[3]; // columns and rows; heights in levels
     for (int i = 0; i < 3; i++) {
         at[i][0] = (corner[i][0] - r->left_m) / r->pixel_m;
         at[i][1] = (r->top_m - corner[i][1]) / r->pixel_m;
@@ -44,16 +47,19 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
     }
     const double area = cross(at[0], at[1], at[2][0], at[2][1]);
     if (!isfinite(area + z[0] + z[1] + z[2]) || area == 0) return;
+    // Box of pixels around the triangle, within the picture.
     const int first[2] = {pixel(ceil(fmin(at[0][0], fmin(at[1][0], at[2][0]))), r->width),
                           pixel(ceil(fmin(at[0][1], fmin(at[1][1], at[2][1]))), r->height)};
     const int last[2] = {pixel(floor(fmax(at[0][0], fmax(at[1][0], at[2][0]))), r->width),
                          pixel(floor(fmax(at[0][1], fmax(at[1][1], at[2][1]))), r->height)};
     for (int y = first[1]; y <= last[1]; y++) {
         for (int x = first[0]; x <= last[0]; x++) {
+            // Barycentric coordinates of the pixel's middle; all are positive inside the triangle.
             const double a = cross(at[1], at[2], x, y) / area, b = cross(at[2], at[0], x, y) / area, c = 1 - a - b;
-            if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue; // a side belongs to both
+            if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue; // a pixel on a shared side belongs to both triangles
             const double here = fmin(fmax(1 + a * z[0] + b * z[1] + c * z[2], 1), 1 + LEVELS);
             uint16_t *out = &level[(size_t)y * (size_t)r->width + (size_t)x];
+            // A range finder sees the uppermost surface.
             if (lround(here) > *out) *out = (uint16_t)lround(here);
         }
     }

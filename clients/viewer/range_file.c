@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+// The four numbers, then three texts for people.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};
@@ -24,7 +25,7 @@ bool kn_range_save(const char *path, const kn_range *r, const char *title, const
     return kn_image_write_gray16(path, r->width, r->height, level, r->pixel_m, TEXTS, text, error, error_size);
 }
 
-// NAN: the text is empty or no number.
+// Return a text in mm as metres; NAN if the text is empty or malformed.
 static double number_of(const char *text)
 {
     char *end;
@@ -32,6 +33,7 @@ static double number_of(const char *text)
     return end != text && !*end && isfinite(value) ? 1e-3 * value : (double)NAN;
 }
 
+// Take each number from the caller or else from the file, and check its range.
 static bool take_numbers(const char *path, kn_image_found found[NUMBERS], const kn_range_given *given, kn_range *r,
                          char *error, size_t error_size)
 {
@@ -44,6 +46,7 @@ static bool take_numbers(const char *path, kn_image_found found[NUMBERS], const 
         if (isnan(told[i]) && !*found[i].text)
             snprintf(error, error_size, "%s: does not say %s, expected a range image of knead view --depth, or --%.*s",
                      path, name[i],
+                     // The option's name is the text's name without its unit, so print only that many letters.
                      i == STEP || i == LEFT ? 4
                      : i == PIXEL           ? 5
                                             : 3,
@@ -70,6 +73,7 @@ bool kn_range_load(const char *path, const kn_range_given *given, kn_range *r, u
     if (!kn_image_read_gray16(path, KN_RANGE_MOST, &r->width, &r->height, level, &pixel_m, NUMBERS, found, error,
                               error_size))
         return false;
+    // An image without any surface is useless to every caller.
     const bool told = take_numbers(path, found, given, r, error, error_size);
     if (told && kn_range_look(r, *level)) return true;
     if (told) snprintf(error, error_size, "%s: every pixel is 0, expected to see something", path);

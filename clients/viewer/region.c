@@ -5,23 +5,25 @@ typedef struct extent {
     float low[2], high[2]; // -1..1 across the picture
 } extent;
 
-typedef struct parts { // everything that stands on the table, and what of the table is not as without it
+typedef struct parts { // extents of everything on the table, and of the part where the table itself differs
     extent all, table;
 } parts;
 
+// Extend the extent `e` to include the point `p` of the world.
 static void cover(const kn_region_def *d, extent *e, const float p[3])
 {
     const float *m = d->camera->matrix;
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        bool known = w > 0; // behind the camera it may come out anywhere
+        bool known = w > 0; // a point behind the camera may be anywhere in the picture
         e->low[i] = fminf(e->low[i], known ? at : -1);
         e->high[i] = fmaxf(e->high[i], known ? at : 1);
     }
 }
 
-static void cover_point(const kn_region_def *d, parts *e, const float p[3]) // and its shadow on the table
+// Extend the parts by a point and by its shadow on the table.
+static void cover_point(const kn_region_def *d, parts *e, const float p[3])
 {
     float q[3], down = fmaxf(0, p[2] - d->level_m) / d->key[2];
     cover(d, &e->all, p);
@@ -30,7 +32,8 @@ static void cover_point(const kn_region_def *d, parts *e, const float p[3]) // a
     cover(d, &e->table, q);
 }
 
-static void cover_solid(const kn_region_def *d, parts *e, const kn_tool_solid *s) // the box around its unit shape
+// Extend the parts by a solid, through the box around its unit shape.
+static void cover_solid(const kn_region_def *d, parts *e, const kn_tool_solid *s)
 {
     const float *m = s->place, half = s->shape->half;
     for (int corner = 0; corner < 8; corner++) {
@@ -41,13 +44,14 @@ static void cover_solid(const kn_region_def *d, parts *e, const kn_tool_solid *s
     }
 }
 
+// Extend the parts by the solids of a probe and by its arrow.
 static void cover_probe(const kn_region_def *d, const kn_tools *tools, parts *e, const kn_view_probe *p)
 {
     kn_tool_solid s[KN_TOOL_SOLIDS_MAX];
     for (int i = 0, n = kn_tool_solids(tools, p, s); i < n; i++) cover_solid(d, e, &s[i]);
     const kn_tool_arrow a = kn_tool_arrow_of(p, d->square_m);
     if (!(a.length > 0)) return;
-    float wide = 0.2f * d->square_m; // more than the head
+    float wide = 0.2f * d->square_m; // wider than the arrow's head
     for (int end = 0; end < 2; end++) {
         float at[3];
         for (int i = 0; i < 3; i++) at[i] = a.tail[i] + (end ? a.length : 0) * a.direction[i];
@@ -56,12 +60,14 @@ static void cover_probe(const kn_region_def *d, const kn_tools *tools, parts *e,
     }
 }
 
-static int pixel(float at, int size, int margin) // of -1..1, inside the picture
+// Convert -1..1 to a pixel with a margin, within the picture.
+static int pixel(float at, int size, int margin)
 {
     float p = 0.5f * (at + 1) * (float)size + (float)margin;
     return (int)fminf(fmaxf(p, 0), (float)size);
 }
 
+// Convert an extent to pixels, with a margin of two pixels for rounding.
 static kn_gl_region around(const kn_region_def *d, const extent *e)
 {
     kn_gl_region g = {pixel(e->low[0], d->width, -2), pixel(e->low[1], d->height, -2), 0, 0};
@@ -75,6 +81,7 @@ void kn_region_find(const kn_region_def *d, const kn_tools *tools, const kn_view
 {
     static const extent nothing = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
     parts e = {nothing, nothing};
+    // The object, the probes and the hands, each with its shadow.
     for (int v = 0; v < vertex_count; v++) {
         const float *p = scene->xyz[v];
         if (isfinite(p[0] + p[1] + p[2])) cover_point(d, &e, p);
@@ -84,6 +91,7 @@ void kn_region_find(const kn_region_def *d, const kn_tools *tools, const kn_view
     kn_view_probe hand;
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (kn_tool_hand(scene, &scene->probe[i], &hand)) cover_probe(d, tools, &e, &hand);
+    // The table around the object's footprint is darker.
     const float dim = d->dim_m;
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,

@@ -12,12 +12,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels: 0.16 mm each on a 5 cm block, or twice that
-#define LIT_RADIUS 1.6f  // of the object's longest side, around it: where shadows are cast
-#define SHADOW_BIAS 3.0f // 1.5 texels off the surface
-#define HAND_LINE 0.008f // its width, of half the picture's height
+#define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels on a side: 0.16 mm each on a 5 cm block, or twice that
+#define LIT_RADIUS 1.6f  // radius around the object within which shadows are drawn, in longest sides of the object
+#define SHADOW_BIAS 3.0f // offset from the surface, in half texels: 1.5 texels
+#define HAND_LINE 0.008f // width of a hand's outline, as a share of half the picture's height
 
-static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // the background too: the table fades into it
+static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // also the background, into which the table fades
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
 static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
 static const float hand_color[3] = {0.42f, 0.58f, 0.88f};
@@ -26,7 +26,7 @@ static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
-    GLuint depth, solid, table, bare, edge; // programs; bare: the table where nothing casts a shadow
+    GLuint depth, solid, table, bare, edge; // shader programs; `bare`: the table where nothing casts a shadow
     GLuint shadow_frame, shadow_map;
     kn_tools tools;
     kn_form square, object, edges;
@@ -34,10 +34,10 @@ struct kn_renderer {
     float *corners; // [triangle_count][3][6]
     int width, height, samples;
     kn_camera camera;
-    int side; // of the object that the camera sees at the left: 0 the front, 1 the right, 2 the back, 3 the left
+    int side; // side of the object at the left of the picture: 0 front, 1 right, 2 back, 3 left
     float key[3], light[16];
-    float backdrop_camera[16]; // that the backdrop was drawn for; zero: none yet
-    float last_camera[16];     // of the picture before
+    float backdrop_camera[16]; // camera of the current backdrop; zero: none yet
+    float last_camera[16];     // camera of the last picture
     float square_m;
 };
 
@@ -56,20 +56,22 @@ static void create_shapes(kn_renderer *r)
     r->square = kn_form_create(r->gl);
     kn_form_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
     r->object = kn_form_create(r->gl);
-    r->gl->GenVertexArrays(1, &r->edges.array); // bare places, without normals
+    r->gl->GenVertexArrays(1, &r->edges.array); // positions only, without normals
     r->gl->BindVertexArray(r->edges.array);
     r->gl->GenBuffers(1, &r->edges.buffer);
     r->gl->GenBuffers(1, &r->edges.values);
     r->gl->EnableVertexAttribArray(0);
 }
 
-static float scale_of(const kn_skin *s) // the object's longest side
+// Return the longest side of the object.
+static float scale_of(const kn_skin *s)
 {
     float longest = 1e-6f;
     for (int i = 0; i < 3; i++) longest = fmaxf(longest, s->rest_high[i] - s->rest_low[i]);
     return longest;
 }
 
+// A depth texture that compares in the sampler, drawn through a frame buffer without colour.
 static bool create_shadow_map(kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
@@ -135,6 +137,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
                       const int (*triangle)[3])
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
+    // The old backdrop may show squares of another size, so it must be drawn again.
     memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
     memset(r->last_camera, 0, sizeof r->last_camera);
     kn_skin_destroy(r->skin);
@@ -145,8 +148,10 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     size_t corners = 3 * (size_t)triangle_count;
     r->corners = calloc(corners, 6 * sizeof *r->corners);
     if (!r->corners) return false;
+    // The side of a square is the power of ten that gives 2 to 20 squares along the object.
     r->square_m = powf(10, floorf(log10f(scale_of(r->skin) / 2)));
-    for (size_t i = 0; i < corners; i++) // barycentric; a side that is no line is far from everywhere
+    // Barycentric distance from each side. A side that is not a line counts as far away everywhere.
+    for (size_t i = 0; i < corners; i++)
         for (size_t side = 0; side < 3; side++)
             r->corners[3 * i + side] = i % 3 == side || !r->skin->line[i - i % 3 + side];
     gl->BindVertexArray(r->object.array);
@@ -159,7 +164,8 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 
 // ---- camera and light
 
-// Around the place of the undeformed object; when it is followed and has gone a quarter of itself beyond, around both.
+// Aim the camera at the place of the undeformed object. If the object is followed and has moved beyond this place by a
+// quarter of its size, frame both the place and the object.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_skin *s = r->skin;
@@ -181,7 +187,7 @@ static void aim(kn_renderer *r, const kn_view_scene *scene)
     r->side = (int)floor(scene->azimuth_deg / 90 + 1e-9) & 3;
 }
 
-// From the upper left of whoever looks, whatever the azimuth.
+// Place the light at the upper left of the viewer, whatever the azimuth.
 static void light_up(kn_renderer *r, const kn_view_scene *scene)
 {
     float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->skin);
@@ -205,6 +211,7 @@ static void set_vector(const kn_gl *gl, GLuint program, const char *name, const 
     gl->Uniform3fv(gl->GetUniformLocation(program, name), 1, v);
 }
 
+// Set a colour. Squaring converts it to linear light, by the gamma of 2 that the shaders use.
 static void set_color(const kn_gl *gl, GLuint program, const float color[3])
 {
     set_vector(gl, program, "u_color", (float[]){color[0] * color[0], color[1] * color[1], color[2] * color[2]});
@@ -223,7 +230,7 @@ static void set_number(const kn_gl *gl, GLuint program, const char *name, float 
     gl->Uniform1f(gl->GetUniformLocation(program, name), value);
 }
 
-// Unit shape to world: z along direction (unit), its sides stretched by sx, sy, sz.
+// Place a unit shape in the world: z along direction (a unit vector), its sides scaled by sx, sy, sz.
 static void place(float m[16], const float at[3], const float direction[3], float sx, float sy, float sz)
 {
     float x[3] = {1, 0, 0}, y[3];
@@ -241,6 +248,7 @@ static void place(float m[16], const float at[3], const float direction[3], floa
     m[15] = 1;
 }
 
+// Draw a shape with either program. The depth program of the shadow map needs only the shape's place.
 static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, const float model[16],
                        const float color[3], float gloss, float lines)
 {
@@ -261,7 +269,8 @@ static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, c
 static void draw_arrow(const kn_renderer *r, GLuint program, const kn_tool_arrow *a)
 {
     float m[16], at[3];
-    float width = fminf(0.08f * r->square_m, a->length / 4.5f), head = 3 * width; // a short arrow is small, not stubby
+    // A short arrow is thinner, so that its head keeps its shape.
+    float width = fminf(0.08f * r->square_m, a->length / 4.5f), head = 3 * width;
     place(m, a->tail, a->direction, width, width, a->length - head);
     draw_shape(r, program, &r->tools.rod, m, arrow_color, 0.1f, 0);
     for (int i = 0; i < 3; i++) at[i] = a->tail[i] + (a->length - head) * a->direction[i];
@@ -269,7 +278,8 @@ static void draw_arrow(const kn_renderer *r, GLuint program, const kn_tool_arrow
     draw_shape(r, program, &r->tools.cone, m, arrow_color, 0.1f, 0);
 }
 
-// Its outline, through everything: what is left of the insides of a slightly larger one behind the hand itself.
+// Draw the outline of a hand, in front of everything. First only the depth of the hand is drawn. Then the back faces of
+// a slightly larger hand are drawn behind it, so that only a rim is visible.
 static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
 {
     const kn_gl *gl = r->gl;
@@ -292,7 +302,7 @@ static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
     set_number(gl, r->solid, "u_flat", 0);
 }
 
-// Last: nothing that comes after them may need what is near.
+// Draw all hands. They come last, because each of them clears the depth buffer.
 static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
 {
     kn_view_probe hand;
@@ -301,6 +311,7 @@ static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
         if (kn_tool_hand(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
 }
 
+// Draw a probe with its arrow. A probe outside the model is pale and casts no shadow.
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
     if (p->outside && program == r->depth) return;
@@ -325,6 +336,7 @@ static void draw_edges(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->solid);
 }
 
+// Draw the object in its style. Its shadow is always that of the skin.
 static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
 {
     static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
@@ -337,6 +349,7 @@ static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scen
     }
     place(m, here, up, 1, 1, 1);
     if (seen && scene->value) set_scale(r, program), set_number(gl, program, "u_scaled", 1);
+    // In the wire style, the far side is visible through the skin, so back faces are drawn, too.
     if (seen && wire) set_number(gl, program, "u_wire", 0.5f), gl->Disable(GL_CULL_FACE);
     draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->style == KN_VIEW_LINED ? 0.30f : 0);
     if (seen && wire) gl->Enable(GL_CULL_FACE);
@@ -350,6 +363,7 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
         if (kn_tool_somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
 }
 
+// Clear the shadow map and direct drawing to it.
 static void clear_shadow_map(const kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
@@ -366,12 +380,12 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->depth);
     set_matrix(gl, r->depth, "u_light", r->light);
     gl->Enable(GL_POLYGON_OFFSET_FILL);
-    gl->PolygonOffset(3, 4); // away from the light: no surface shades itself
+    gl->PolygonOffset(3, 4); // away from the light, so that no surface shades itself
     draw_solids(r, r->depth, scene);
     gl->Disable(GL_POLYGON_OFFSET_FILL);
 }
 
-// What both lit programs need: eye, light, shadow map.
+// Set the uniforms that both lit programs need: eye, light, shadow map.
 static void use_lit(const kn_renderer *r, GLuint program)
 {
     static const float half[16] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0.5f, 0.5f, 1}; // -1..1 to 0..1
@@ -388,8 +402,9 @@ static void use_lit(const kn_renderer *r, GLuint program)
     set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
 }
 
-// Where the object stands on the table now: the box around what is in its lowest quarter, and the radius of its
-// corners: |x| + |y| reaches 2 half sides in a rectangle and sqrt 2 of them in an ellipse.
+// Find where the object stands on the table now: the box around the vertices of its lowest quarter. Return the radius
+// of the box's corners. The radius follows from the largest |x| + |y| of these vertices in half sides: 2 for a
+// rectangle, sqrt 2 for an ellipse.
 static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
@@ -409,9 +424,11 @@ static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
     return most > 0 ? fminf(fmaxf((2 - most) / (2 - 1.4142136f), 0), 1) * fminf(half[0], half[1]) : 0;
 }
 
-static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); } // of the table
+// Return the height of the table, slightly below the object, so that table and underside do not flicker.
+static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); }
 
-// Of the bar on the table, before the side that the camera sees at the left: low x, low y, high x, high y.
+// Put the place of the bar on the table into `bar`: low x, low y, high x, high y. The bar lies in front of the object's
+// side that is at the left of the picture.
 static void bar_of(const kn_renderer *r, float bar[4])
 {
     const float *low = r->skin->rest_low, *high = r->skin->rest_high, s = r->square_m;
@@ -430,9 +447,11 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     const float *m = r->camera.matrix;
     float bar[4];
     bar_of(r, bar);
+    // Middle of the edge that is farther from the object and so nearer to the camera.
     float p[3] = {0.5f * (bar[0] + bar[2]), 0.5f * (bar[1] + bar[3]), level_of(r)};
     const int across = r->side % 2 == 0; // y
     p[across] = bar[across + (r->side == 1 || r->side == 2 ? 2 : 0)];
+    // Project the middle into the picture.
     const float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) at[i] = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
     at[0] = 0.5f * (1 + at[0]) * (float)r->width;
@@ -440,6 +459,7 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     return r->square_m;
 }
 
+// Draw the table with one of its two programs, as a square that fills the scissor region.
 static void draw_table(const kn_renderer *r, GLuint program, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
@@ -466,11 +486,13 @@ static void draw_table(const kn_renderer *r, GLuint program, const float foot[4]
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
 }
 
-// The table within a part of the picture: `near`, in that part, where the object and its shadows may be, and around it.
+// Draw the table within the region `part` of the picture. `near` is the region of `part` where the object and its
+// shadows may be. Only `near` needs the costly program.
 static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_region near, const float foot[4],
                              float corner)
 {
-    if (near.width == 0) near.x = part.x, near.y = part.y; // nowhere
+    if (near.width == 0) near.x = part.x, near.y = part.y; // `near` is empty
+    // Split the rest around `near` into four strips.
     const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
     const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
                                    {part.x, top, part.width, part.y + part.height - top},
@@ -484,8 +506,8 @@ static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_regi
     }
 }
 
-// The table without an object is the same as long as nobody moves the camera. False: it has moved since the picture
-// before, and what is drawn now would be for this one alone.
+// Make sure that the backdrop (the table without an object) fits the present camera. Return false if the camera has
+// moved since the last picture, because a backdrop would then serve only one picture.
 static bool draw_backdrop(kn_renderer *r)
 {
     static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};
@@ -507,13 +529,15 @@ static void set_values(const kn_gl *gl, const kn_form *s, const float *value, in
     gl->EnableVertexAttribArray(3);
 }
 
-static void unset_values(const kn_gl *gl, const kn_form *s) // those of a smaller mesh may be there
+// Detach the values, because a buffer for a smaller mesh may still be attached.
+static void unset_values(const kn_gl *gl, const kn_form *s)
 {
     gl->BindVertexArray(s->array);
     gl->DisableVertexAttribArray(3);
 }
 
-static void upload_values(kn_renderer *r, const kn_view_scene *scene) // r->corners have been uploaded: scratch
+// Upload the values. r->corners has been uploaded already and serves as scratch.
+static void upload_values(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_skin *s = r->skin;
     for (int i = 0; i < 3 * s->triangle_count; i++) r->corners[i] = scene->value[s->triangle[i]];
@@ -534,6 +558,7 @@ static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
     else unset_values(gl, s);
 }
 
+// Upload the positions, values and edges of this picture.
 static void upload(kn_renderer *r, const kn_view_scene *scene)
 {
     kn_skin_corners(r->skin, scene->xyz, r->corners);
@@ -548,6 +573,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
+    // Prepare: tools, camera, light, and the region that needs drawing.
     kn_tools_load(&r->tools, scene);
     aim(r, scene);
     light_up(r, scene);
@@ -564,6 +590,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     upload(r, scene);
     const bool before_backdrop = draw_backdrop(r);
 
+    // Draw the shadow map, then the solids of the region.
     gl->Enable(GL_DEPTH_TEST);
     draw_shadow_map(r, scene);
     kn_gl_target_solids(gl, target, region, before_backdrop);
@@ -571,22 +598,21 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     use_lit(r, r->solid);
     set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
     draw_solids(r, r->solid, scene);
-    const bool soft = r->samples > 1; // the solids' edges are half there
+    const bool soft = r->samples > 1; // edge pixels of the solids are partly covered
     if (soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);
 
+    // Resolve the solids, and draw the table behind them.
     kn_gl_target_picture(gl, target, region);
     const kn_gl_region all = {0, 0, r->width, r->height};
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
-    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // behind what is there
-    draw_table_parts(r,
-                     !before_backdrop ? all
-                     : soft           ? region
-                                      : table,
-                     table, foot, corner); // elsewhere the backdrop is
+    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // draws behind the solids, by their alpha
+    // Outside the part that is drawn now, the backdrop is already in the picture.
+    draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner);
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);
+    // With one sample, the hands come after the table, because they clear the depth that the table needs.
     gl->Scissor(region.x, region.y, region.width, region.height);
     if (!soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);

@@ -1,14 +1,14 @@
 #ifndef KN_CLIENTS_VIEWER_RENDERER_H
 #define KN_CLIENTS_VIEWER_RENDERER_H
-// A picture of an object: its skin, lit from the left of whoever looks, with a cast shadow and the lines of the
-// lattice; the probes and an arrow for what the hand feels; a table with squares of 1 cm (or the power of ten that
-// fits). The skin may have the colours of numbers (scale.h), and the lattice may stand there as bare lines.
+// Renderer of an object: its skin, lit from the left of the viewer, with a cast shadow and the lines of the lattice;
+// the probes, with an arrow for the force on the hand; and a table with squares of 1 cm (or the power of ten that
+// fits). The skin may be coloured by values (scale.h), and the lattice may be shown as bare lines.
 //
-//     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw, as often as positions come -> kn_renderer_close
+//     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw for each picture -> kn_renderer_close
 //
-// The same input gives the same bytes on the same Mesa. Frame: scene frame of proto/README.md, metres, z up. One
-// thread; everything is allocated by open and mesh, nothing by draw (Mesa itself may, and the first picture of a tool
-// that is a mesh).
+// The same input gives the same bytes on the same Mesa. The frame is the scene frame of proto/README.md, in metres, z
+// up. Use from one thread only. kn_renderer_open and kn_renderer_mesh allocate everything, and kn_renderer_draw
+// allocates nothing. Exceptions are Mesa itself and the first picture of a tool that is a mesh.
 #include "core/model.h"
 #include <stdint.h>
 
@@ -16,62 +16,70 @@ typedef struct kn_renderer kn_renderer;
 
 typedef struct kn_view_probe {
     kn_probe_def def;           // shape and size
-    double position_m[3];       // of its pose, see core/shape.h; plate: centre of the face that touches
+    double position_m[3];       // position of the tool (core/shape.h); of a plate: centre of the touching face
     double orientation_wxyz[4]; // all 0: level
-    double force_n[3]; // on the tool; drawn beyond the tool, one square of the table per 5 N; none below 0.05 N
-    bool outside;      // not in the model (no session yet, or latched): drawn pale and without a shadow
-    bool held;         // hand_* say where the hand is that holds it
+    // Force on the tool. Drawn as an arrow beyond the tool, one square of the table per 5 N; no arrow below 0.05 N.
+    double force_n[3];
+    bool outside; // not in the model (no session yet, or latched): drawn pale and without a shadow
+    bool held;    // the fields hand_* hold the pose of the hand that holds the tool
     double hand_position_m[3], hand_orientation_wxyz[4];
 } kn_view_probe;
 
 typedef enum kn_view_style {
-    KN_VIEW_LINED, // the skin, and the lattice's lines on it
-    KN_VIEW_SOLID, // the skin
-    KN_VIEW_WIRE,  // the lattice's lines on the skin alone: seen through
-    KN_VIEW_EDGES  // every edge of the lattice, inside, too
+    KN_VIEW_LINED, // the skin with the lattice's lines
+    KN_VIEW_SOLID, // the skin alone
+    KN_VIEW_WIRE,  // the lattice's lines on the skin, transparent between the lines
+    KN_VIEW_EDGES  // every edge of the lattice, also the inner ones
 } kn_view_style;
 
 typedef struct kn_view_scene {
-    const float (*xyz)[3];        // [vertex_count] m, now
-    const float *value;           // [vertex_count] place on the colour scale, 0..1; NaN: the object's colour. NULL: all
-    int edge_count;               // for KN_VIEW_EDGES, else 0
-    const float (*edge)[2][3];    // [edge_count] its ends, m
-    const float (*edge_value)[2]; // [edge_count] theirs on the scale; NULL: the object's colour
-    float color[3];               // of the object, sRGB 0..1
-    double thickness_m; // of a flat object: to it a ball is a disc and a plate a line, 1 % less wide; 0: not flat
-    int probe_count;    // 0 .. KN_PROBES_MAX
+    const float (*xyz)[3]; // [vertex_count] present positions, m
+    // [vertex_count] values on the colour scale, 0..1; NaN: the object's colour. NULL: all vertices have the object's
+    // colour
+    const float *value;
+    int edge_count;               // for KN_VIEW_EDGES, otherwise 0
+    const float (*edge)[2][3];    // [edge_count] ends of each edge, m
+    const float (*edge_value)[2]; // [edge_count] values at the ends; NULL: the object's colour
+    float color[3];               // colour of the object, sRGB 0..1
+    // Thickness of a flat object, m; 0: not flat. On a flat object, a ball is drawn as a disc and a plate as a line,
+    // both 1 % thinner than the object.
+    double thickness_m;
+    int probe_count; // 0 .. KN_PROBES_MAX
     kn_view_probe probe[KN_PROBES_MAX];
     double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg; // 0: level, 90: from above
     kn_view_style style;
-    bool follow;             // an object that has left its place, lifted or pushed, is in the picture with it
-    const float (*frame)[3]; // [2] low, high: this box is in the picture instead, whatever happens. NULL: none
-    double zoom;             // 2 shows half as much; 0: 1
-    bool hands;              // where a hand is 0.5 mm or 3 degrees away from its tool, its outline shows it
-    bool turns;              // framed for every azimuth, so that an object that is gone round stays as large
+    // An object that was lifted or pushed away from its first place stays in the picture, together with that place.
+    bool follow;
+    // [2]: low and high corner of a box that is framed instead of the object. NULL: frame the object
+    const float (*frame)[3];
+    double zoom; // 2 shows half as much; 0 means 1
+    bool hands;  // outline the hand where it is 0.5 mm or 3 degrees away from its tool
+    bool turns;  // frame for every azimuth, so that the object keeps its size while the camera turns
 } kn_view_scene;
 
-// Front above, so that both the top and the profile of a dent across the block show; dough's colour; lines; no probe.
+// Return the default view: from the front and above, to show both the top and the profile of a dent across the block.
+// The colour is that of dough, lattice lines are on, and there are no probes.
 kn_view_scene kn_view_scene_default(void);
 
-// samples: of the solids, per pixel; 4 smooths their outlines, 1 halves the time. NULL and one sentence in error (see
-// offscreen.h: size, library).
+// Open a renderer. `samples`: samples of the solids per pixel; 4 samples smooth the outlines, 1 sample halves the time.
+// On failure (size, library; see offscreen.h) return NULL and put one sentence in error.
 kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
-// The object's topology and its shape at rest, which decides creases (skin.h) and frames the camera: it stands still
-// while the object is deformed. May be called again. False: not a mesh (skin.h) or out of memory; the old one is gone
-// then.
+// Set the object's topology and its rest shape. The rest shape decides the creases (skin.h) and frames the camera, so
+// the camera stands still while the object is deformed. May be called again. Return false if the mesh is invalid
+// (skin.h) or memory is short; the old mesh is then gone.
 bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*rest)[3], int triangle_count,
                       const int (*triangle)[3]);
 
-// Draws and reads back: rgba [height][width][4], top row first. A mesh must have been given. Triangles with a
+// Draw a picture and read it back: rgba [height][width][4], top row first. A mesh must have been set. Triangles with a
 // vertex that is not finite are left out.
 void kn_renderer_draw(kn_renderer *renderer, const kn_view_scene *scene, uint8_t *rgba);
 
-// The bar on the table: its length, and where the middle of its nearer edge is in the picture, pixels from the upper
-// left corner.
+// Return the length of the bar on the table, m. Put the middle of the bar's nearer edge in the last picture into `at`,
+// pixels from the upper left corner.
 double kn_renderer_bar(const kn_renderer *renderer, float at[2]);
 
-void kn_renderer_close(kn_renderer *renderer); // NULL is fine
+void kn_renderer_close(kn_renderer *renderer); // NULL is allowed
 
 #endif

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+// Viridis at nine equal steps.
 #define HEX(rgb)                                                                                                       \
     {                                                                                                                  \
         (float)((rgb) >> 16) / 255.0f, (float)((rgb) >> 8 & 255) / 255.0f, (float)((rgb)&255) / 255.0f                 \
@@ -12,11 +13,12 @@ const float kn_scale_color[KN_SCALE_COLORS][3] = {HEX(0x440154), HEX(0x472d7b), 
                                                   HEX(0x2c728e), HEX(0x21918c), HEX(0x28ae80),
                                                   HEX(0x5ec962), HEX(0xaddc30), HEX(0xfde725)};
 
+// Return the smallest value step * 10^n that is at least `most`.
 static double step_above(double most, int count, const double *steps)
 {
     if (!(most > 1e-9)) return 1e-9;
     double ten = pow(10, floor(log10(most))), top = 0;
-    // 3 * 0.1 is a little more than 0.3
+    // The margin covers rounding errors: 3 * 0.1 is a little more than 0.3.
     for (int i = 0; i < count && top < most; i++) top = steps[i] * ten * (1 + 1e-12);
     return top;
 }
@@ -25,6 +27,7 @@ double kn_scale_round(double most) { return step_above(most, 4, (const double[])
 
 double kn_scale_top(double most) { return step_above(most, 7, (const double[]){1, 1.5, 2, 3, 5, 7.5, 10}); }
 
+// Interpolate linearly between the two nearest colours.
 void kn_scale_at(double share, float srgb[3])
 {
     double x = fmin(fmax(share, 0), 1) * (KN_SCALE_COLORS - 1);
@@ -33,12 +36,14 @@ void kn_scale_at(double share, float srgb[3])
         srgb[k] = kn_scale_color[i][k] + (float)(x - i) * (kn_scale_color[i + 1][k] - kn_scale_color[i][k]);
 }
 
-// What a number of the unit is told in: the prefix, and by what it is multiplied.
+// Write the unit with the SI prefix that suits the scale's top into `text`. Return the factor by which values are
+// multiplied.
 static double prefix(const kn_scale *s, char text[16])
 {
     static const char *const name[] = {"n", "\u00b5", "m", "", "k", "M", "G"};
     if (!*s->unit) return strcpy(text, "%"), 100;
-    int third = (int)fmin(fmax(floor(log10(s->top * 1.000001) / 3), -3), 3); // 1e-3 m is 1 mm
+    // The factor makes 1e-3 m read 1 mm in spite of rounding errors.
+    int third = (int)fmin(fmax(floor(log10(s->top * 1.000001) / 3), -3), 3);
     snprintf(text, 16, "%s%s", name[third + 3], s->unit);
     return pow(10, -3 * third);
 }
@@ -53,9 +58,10 @@ void kn_scale_title(const kn_scale *scale, char *text, size_t size)
 double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
 {
     char unit[16];
+    // Choose the number of intervals by the first digits of the top, so that ticks are round numbers.
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
     const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
-    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // 1 and 5 in fifths
+    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // tops of 1, 5 and 7.5 have five intervals
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);
     return (double)i / ticks;

@@ -1,12 +1,12 @@
 #ifndef KN_CLIENTS_VIEWER_SHADERS_H
 #define KN_CLIENTS_VIEWER_SHADERS_H
-// What runs per vertex and per pixel, GLSL 3.30. Light is added up in linear space and encoded with a gamma of 2 (sqrt) at
-// the end, close enough to sRGB's 2.2 and 7 ms per 720p picture cheaper in software.
+// Shaders per vertex and per pixel, in GLSL 3.30. Light is summed in linear space and encoded with a gamma of 2 (sqrt)
+// at the end. This is close to sRGB's 2.2, and saves 7 ms per 720p picture in software.
 
 #define KN_GLSL "#version 330 core\n"
 
-// Key light: two taps of a shadow map that itself compares and interpolates; four cost 9 ms more per 720p picture in
-// software.
+// Key light: two samples of a shadow map whose sampler compares and interpolates. Four samples cost 9 ms more per 720p
+// picture in software.
 #define KN_GLSL_SHADOW                                                                                                 \
     "uniform sampler2DShadow u_shadow;\n"                                                                              \
     "float lit(vec3 at)\n"                                                                                             \
@@ -22,7 +22,8 @@ static const char *const kn_shader_depth_vertex =
 
 static const char *const kn_shader_depth_fragment = KN_GLSL "void main() {}\n";
 
-// u_light maps the world to the shadow map's 0..1
+// u_light maps the world to the shadow map's 0..1. The place is moved off the surface by u_bias, so that no surface is
+// speckled with its own shadow.
 static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) in vec3 a_position;\n"
                                                           "layout(location = 1) in vec3 a_normal;\n"
                                                           "layout(location = 2) in vec3 a_side;\n"
@@ -39,12 +40,12 @@ static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) 
                                                           "    v_normal = normalize(mat3(u_model) * a_normal);\n"
                                                           "    v_side = a_side;\n"
                                                           "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, "
-                                                          "1.0)).xyz;\n" // off the surface: no speckles of own shadow
+                                                          "1.0)).xyz;\n" // off the surface
                                                           "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, "
                                                           "0.0));\n"
                                                           "}\n";
 
-// The colour of a number, 0..1: straight lines between the scale's colours, in linear light.
+// Colour of a value, 0..1: interpolated linearly between the scale's colours, in linear light.
 #define KN_GLSL_SCALE                                                                                                  \
     "uniform vec3 u_scale[9], u_color;\n"                                                                              \
     "uniform float u_scaled;\n"                                                                                        \
@@ -56,7 +57,8 @@ static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) 
     "    return mix(u_scale[i], u_scale[i + 1], x - float(i));\n"                                                      \
     "}\n"
 
-// v_side is the distance from each drawn side of the triangle in barycentric units; over its derivative: in pixels
+// v_side is the distance from each drawn side of the triangle in barycentric units. Divided by its derivative, it is in
+// pixels.
 static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_SCALE
     "in vec3 v_position, v_normal, v_side, v_shadow;\n"
     "in float v_value;\n"
@@ -78,7 +80,7 @@ static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "    o_color = vec4(sqrt(mix(color * light + shine, u_color, u_flat)), 1.0);\n"
     "}\n";
 
-// Edges of the lattice: bare lines, without light.
+// Edges of the lattice: unlit lines.
 static const char *const kn_shader_edge_vertex =
     KN_GLSL "layout(location = 0) in vec3 a_position;\n"
             "layout(location = 3) in float a_value;\n"
@@ -91,12 +93,12 @@ static const char *const kn_shader_edge_fragment =
                           "out vec4 o_color;\n"
                           "void main() { o_color = vec4(sqrt(0.8 * colored(v_value)), 1.0); }\n";
 
-// The table fills what the solids left of the picture: for every pixel, where its line of sight meets the height u_level.
-// Drawn behind what is resolved already, one sample per pixel: its lines have their own soft edges, and four samples cost
-// 20 ms more.
+// The table fills the pixels that the solids left free. Each pixel shows the point where its line of sight meets the
+// height u_level. The table is drawn behind the resolved solids with one sample per pixel: its lines have their own
+// soft edges, and four samples cost 20 ms more.
 static const char *const kn_shader_table_vertex =
     KN_GLSL "layout(location = 0) in vec3 a_position;\n"
-            "uniform vec3 u_right, u_up, u_forward;\n" // of a line of sight through a corner of the picture
+            "uniform vec3 u_right, u_up, u_forward;\n" // line of sight through a corner of the picture
             "out vec3 v_sight;\n"
             "void main()\n"
             "{\n"
@@ -104,8 +106,8 @@ static const char *const kn_shader_table_vertex =
             "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
             "}\n";
 
-// Squares of u_square metres, every fifth line stronger; a bar as long as one square; fades into the background. dim: what
-// the object takes from its light.
+// Squares of u_square metres, with every fifth line stronger, and a bar as long as one square. All fade into the
+// background. dim(): share of the light that remains beside the object.
 #define KN_GLSL_TABLE                                                                                                  \
     "in vec3 v_sight;\n"                                                                                               \
     "uniform vec3 u_color, u_eye;\n"                                                                                   \
@@ -132,8 +134,8 @@ static const char *const kn_shader_table_vertex =
     "    o_color = vec4(sqrt(u_color * mix(1.0, mix(shade, 0.03, bar), fade)), 1.0);\n"                                \
     "}\n"
 
-// Beside the object, u_height tall, the sky is hidden by it: darker near its footprint u_foot (low x, low y, high x,
-// high y), whose corners are rounded by u_corner.
+// The object, u_height tall, hides part of the sky from the table beside it. So the table is darker near the footprint
+// u_foot (low x, low y, high x, high y), whose corners are rounded by u_corner.
 static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_TABLE
     "uniform mat4 u_light;\n"
     "uniform vec4 u_foot;\n"
@@ -145,7 +147,7 @@ static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "    return (1.0 - 0.45 * near * near * near) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "}\n";
 
-// Where the object is out of sight and nothing casts a shadow: the same colours.
+// The same colours for a table where the object does not matter and nothing casts a shadow.
 static const char *const kn_shader_bare_fragment = KN_GLSL KN_GLSL_TABLE "float dim(vec3 p) { return 1.0; }\n";
 
 #endif

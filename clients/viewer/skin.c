@@ -3,14 +3,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CREASE_COS 0.766f    // cos 40 degrees: a block's edges are 90, a 16-sided cylinder's facets 22
-#define COPLANAR_COS 0.9999f // 0.8 degrees
+#define CREASE_COS 0.766f    // cosine of 40 degrees; edges of a block have 90, facets of a 16-sided cylinder 22
+#define COPLANAR_COS 0.9999f // cosine of 0.8 degrees
 
 typedef struct half_edge { // one side of one triangle
-    int low, high;         // its vertices in ascending order: neighbours compare equal
-    int triangle, corner;  // the corner opposite to it
+    int low, high;         // vertices of the side in ascending order, so that neighbours compare equal
+    int triangle, corner;  // corner opposite the side
 } half_edge;
 
+// Sort by vertices to make neighbours adjacent. The triangle's number makes the order unique.
 static int compare(const void *pa, const void *pb)
 {
     const half_edge *a = pa, *b = pb;
@@ -28,6 +29,7 @@ static void face_normal(const int t[3], const float (*xyz)[3], float normal[3])
     kn_normalize(normal);
 }
 
+// Squared length of the side opposite a corner.
 static float side_squared(const int t[3], const float (*xyz)[3], int corner)
 {
     float d[3];
@@ -35,19 +37,21 @@ static float side_squared(const int t[3], const float (*xyz)[3], int corner)
     return kn_dot(d, d);
 }
 
+// Return whether the side opposite this corner is clearly the longest of the triangle.
 static bool longest(const int t[3], const float (*xyz)[3], int corner)
 {
     float own = 0.999f * side_squared(t, xyz, corner);
     return own > side_squared(t, xyz, (corner + 1) % 3) && own > side_squared(t, xyz, (corner + 2) % 3);
 }
 
+// Union-find with path halving: return the representative of i.
 static int root(int *parent, int i)
 {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
 }
 
-// the corners of a and b that stand on the same end of the side they share become one
+// Join the corners of a and b at each end of their shared side into one group.
 static void join_corners(kn_skin *s, const half_edge *a, const half_edge *b)
 {
     for (int i = 1; i < 3; i++) {
@@ -59,6 +63,7 @@ static void join_corners(kn_skin *s, const half_edge *a, const half_edge *b)
     }
 }
 
+// Compare two neighbours at rest: share normals across a smooth side, and hide the diagonal of a quad.
 static void meet(kn_skin *s, const float (*rest)[3], const half_edge *a, const half_edge *b)
 {
     const int *ta = s->triangle + 3 * a->triangle, *tb = s->triangle + 3 * b->triangle;
@@ -67,15 +72,18 @@ static void meet(kn_skin *s, const float (*rest)[3], const half_edge *a, const h
     face_normal(tb, rest, nb);
     float cosine = kn_dot(na, nb);
     if (cosine > CREASE_COS) join_corners(s, a, b);
+    // The diagonal of a quad is the longest side of both of its triangles.
     if (cosine > COPLANAR_COS && longest(ta, rest, a->corner) && longest(tb, rest, b->corner))
         s->line[3 * a->triangle + a->corner] = s->line[3 * b->triangle + b->corner] = false;
 }
 
+// Number the groups of corners that share a normal 0, 1, 2 ..., in the order of their first corner.
 static void number_groups(kn_skin *s)
 {
     int corners = 3 * s->triangle_count, *number = s->group;
     for (int i = 0; i < corners; i++) number[i] = root(number, i);
-    // every corner now points at its root; roots carry ~n, which is no corner's index, until the others have read it
+    // Every corner now points at the root of its group. A root stores ~n, which is not a valid index, until all other
+    // corners of the group have read the number n.
     for (int i = 0; i < corners; i++)
         if (number[i] == i) number[i] = ~s->group_count++;
     for (int i = 0; i < corners; i++)
@@ -84,11 +92,13 @@ static void number_groups(kn_skin *s)
         if (number[i] < 0) number[i] = ~number[i];
 }
 
+// Find the neighbours of all triangles, and determine groups and lines.
 static bool find_neighbours(kn_skin *s, const float (*rest)[3])
 {
     int count = 3 * s->triangle_count;
     half_edge *edge = malloc((size_t)count * sizeof *edge);
     if (!edge) return false;
+    // Each corner starts as a group of its own, and each side as a line.
     for (int i = 0; i < count; i++) {
         const int *t = s->triangle + i - i % 3;
         int p = t[(i + 1) % 3], q = t[(i + 2) % 3];
@@ -97,6 +107,7 @@ static bool find_neighbours(kn_skin *s, const float (*rest)[3])
         s->line[i] = true;
     }
     qsort(edge, (size_t)count, sizeof *edge, compare);
+    // Equal sides are adjacent after sorting.
     for (int i = 0; i + 1 < count; i++)
         if (edge[i].low == edge[i + 1].low && edge[i].high == edge[i + 1].high) meet(s, rest, &edge[i], &edge[i + 1]);
     free(edge);
@@ -128,6 +139,7 @@ kn_skin *kn_skin_create(int vertex_count, const float (*rest)[3], int triangle_c
 {
     if (vertex_count < 3 || vertex_count > KN_SKIN_VERTICES_MAX) return NULL;
     if (triangle_count < 1 || triangle_count > 2 * KN_SKIN_VERTICES_MAX) return NULL;
+    // Triangles may come from the bus, so check their vertex numbers.
     for (int i = 0; i < 3 * triangle_count; i++)
         if (triangle[i / 3][i % 3] < 0 || triangle[i / 3][i % 3] >= vertex_count) return NULL;
     kn_skin *s = calloc(1, sizeof *s);
@@ -149,6 +161,7 @@ void kn_skin_destroy(kn_skin *s)
     free(s);
 }
 
+// Angle of a corner. atan2 is accurate for flat and for thin triangles.
 static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 {
     float u[3], v[3], c[3];
@@ -158,15 +171,17 @@ static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
     return atan2f(sqrtf(kn_dot(c, c)), kn_dot(u, v));
 }
 
+// Return whether all positions of the triangle are finite.
 static bool whole(const int t[3], const float (*xyz)[3])
 {
     float sum = 0;
-    for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3]; // 0 unless one is infinite or not a number
+    for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3]; // 0 unless a coordinate is infinite or NaN
     return sum == 0;
 }
 
 void kn_skin_corners(kn_skin *s, const float (*xyz)[3], float *out)
 {
+    // Sum the face normals of each group, weighted by the angle of the corner.
     memset(s->normal, 0, 3 * (size_t)s->group_count * sizeof *s->normal);
     for (int t = 0; t < s->triangle_count; t++) {
         const int *triangle = s->triangle + 3 * t;
@@ -179,6 +194,7 @@ void kn_skin_corners(kn_skin *s, const float (*xyz)[3], float *out)
         }
     }
     for (int g = 0; g < s->group_count; g++) kn_normalize(s->normal + 3 * g);
+    // Corners of an incomplete triangle all go to one point, so the triangle is not visible.
     for (int i = 0; i < 3 * s->triangle_count; i++) {
         const float *at = whole(s->triangle + i - i % 3, xyz) ? xyz[s->triangle[i]] : s->rest_low;
         memcpy(out + 6 * i, at, 3 * sizeof *out);

@@ -8,12 +8,15 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
-#define FLAT_SHARE 0.99 // of a flat object's thickness its tools have: sides in one plane would flicker
-#define ARROW_SQUARES_PER_N 0.2f
-#define ARROW_LEAST_N 0.05f
-#define HAND_AWAY_M 0.0005
-#define HAND_TURNED_COS 0.9986f // 3 degrees
+// Thickness of tools, as a share of a flat object's thickness. With 1, sides of tool and object would lie in one plane
+// and flicker.
+#define FLAT_SHARE 0.99
+#define ARROW_SQUARES_PER_N 0.2f // length of the force arrow, squares of the table per N
+#define ARROW_LEAST_N 0.05f      // smallest force that is drawn
+#define HAND_AWAY_M 0.0005       // distance of a hand from its tool above which its outline is drawn
+#define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees: turn of a hand above which its outline is drawn
 
+// Unit solids: z from 0 to 1, or -1 to 1 for the ball; radius 1. The box has sides of 1.
 kn_tools kn_tools_create(const kn_gl *gl)
 {
     static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
@@ -31,13 +34,13 @@ kn_tools kn_tools_create(const kn_gl *gl)
     return t;
 }
 
-typedef struct frame { // of a tool: where its own axes point, and its origin
+typedef struct frame { // axes and origin of a tool
     float axis[3][3], at[3];
 } frame;
 
 static frame frame_of(const kn_view_probe *p)
 {
-    static const double level[4] = {1}; // plates stay it
+    static const double level[4] = {1}; // plates ignore the orientation
     frame f;
     double unit[4], r[3][3];
     kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
@@ -49,7 +52,7 @@ static frame frame_of(const kn_view_probe *p)
     return f;
 }
 
-// z up along the tool from its origin, sides stretched by x, y, height.
+// Place a solid on the tool's z axis, at `z` from the tool's origin, scaled by `x`, `y` and `height`.
 static kn_tool_solid solid_at(const frame *f, const kn_form *s, double z, double x, double y, double height)
 {
     const float size[3] = {(float)x, (float)y, (float)height};
@@ -61,7 +64,7 @@ static kn_tool_solid solid_at(const frame *f, const kn_form *s, double z, double
     return out;
 }
 
-// Where the axes and the origin of a part of it are.
+// Return the frame of a part of a tool.
 static frame frame_within(const frame *tool, const kn_solid *part)
 {
     frame f = {.at = {tool->at[0], tool->at[1], tool->at[2]}};
@@ -73,7 +76,7 @@ static frame frame_within(const frame *tool, const kn_solid *part)
     return f;
 }
 
-// What a mesh tool looks like, when it is seen first. Out of memory: nothing is drawn.
+// Upload a mesh tool when it is first seen. If memory is short, the tool is not drawn.
 static void load_mesh(kn_tools *t, int probe, const kn_field *f)
 {
     float(*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
@@ -95,6 +98,7 @@ static void load_mesh(kn_tools *t, int probe, const kn_field *f)
     free(x);
 }
 
+// A probe whose mesh has another hash than the uploaded one gets a new form.
 void kn_tools_load(kn_tools *t, const kn_view_scene *scene)
 {
     t->thickness_m = scene->thickness_m;
@@ -105,6 +109,7 @@ void kn_tools_load(kn_tools *t, const kn_view_scene *scene)
     }
 }
 
+// Return the form of a mesh tool.
 static const kn_form *tool_of(const kn_tools *t, const kn_field *field)
 {
     int i = 0;
@@ -112,7 +117,7 @@ static const kn_form *tool_of(const kn_tools *t, const kn_field *field)
     return &t->mesh[i];
 }
 
-// Rounded edges are drawn sharp.
+// Fill in the solids of one part and return their number. Rounded edges are drawn sharp.
 static int solids_of_part(const kn_tools *t, const frame *tool, const kn_solid *p, kn_tool_solid *out)
 {
     const frame f = frame_within(tool, p);
@@ -136,6 +141,7 @@ int kn_tool_solids(const kn_tools *t, const kn_view_probe *p, kn_tool_solid out[
     const double *size = p->def.size_m, flat = FLAT_SHARE * t->thickness_m;
     int count = 0;
     kn_shape shape = {0};
+    // A flat object is a slice of its cross-section, so a ball becomes a disc and a plate a line.
     if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {
         const frame across = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {f.at[0], f.at[1], f.at[2]}};
         out[0] = solid_at(&across, &t->rod, -0.5 * flat, p->def.radius_m, p->def.radius_m, flat);
@@ -151,7 +157,8 @@ int kn_tool_solids(const kn_tools *t, const kn_view_probe *p, kn_tool_solid out[
     return count;
 }
 
-static double height_of(const kn_probe_def *def) // of its back above its origin
+// Return the height of the tool's back above the tool's origin.
+static double height_of(const kn_probe_def *def)
 {
     kn_shape shape = {0};
     if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
@@ -159,7 +166,8 @@ static double height_of(const kn_probe_def *def) // of its back above its origin
     return kn_shape_support(&shape, (double[]){0, 0, 1});
 }
 
-// Beyond the tool whichever way it points: a push into the hand begins at the tool's back, a pull ends there.
+// Place the arrow beyond the tool for both directions of force. The arrow of a push into the hand begins at the tool's
+// back, and the arrow of a pull ends there.
 kn_tool_arrow kn_tool_arrow_of(const kn_view_probe *p, float square_m)
 {
     kn_tool_arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
@@ -181,13 +189,14 @@ kn_tool_solid kn_tool_ball(const kn_tools *t, const float at_m[3], double radius
     return solid_at(&f, &t->ball, 0, radius_m, radius_m, radius_m);
 }
 
-bool kn_tool_somewhere(const kn_view_probe *p) // finite
+bool kn_tool_somewhere(const kn_view_probe *p)
 {
     const double *x = p->position_m, *q = p->orientation_wxyz;
     return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
 }
 
-// The hand as a tool without force. False: it is where its tool is, or nobody's.
+// Make `hand` a tool without force at the pose of the hand. Return false if no hand holds the tool, or if hand and tool
+// coincide.
 bool kn_tool_hand(const kn_view_scene *scene, const kn_view_probe *p, kn_view_probe *hand)
 {
     const double *x = p->position_m, *y = p->hand_position_m;

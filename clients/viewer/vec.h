@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_VIEWER_VEC_H
 #define KN_CLIENTS_VIEWER_VEC_H
-// The few vectors and matrices that a picture takes. Matrices are column-major, as OpenGL reads them: m[4*column + row].
+// Vector and matrix functions for pictures. Matrices are column-major, as OpenGL reads them: m[4*column + row].
 #include <math.h>
 
 static inline float kn_dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -10,21 +10,21 @@ static inline void kn_sub(float out[3], const float a[3], const float b[3])
     for (int i = 0; i < 3; i++) out[i] = a[i] - b[i];
 }
 
-static inline void kn_cross(float out[3], const float a[3], const float b[3]) // out is neither a nor b
+static inline void kn_cross(float out[3], const float a[3], const float b[3]) // out must be neither a nor b
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static inline float kn_normalize(float v[3]) // returns the length it had; a zero vector stays zero
+static inline float kn_normalize(float v[3]) // returns the former length; a zero vector stays zero
 {
     float length = sqrtf(kn_dot(v, v));
     for (int i = 0; i < 3 && length > 0; i++) v[i] /= length;
     return length;
 }
 
-static inline void kn_mat_mul(float out[16], const float a[16], const float b[16]) // out is neither a nor b
+static inline void kn_mat_mul(float out[16], const float a[16], const float b[16]) // out must be neither a nor b
 {
     for (int column = 0; column < 4; column++) {
         for (int row = 0; row < 4; row++) {
@@ -35,7 +35,7 @@ static inline void kn_mat_mul(float out[16], const float a[16], const float b[16
     }
 }
 
-// World to a frame with those unit axes that looks along -z from eye.
+// Transform from the world to a frame with these unit axes, which looks along -z from eye.
 static inline void kn_mat_view(float out[16], const float right[3], const float up[3], const float back[3],
                                const float eye[3])
 {

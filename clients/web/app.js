@@ -1,11 +1,13 @@
-// The page of knead web: draws what comes, and tells where the pointer is. The wire: README.md, beside this.
+// The page of knead web: draw the received pictures and send the pointer. The wire format is in README.md of this
+// folder.
 'use strict';
 const $ = (id) => document.getElementById(id);
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const picture = $('picture'), slider = $('depth');
 
-// What tests and bench read: latency holds, for the last 2000 events, the ms from the event's handler to the first
-// drawn frame that has its effect; first_ms when the first was drawn, since the page was asked for.
+// Figures for tests and benchmarks. latency: for each of the last 2000 events, time from the event's handler to the
+// first drawn frame that shows the effect of the event, ms. first_ms: time from the request of the page to the first
+// drawn frame.
 const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, now: null };
 
 // ---- the wire
@@ -13,7 +15,7 @@ const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, n
 const POINTER = 1, SEEN = 2, RETRY_MS = 2000;
 let socket = null, waiting = []; // events whose effect has not been drawn: {number, at}
 let asked = 0;
-const answers = new Map(); // what waits for an answer, by id
+const answers = new Map(); // callbacks of unanswered requests, by id
 
 function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
     if (socket?.readyState !== WebSocket.OPEN) return;
@@ -25,7 +27,7 @@ function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
     socket.send(bytes);
 }
 
-// Asks in words; the answer is {ok, words}, and never fails to come.
+// Send a request as JSON. The promise always resolves, to {ok, words}.
 function ask(what, fields = {}) {
     if (socket?.readyState !== WebSocket.OPEN) return Promise.resolve({ ok: false, words: 'knead web is not there' });
     const id = ++asked;
@@ -44,23 +46,25 @@ function connect() {
     const token = location.hash.slice(1);
     if (!token) return say('fault', 'open the address that knead web printed: this one has no token');
     const mine = socket = new WebSocket(`${location.protocol.replace('http', 'ws')}//${location.host}/ws`, 'knead');
-    let drawn = 0; // frame number
+    let drawn = 0; // newest frame drawn
     mine.binaryType = 'arraybuffer';
     mine.onopen = () => mine.send(token);
     mine.onmessage = async ({ data }) => {
         const size = new DataView(data).getUint32(0, true);
         const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
-        record(now.trace); // before the wait for the picture, in which the next message may come
+        record(now.trace); // before the wait for the picture, during which the next message may come
         now.answers.forEach(hear);
         if (now.about) showAbout(now.about);
         if (data.byteLength > 4 + size) {
             const jpeg = new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' });
-            const bitmap = await createImageBitmap(jpeg).catch(() => null); // a bad one must not stop the next
-            // newer than what is there, not only the newest: two that overtake each other would never be drawn
+            const bitmap = await createImageBitmap(jpeg).catch(() => null); // a broken picture must not stop the next
+            // Draw any frame newer than the last drawn one. Drawing only the newest could draw none, if each frame is
+            // overtaken while it is decoded.
             if (bitmap && mine === socket && now.frame > drawn) draw(bitmap, now);
             bitmap?.close();
         }
-        while (document.hidden && mine === socket) await inSight(); // nobody looks: no pictures are made
+        // Without this acknowledgement no pictures are made for a hidden page.
+        while (document.hidden && mine === socket) await inSight();
         if (mine !== socket) return;
         send(SEEN, now.frame);
         if (now.frame > drawn) show(now);
@@ -69,7 +73,7 @@ function connect() {
     mine.onclose = ({ code, reason }) => {
         if (mine !== socket) return;
         letGo();
-        socket = null; // a picture that is still being unpacked is of before
+        socket = null; // a picture that is still being decoded belongs to the old connection
         waiting = [];
         picture.classList.add('stale');
         for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web has gone before it answered' });
@@ -80,9 +84,10 @@ function connect() {
     };
 }
 
-// ---- what comes
+// ---- received data
 
-function fit(canvas, width, height) { // to give it its size would clear it
+// Set a canvas size only if it changes, because setting it clears the canvas.
+function fit(canvas, width, height) {
     if (canvas.width !== width) canvas.width = width;
     if (canvas.height !== height) canvas.height = height;
 }
@@ -97,7 +102,8 @@ function draw(bitmap, now) {
         if (knead.latency.push(at - waiting.shift().at) > 2000) knead.latency.shift();
 }
 
-function write(id, text) { // only what is new: a screen reader reads every change of the status
+// Write only new text: a screen reader reads every change of the status aloud.
+function write(id, text) {
     if ($(id).textContent !== text) $(id).textContent = text;
 }
 
@@ -114,7 +120,8 @@ function show(now) {
     write('pressed', now.depth_mm.toFixed(1));
     write('contact', now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
-    if (hand.holder === null && !now.contact) slider.max = now.deepest_mm; // in a press: what is left below this place
+    // During a press, deepest_mm would be the depth left below this place.
+    if (hand.holder === null && !now.contact) slider.max = now.deepest_mm;
     showDepth();
     write('bar', now.bar_mm ? `bar on the table: ${now.bar_mm < 9.9 ? `${now.bar_mm} mm` : `${now.bar_mm / 10} cm`}` : '');
     write('time', `${(now.tick / 1000).toFixed(1)} s served`);
@@ -123,25 +130,29 @@ function show(now) {
     drawTrace();
 }
 
-// ---- the hand: where it points, who presses (a pointer's id, 'key', or null), how deep
+// ---- hand: place it aims at (u, v), its depth, and the source that holds the press (a pointer's id, 'key', or null)
 
-const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015; // mm per px; of the picture
+// REPEAT_MS: interval of repeating a press. WHEEL_MM, KEY_MM: change of depth per wheel px and per key, mm. KEY_STEP:
+// step of an arrow key, as a share of the picture.
+const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015;
 const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5 };
-let soon = 0, soonAt = 0; // the animation frame that will tell, and the first handler that asked for it
+let soon = 0, soonAt = 0; // pending animation frame that will send; time of the first handler that asked for it
 
 const depthNow = () => clamp(hand.depth_mm, 0, Number(slider.max));
 function sayPointer() {
     send(POINTER, ++knead.events, hand.holder === null ? 0 : 1, hand.u, hand.v, Math.min(0.0999, depthNow() / 1000));
 }
 
-function tell() { // now
+// Send the pointer now.
+function tell() {
     cancelAnimationFrame(soon);
     if (waiting.push({ number: knead.events + 1, at: soon ? soonAt : performance.now() }) > 500) waiting.shift();
     soon = 0;
     sayPointer();
 }
 
-function tellSoon() { // with the next animation frame, however many moves come until then
+// Send the pointer with the next animation frame, which combines all moves until then.
+function tellSoon() {
     if (soon) return;
     soonAt = performance.now();
     soon = requestAnimationFrame(tell);
@@ -189,17 +200,17 @@ picture.addEventListener('pointermove', (event) => {
     aim(event);
     tellSoon();
 });
-// On the window, where whoever holds is heard with and without the capture, which Chromium takes back when the layout
-// changes under a mouse that is driven by its debugging protocol.
+// Listen on the window: the holder's events arrive there with and without the pointer capture. Chromium takes the
+// capture back when the layout changes under a mouse that is driven by its debugging protocol.
 window.addEventListener('pointermove', (event) => {
     if (hand.holder !== event.pointerId) return;
-    if (event.buttons & 1) aim(event), tellSoon(); // a stroke, at the depth that it has
-    else letGo(); // released while another button was down: no pointerup tells of that
+    if (event.buttons & 1) aim(event), tellSoon(); // a stroke at the current depth
+    else letGo(); // released while another button was down, which causes no pointerup
 });
 for (const end of ['pointerup', 'pointercancel'])
     window.addEventListener(end, (event) => { if (hand.holder === event.pointerId) letGo(); });
 picture.addEventListener('wheel', (event) => {
-    if (event.ctrlKey) return; // zooms the page
+    if (event.ctrlKey) return; // that zooms the page
     event.preventDefault();
     setDepth(hand.depth_mm + event.deltaY * (event.deltaMode ? 33 : 1) * WHEEL_MM);
 }, { passive: false });
@@ -227,6 +238,6 @@ picture.addEventListener('keydown', (event) => {
 });
 picture.addEventListener('keyup', ({ key }) => { if ([' ', 'Enter'].includes(key) && hand.holder === 'key') letGo(); });
 slider.addEventListener('input', () => setDepth(Number(slider.value)));
-setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // silence lets go, over there
+setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // knead web lets go after silence
 window.addEventListener('hashchange', () => location.reload());
 connect();

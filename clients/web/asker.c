@@ -6,9 +6,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define PATIENCE_S 12        // kneadd gives up after 2 s at most, but for a scene that is large
-#define ANSWER_MAX (1 << 18) // bytes
+#define PATIENCE_S 12        // longest wait, s: kneadd answers within 2 s, except for a large scene
+#define ANSWER_MAX (1 << 18) // largest answer, bytes
 
+// End a call: close it, then deliver its answer. If `why` is not NULL, deliver this error instead.
 static void end(kn_asker_call *c, const char *why)
 {
     kn_asker *a = c->asker;
@@ -17,7 +18,8 @@ static void end(kn_asker_call *c, const char *why)
     ev_io_stop(a->ev, &c->readable);
     ev_timer_stop(a->ev, &c->patience);
     close(c->readable.fd);
-    c->text = NULL; // free before it is told: who is told may ask again
+    // Free the call before the callback, which may ask again.
+    c->text = NULL;
     if (!json_is_object(answer)) {
         json_decref(answer);
         answer = json_pack("{s:b, s:s}", "ok", 0, "error", why ? why : "what answers there is no kneadd");
@@ -34,6 +36,7 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     ssize_t got = recv(w->fd, c->text + c->size, ANSWER_MAX - c->size, 0);
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (got > 0) c->size += (size_t)got;
+    // An answer ends with a newline. Anything larger than ANSWER_MAX is not from kneadd.
     if (c->size > 0 && c->text[c->size - 1] == '\n') end(c, NULL);
     else if (got <= 0) end(c, "kneadd hung up without an answer");
     else if (c->size == ANSWER_MAX) end(c, "what answers there is no kneadd");
@@ -50,6 +53,7 @@ void kn_asker_open(kn_asker *a, struct ev_loop *ev) { a->ev = ev; }
 bool kn_asker_ask(kn_asker *a, int tag, const json_t *request, bool urgent, char *error, size_t error_size)
 {
     kn_asker_call *c = NULL;
+    // Call 0 is reserved for urgent requests.
     for (int i = urgent ? 0 : 1; !c && i < KN_ASKER_CALLS; i++)
         if (!a->call[i].text) c = &a->call[i];
     snprintf(error, error_size, "%s", !a->path ? "knead web has no --control" : "kneadd is busy with what was asked");

@@ -1,10 +1,11 @@
-// What a page may download: made of what is served now, never of a name that a page has said.
+// Downloads of a page. They are made from the served state, and no name from a page is used as a file name.
 #include "clients/web/web.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// The block that begins with `head`, of a scene's text, up to the next one; it ends before its newline's successor.
+// Find the block of a scene's text that begins with `head` and ends before the next top-level key. Return its length,
+// including the last newline, or 0 if there is none.
 static size_t block_of(const char *text, const char *head, const char **begin)
 {
     *begin = strncmp(text, head, strlen(head)) == 0 ? text : NULL;
@@ -16,12 +17,13 @@ static size_t block_of(const char *text, const char *head, const char **begin)
         ++*begin;
     }
     const char *end = strchr(*begin, '\n');
+    // Indented lines and comment lines belong to the block.
     while (end && (end[1] == ' ' || end[1] == '#')) end = strchr(end + 1, '\n');
     return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
 }
 
-// A name as it may stand in a comment: it came over the bus, and what ends a line, in ASCII or beyond, would end the
-// comment.
+// Make a name safe for a YAML comment. The name came over the bus. A line break in it, also one that is not ASCII,
+// would end the comment.
 static void plain(const char *name, char *to, size_t size)
 {
     snprintf(to, size, "%s", name);
@@ -29,7 +31,7 @@ static void plain(const char *name, char *to, size_t size)
         if (*to < ' ' || *to > '~') *to = '?';
 }
 
-// The material as it is served, as a file for `material: FILE.yaml`.
+// Make a file of the served material and density, for `material: FILE.yaml`.
 static bool material(const kn_web *w, kn_web_file *file)
 {
     const char *text = w->live.scene ? w->live.scene->text : NULL, *part, *weight;
@@ -57,6 +59,7 @@ static bool scene(const kn_web *w, kn_web_file *file)
     return file->bytes;
 }
 
+// Find a file of a recording. The CSV exists only after a verification.
 static bool recording(kn_web *w, int number, const char *kind, kn_web_file *file)
 {
     const kn_take *one = kn_takes_find(&w->takes, number);
@@ -76,6 +79,7 @@ bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
         kn_web_png_path(w, file->path);
         return true;
     }
+    // Only a number and a kind are taken from the name.
     int number;
     char kind[8], end;
     if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2) return recording(w, number, kind, file);

@@ -11,20 +11,22 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-#define GUEST_S 2           // a connection may stay so long without the token: a page shows it in a few round trips
-#define EXPIRY_S 0.2        // between two looks
-#define CLOSE_EVERY_S 0.004 // while more come than there are places, so that each has 64 ms, however many come
-#define DOWNLOADS 8 // connections with the token that are no pages; beyond, all would not fit into 64 descriptors
+#define GUEST_S 2    // longest stay without the token, s: a page shows its token within a few round trips
+#define EXPIRY_S 0.2 // interval of looking for guests that have stayed too long, s
+// Interval of closing guests while more connections come than there are places, s. Each of the 16 guests then has at
+// least 64 ms to show its token.
+#define CLOSE_EVERY_S 0.004
+// Connections with the token that are not pages. With more, the descriptors would not all fit into 64.
+#define DOWNLOADS 8
+// Timeout of libwebsockets for a request and for an idle connection, s.
 #define PATIENCE_S 5
-#define AT_ONCE (1 << 24) // bytes to the kernel: as many as may be received is the default, a picture in 500 pieces
-enum {
-    PROTOCOL = 1002,
-    TOO_BIG = 1009,
-    UNKNOWN = 4401,
-    OUSTED = 4429
-}; // WebSocket close codes; from 4000 on they are ours
+// Bytes given to the kernel at once. The default is the size of the receive buffer, which would send a picture in 500
+// pieces.
+#define AT_ONCE (1 << 24)
+// WebSocket close codes. Codes from 4000 on are private to this protocol.
+enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, OUSTED = 4429 };
 
-// The files are part of the program: nothing to find at run time, nothing that a page could ask for beside them.
+// The files are embedded in the program. Nothing must be found at run time, and a page cannot ask for any other file.
 #define EMBED(name, file)                                                                                              \
     extern const char name[], name##_end[];                                                                            \
     __asm__(".section .rodata\n" #name ": .incbin \"" KN_CLIENTS_DIR "/web/" file "\"\n" #name                         \
@@ -43,25 +45,27 @@ static const struct {
              {"/trace.js", "text/javascript; charset=utf-8", trace_js, trace_js_end},
              {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
 
-typedef struct session { // libwebsockets keeps one per connection
+typedef struct session { // libwebsockets keeps one session per connection
     bool socket;         // it is a WebSocket
-    bool admitted;       // it has had a place
-    int page;            // -1: none, since the token has not been shown or the place is a newer page's
+    bool admitted;       // the token was shown and a place given
+    int page;            // -1: the token was not shown yet, or a newer page took the place
     size_t length;
     uint8_t message[KN_REQUEST_MAX];
-    bool closing; // nothing may be written after the reason: it would end the connection before it is sent
+    // A close reason was set. Writing anything more would end the connection before the reason is sent.
+    bool closing;
 } session;
 
+// Count a refusal. Report refusals at most once a second, so that many attempts to connect cannot fill the log.
 static void tell_refusal(kn_gateway *g, const char *why)
 {
     g->refused++;
     int64_t now_ms = (int64_t)(ev_now(g->ev) * 1e3);
-    if (now_ms - g->told_ms < 1000) return; // at most a line per second: whoever knocks must not fill the log
+    if (now_ms - g->told_ms < 1000) return;
     g->told_ms = now_ms;
     fprintf(stderr, "knead web: refused: %s (%lld so far)\n", why, (long long)g->refused);
 }
 
-// ---- guests: connections that have not shown the token, or have lost their place. The oldest is the first.
+// ---- guests: connections that have not shown the token or have lost their place, the oldest first
 
 static bool is_guest(const kn_gateway *g, const struct lws *wsi)
 {
@@ -70,7 +74,8 @@ static bool is_guest(const kn_gateway *g, const struct lws *wsi)
     return false;
 }
 
-static void forget_guest(kn_gateway *g, const struct lws *wsi) // it has shown the token, or has ended
+// Remove a guest that has shown the token or has ended.
+static void forget_guest(kn_gateway *g, const struct lws *wsi)
 {
     int kept = 0;
     for (int i = 0; i < g->guests; i++)
@@ -78,14 +83,17 @@ static void forget_guest(kn_gateway *g, const struct lws *wsi) // it has shown t
     g->guests = kept;
 }
 
+// Close the oldest guest at once.
 static void close_oldest(kn_gateway *g)
 {
     struct lws *oldest = g->guest[0];
     forget_guest(g, oldest);
-    shutdown(lws_get_socket_fd(oldest), SHUT_RDWR); // or libwebsockets would wait for an answer to be read
+    // Without the shutdown, libwebsockets would wait until its answer is read.
+    shutdown(lws_get_socket_fd(oldest), SHUT_RDWR);
     lws_set_timeout(oldest, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_SYNC);
 }
 
+// Stop accepting for a while. The kernel queues or refuses connections meanwhile.
 static void pause_accepting(kn_gateway *g, double seconds, const char *why)
 {
     tell_refusal(g, why);
@@ -94,7 +102,8 @@ static void pause_accepting(kn_gateway *g, double seconds, const char *why)
     ev_timer_again(g->ev, &g->pause);
 }
 
-// The newest takes the place of the oldest: a page shows its token at once.
+// Add a guest. If all places are taken, the new guest replaces the oldest guest. A real page is safe from this, because
+// it shows its token at once.
 static void add_guest(kn_gateway *g, struct lws *wsi)
 {
     if (g->guests == KN_GATEWAY_GUESTS) {
@@ -106,7 +115,8 @@ static void add_guest(kn_gateway *g, struct lws *wsi)
     lws_set_timer_usecs(wsi, GUEST_S * LWS_USEC_PER_SEC);
 }
 
-// libwebsockets looks at its timers after events of its own alone: on an idle page nobody would be sent away.
+// Close guests that have stayed too long. libwebsockets checks its timers only after events of its own, so without this
+// timer guests would stay for as long as the page is idle.
 static void on_expiry(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)events;
@@ -122,6 +132,7 @@ static bool header_is(struct lws *wsi, enum lws_token_indexes header, const char
     return lws_hdr_copy(wsi, value, sizeof value, header) > 0 && strcmp(value, expected) == 0;
 }
 
+// Send a complete HTTP answer from memory. Return the value for the libwebsockets callback.
 static int answer(struct lws *wsi, unsigned status, const char *type, const char *body, size_t size)
 {
     uint8_t *buffer = malloc(LWS_PRE + 1024 + size), *head = buffer + LWS_PRE, *at = head;
@@ -139,7 +150,7 @@ static int refuse(kn_gateway *g, struct lws *wsi, unsigned status, const char *w
     return answer(wsi, status, "text/plain; charset=utf-8", why, strlen(why));
 }
 
-// Of every character, so that the time it takes tells nothing of the right ones.
+// Compare all characters, so that the time of the comparison reveals nothing about the token.
 static bool is_token(const kn_gateway *g, const uint8_t *shown)
 {
     unsigned differ = 0;
@@ -147,7 +158,7 @@ static bool is_token(const kn_gateway *g, const uint8_t *shown)
     return differ == 0;
 }
 
-// A download: whoever asks has shown the token in a header, which no page of another origin can send unasked.
+// Serve a download. The token is in a header, which a page of another origin cannot send without permission.
 static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
 {
     static const char scheme[] = "Bearer ";
@@ -158,11 +169,13 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
     if (lws_hdr_copy(wsi, shown, sizeof shown, WSI_TOKEN_HTTP_AUTHORIZATION) != (int)sizeof shown - 1 ||
         strncmp(shown, scheme, sizeof scheme - 1) != 0 || !is_token(g, (const uint8_t *)shown + sizeof scheme - 1))
         return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
+    // Downloads have their own places, so that they never take those of pages or guests.
     if (is_guest(g, wsi) && g->connections - g->guests - kn_gateway_pages(g) >= DOWNLOADS)
         return refuse(g, wsi, 503, "eight downloads are under way already");
     forget_guest(g, wsi);
     if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
-    if (file.path[0]) { // sent in pieces, on which this callback is not asked again
+    // Sent in pieces, without another call of this callback.
+    if (file.path[0]) {
         int sent = lws_serve_http_file(wsi, file.path, file.type, NULL, 0);
         return sent < 0 || (sent > 0 && lws_http_transaction_completed(wsi)) ? -1 : 0;
     }
@@ -171,6 +184,8 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
     return result;
 }
 
+// Serve a file of the page or a download. The Host header must be this address, so that a foreign host name that
+// resolves to this address (DNS rebinding) is refused.
 static int serve(kn_gateway *g, struct lws *wsi, const char *path)
 {
     if (!header_is(wsi, WSI_TOKEN_HOST, g->site))
@@ -183,13 +198,14 @@ static int serve(kn_gateway *g, struct lws *wsi, const char *path)
     return refuse(g, wsi, 404, "no such file");
 }
 
+// Check the headers of a WebSocket before the upgrade. Return 0 to accept.
 static int confirm(kn_gateway *g, struct lws *wsi)
 {
     const char *why = NULL;
     if (!header_is(wsi, WSI_TOKEN_PROTOCOL, "knead")) why = "wrong subprotocol: expected knead";
     if (!header_is(wsi, WSI_TOKEN_ORIGIN, g->origin)) why = "wrong Origin: open the address that knead web printed";
     if (!header_is(wsi, WSI_TOKEN_HOST, g->site)) why = "wrong Host: open the address that knead web printed";
-    // HTTP/2 would bring many requests over the place of one
+    // HTTP/2 would carry many requests over one place.
     if (!header_is(wsi, WSI_TOKEN_UPGRADE, "websocket")) why = "wrong upgrade: expected websocket";
     if (!why) return 0;
     return refuse(g, wsi, 403, why) ? -1 : 1;
@@ -197,6 +213,7 @@ static int confirm(kn_gateway *g, struct lws *wsi)
 
 // ---- WebSocket
 
+// Close a WebSocket with a code and a reason that the page can show.
 static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
 {
     ((session *)lws_wsi_user(wsi))->closing = true;
@@ -205,8 +222,8 @@ static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
     return -1;
 }
 
-// All places are taken: the page that came first gives up its own, unless it has the tool or gave the last order. It
-// becomes a guest, so that it cannot stay by not reading why.
+// Free a place when all places are taken, and return its index. The oldest page for which `stays` returns false loses
+// its place and becomes a guest. A guest is closed after GUEST_S even if it does not read the close reason.
 static int oust(kn_gateway *g)
 {
     int first = -1;
@@ -221,9 +238,11 @@ static int oust(kn_gateway *g)
     return first;
 }
 
+// Handle the first message of a connection, which must be the token.
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
-    if (s->admitted) return 0; // it has lost its place, and is about to be told
+    // The page has lost its place and is about to be told.
+    if (s->admitted) return 0;
     if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
         return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
     forget_guest(g, wsi);
@@ -241,13 +260,15 @@ static uint32_t u32(const uint8_t *at)
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-static bool f32(const uint8_t *at, float most, float *value) // false: not of 0..most
+// Read a float. Return false if it is not within 0..most, which also refuses NaN.
+static bool f32(const uint8_t *at, float most, float *value)
 {
     uint32_t bits = u32(at);
     memcpy(value, &bits, sizeof bits);
     return *value >= 0 && *value <= most;
 }
 
+// Handle a binary message: a pointer event, or the acknowledgement of a message.
 static int take(kn_gateway *g, struct lws *wsi, session *s)
 {
     const uint8_t *b = s->message;
@@ -259,14 +280,17 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
+    // Accept an acknowledgement only for a message that is in flight. Unsigned differences survive a wrap of the
+    // counters.
     else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
     if (page->news) lws_callback_on_writable(wsi);
     return 0;
 }
 
+// Handle a request in JSON.
 static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 {
-    char why[120]; // a close reason has room for 123
+    char why[120]; // a close reason holds at most 123 bytes
     kn_request request;
     if (!kn_request_parse(&request, (const char *)s->message, s->length, why, sizeof why))
         return hang_up(g, wsi, PROTOCOL, why);
@@ -274,7 +298,7 @@ static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
     return 0;
 }
 
-// A message may come in pieces; one that is longer than any of ours is not waited for.
+// Collect the fragments of a message. A message longer than any valid one is refused without waiting for its end.
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
@@ -288,8 +312,10 @@ static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes
     return lws_frame_is_binary(wsi) ? take(g, wsi, s) : take_words(g, wsi, s);
 }
 
+// Return whether the page may be sent another message.
 static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN_GATEWAY_IN_FLIGHT; }
 
+// Write the next message of a page, or close a page that has lost its place.
 static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
@@ -304,8 +330,8 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 
 // ---- encryption
 
-// A certificate of this run, for this address, which only its fingerprint vouches for. Its serial number is random:
-// Firefox refuses two of one issuer and number.
+// Make a certificate for this run and address. No authority signs it; the user compares its printed fingerprint. The
+// serial number is random, because Firefox refuses two certificates with the same issuer and number.
 static bool certify(kn_gateway *g, SSL_CTX *tls)
 {
     char name[64];
@@ -318,8 +344,8 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     const bool ok =
         x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
         ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
-        X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&     // a day: a tablet's clock may be behind
-        X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) && // the longest that browsers take
+        X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&     // one day back: a tablet's clock may be behind
+        X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) && // the longest validity that browsers accept
         X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
         X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&
         X509_sign(x, key, EVP_sha256()) && X509_digest(x, EVP_sha256(), digest, NULL) &&
@@ -333,9 +359,9 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     return ok;
 }
 
-// ---- what libwebsockets tells
+// ---- events of libwebsockets
 
-// A guest has been here for GUEST_S. A session is NULL before the first request.
+// Close a guest that has stayed for GUEST_S. A session is NULL before the first request.
 static int send_away(kn_gateway *g, struct lws *wsi, session *s)
 {
     if (s && s->socket && !s->closing)
@@ -344,6 +370,7 @@ static int send_away(kn_gateway *g, struct lws *wsi, session *s)
     return -1;
 }
 
+// The two protocols, HTTP and WebSocket, share this callback.
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
 {
     kn_gateway *g = lws_context_user(lws_get_context(wsi));
@@ -377,7 +404,7 @@ bool kn_gateway_host(const char *text, struct in_addr *host)
 {
     if (inet_pton(AF_INET, text, host) != 1) return false;
     const uint32_t address = ntohl(host->s_addr);
-    return address >> 24 != 0 && !IN_MULTICAST(address) && !IN_BADCLASS(address); // nobody's, many's, everybody's
+    return address >> 24 != 0 && !IN_MULTICAST(address) && !IN_BADCLASS(address); // not "any", multicast or broadcast
 }
 
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size)
@@ -396,18 +423,20 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
     return -1;
 }
 
+// Accept a connection. The gateway accepts itself, because it limits guests and chooses the moment.
 static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
 {
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
-    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) { // it would be asked again at once, and again
+    // Without a pause, the pending connection would trigger this callback again at once, in a busy loop.
+    if (fd < 0 && (errno == EMFILE || errno == ENFILE)) {
         pause_accepting(g, g->guests ? CLOSE_EVERY_S : 0.1, "too many descriptors are open");
         if (g->guests) close_oldest(g);
     }
     if (fd < 0) return;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    struct lws *wsi = lws_adopt_socket(g->context, fd); // closes it when it fails
+    struct lws *wsi = lws_adopt_socket(g->context, fd); // closes the descriptor on failure
     if (wsi) add_guest(g, wsi);
 }
 
@@ -419,7 +448,8 @@ static void on_paused(struct ev_loop *ev, ev_timer *w, int events)
     ev_io_start(ev, &g->acceptable);
 }
 
-// The address as the kernel has it: whatever was meant, nobody must be able to connect at another one.
+// Compose the page's address from the address that the kernel reports for the socket. If this is not the wanted
+// address, refuse to start, so that nobody can connect at another address.
 static bool make_address(kn_gateway *g, const char *host)
 {
     struct sockaddr_in at = {0};
@@ -430,10 +460,11 @@ static bool make_address(kn_gateway *g, const char *host)
         !kn_gateway_host(host, &expected) || at.sin_addr.s_addr != expected.s_addr ||
         getrandom(random, sizeof random, 0) != sizeof random)
         return false;
+    // A new random token for each run.
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
     const bool here = ntohl(at.sin_addr.s_addr) >> 24 == IN_LOOPBACKNET;
     int n = snprintf(g->origin, sizeof g->origin, "%s://%s", here ? "http" : "https", inet_ntoa(at.sin_addr));
-    if (ntohs(at.sin_port) != (here ? 80 : 443)) // which no browser says
+    if (ntohs(at.sin_port) != (here ? 80 : 443)) // browsers leave the default port out
         snprintf(g->origin + n, sizeof g->origin - (size_t)n, ":%d", ntohs(at.sin_port));
     g->site = strchr(g->origin, '/') + 2;
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
@@ -455,14 +486,16 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
         .foreign_loops = loops,
         .timeout_secs = PATIENCE_S,
         .keepalive_timeout = PATIENCE_S,
-        .alpn = "http/1.1", // a connection is one request at a time: no streams of HTTP/2 in one place
+        .alpn = "http/1.1", // one request at a time per connection: HTTP/2 streams would share one place
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
     g->fd = fd >= 0 ? fd : kn_gateway_listen(host, port, error, error_size);
     if (g->fd < 0) return false;
+    // Each message is written before its step, so that a failing step leaves its own reason.
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
     if (!make_address(g, host)) return false;
+    // Encrypt if the address is not loopback.
     if (strncmp(g->origin, "https", 5) == 0)
         info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_CREATE_VHOST_SSL_CTX;
     lws_set_log_level(LLL_ERR, NULL);

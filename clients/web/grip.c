@@ -1,4 +1,4 @@
-// The tool in a page's hand: which one it is, who has it, what it wants of the device's thread.
+// Grip of a page on the tool: choice of the tool, choice of the page that has it, and wishes to the device's thread.
 #include "clients/knead/foot.h"
 #include "clients/web/web.h"
 #include "server/clock.h"
@@ -7,15 +7,17 @@
 #include <string.h>
 #include <sys/random.h>
 
-#define IDLE_MS 2000 // after so long another page may take the tool...
-#define HELD_MS 5000 // ...and after so long another program: a page that nobody touches lets it go
+#define IDLE_MS 2000 // after this time without pointer events another page may take the tool
+#define HELD_MS 5000 // after this time without pointer events another program may take the tool
 
-static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) // in the device's thread
+// Compute the next pose from the newest wish. Runs every ms in the device's thread.
+static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_web *w = self;
     bool fresh;
     kn_pointer_wish wish = *(const kn_pointer_wish *)kn_mailbox_latest(&w->wishes, &fresh);
-    w->stale_ms = fresh ? 0 : w->stale_ms + elapsed_ms; // one comes every 100 ms, unless the main thread stands still
+    // A wish comes every 100 ms, unless the main thread stands still.
+    w->stale_ms = fresh ? 0 : w->stale_ms + elapsed_ms;
     wish.stale = w->stale_ms > KN_WEB_LET_GO_MS;
     kn_hand_out out = kn_pointer_tick(&w->pointer, &wish, force, elapsed_ms);
     kn_web_sample sample = {.news = w->pointer.news, .work_mj = NAN, .round_trip_ms = NAN};
@@ -23,10 +25,12 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms) 
         sample.work_mj = (float)(1e3 * force->energy_j);
         sample.round_trip_ms = (float)(1e-6 * (double)(kn_now_ns() - force->sent_ns));
     }
-    kn_ring_push(&w->samples, &sample); // a full one loses trace, nothing else
+    kn_ring_push(&w->samples, &sample); // a full ring loses samples of the trace, nothing else
     return out;
 }
 
+// Post the current wish to the device's thread. If the page has sent no pointer event for HELD_MS, the wish lets the
+// tool leave.
 void kn_web_post_wish(kn_web *w)
 {
     const bool used = w->owner >= 0 && kn_live_now_ms() - w->gateway.page[w->owner].pointed_ms <= HELD_MS;
@@ -36,16 +40,19 @@ void kn_web_post_wish(kn_web *w)
     kn_mailbox_post(&w->wishes);
 }
 
+// Take the samples of the device's thread: the newest state, the ticks of answered events, and the trace.
 void kn_web_take_samples(kn_web *w)
 {
     for (const kn_web_sample *s; (s = kn_ring_front(&w->samples)); kn_ring_pop(&w->samples)) {
         const kn_pointer_news *n = &s->news;
+        // The first sample with a new event carries the tick at which kneadd answered that event.
         if (n->event && n->event != w->news.event) w->event[n->event % KN_WEB_EVENTS].tick = n->tick;
         w->news = *n;
         w->trace[w->traced++ % KN_WEB_TRACE] = *s;
     }
 }
 
+// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
 static const kn_probe_def *choose_tool(const kn_web *w)
 {
     const kn_model_def *def = &w->live.scene->model;
@@ -55,7 +62,8 @@ static const kn_probe_def *choose_tool(const kn_web *w)
     return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
 }
 
-// The same tool over an object of the same size: what was set is its material, and the hand goes on.
+// Return whether the hand can go on: same tool, object and lattice of the same size. Then only the material has
+// changed.
 static bool goes_on(const kn_web *w, const kn_probe_def *tool)
 {
     double extent_m[3];
@@ -65,16 +73,19 @@ static bool goes_on(const kn_web *w, const kn_probe_def *tool)
            memcmp(extent_m, w->reach.extent_m, sizeof extent_m) == 0 && def->spacing_m == w->held_spacing_m;
 }
 
+// Stop the hand, for another scene or another program.
 void kn_web_let_go(kn_web *w)
 {
     if (w->moving) kn_device_stop(&w->device);
     w->moving = false;
     if (w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
-    // nothing of the old object is true of this one; no hover_z_m: no tool
+    // Reset the wish, because it was made for the old object. hover_z_m = 0 means that there is no tool. The numbers of
+    // event and press continue.
     w->wish = (kn_pointer_wish){.event = w->wish.event, .press = w->wish.press};
     kn_web_post_wish(w);
 }
 
+// Start a new hand with a random session number. 7 bytes keep the number positive.
 void kn_web_take_up(kn_web *w)
 {
     int64_t session = 0;
@@ -93,12 +104,14 @@ kn_camera_view kn_web_camera(const kn_web *w)
                             .aspect = (float)w->width / (float)w->height};
 }
 
+// Adapt to a new scene: choose the tool, and restart the hand unless it can go on.
 void kn_web_take_scene(kn_web *w)
 {
     if (!w->live.scene || (w->live.scene == w->scene && w->live.scene->text_hash == w->scene_hash)) return;
     const kn_probe_def *tool = choose_tool(w);
     const bool on = goes_on(w, tool);
     if (!on) kn_web_let_go(w);
+    // The reach depends on the scene and must be opened again in any case.
     kn_reach_close(&w->reach);
     w->scene = w->live.scene;
     w->scene_hash = w->scene->text_hash;
@@ -115,16 +128,18 @@ void kn_web_take_scene(kn_web *w)
     }
     w->held = *tool;
     w->held_spacing_m = w->live.scene->model.spacing_m;
+    // While a recording has the tool, the hand stays stopped.
     if (!on && !w->lent) kn_web_take_up(w);
 }
 
-// ---- what a page wants
+// ---- messages of a page
 
 bool kn_web_is_taken(const kn_web *w, int page)
 {
     return w->owner >= 0 && w->owner != page && kn_live_now_ms() - w->gateway.page[w->owner].pointed_ms <= IDLE_MS;
 }
 
+// Handle a pointer event: take the tool if it is free, aim, press or release.
 static void point(kn_web *w, int page, const kn_web_message *m)
 {
     kn_web_page *p = &w->gateway.page[page];
@@ -132,13 +147,17 @@ static void point(kn_web *w, int page, const kn_web_message *m)
     if (w->owner != page) w->button = KN_BUTTON_UP;
     w->owner = page;
     p->pointed_ms = kn_live_now_ms();
+    // Without a tool or a matching mesh, a press counts only after the button has been up.
     if (!w->moving || !kn_reach_fits(&w->reach, &w->live.mesh)) {
         if (m->pressed) w->button = KN_BUTTON_BARRED;
         return;
     }
     kn_web_take_samples(w);
-    const bool met = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0; // what was looked at
+    // True once the tool has met the surface that was visible when the press began.
+    const bool met = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0;
+    // Aim while the button is up or during a stroke. A press that has not met the surface yet keeps its place.
     if (w->button == KN_BUTTON_UP || (met && !w->turned)) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
+    // A press starts where the object is; a press beside the object does nothing until the button is up.
     if (!m->pressed) {
         w->button = KN_BUTTON_UP;
     } else if (w->button == KN_BUTTON_UP) {
@@ -148,6 +167,7 @@ static void point(kn_web *w, int page, const kn_web_message *m)
     }
     w->wish.pressed = w->button == KN_BUTTON_PRESSES;
     w->wish.depth_m = fmin(m->depth_m, kn_reach_deepest(&w->reach, &w->wish));
+    // Number the event, so that a picture can say which events it shows.
     if (m->number != p->event) {
         int32_t n = ++w->wish.event % KN_WEB_EVENTS;
         w->event[n].number = p->event = m->number;
@@ -159,17 +179,19 @@ static void point(kn_web *w, int page, const kn_web_message *m)
 
 void kn_web_on_message(void *self, int page, const kn_web_message *m) { point(self, page, m); }
 
+// Forget a page in all pending work, because its place may be given to another page.
 void kn_web_on_gone(void *self, int page)
 {
     kn_web *w = self;
     for (int i = 0; i < KN_WEB_EVENTS; i++)
-        if (w->event[i].page == page) w->event[i].page = -1; // not the next one's in that place
+        if (w->event[i].page == page) w->event[i].page = -1;
     if (w->png_page == page) w->png_page = -1;
     if (w->replayed.page == page) w->replayed.page = -1;
     for (int i = 0; i < KN_ASKER_CALLS; i++)
         if (w->asked[i].page == page) w->asked[i].page = -1;
     w->waiting[page].count = 0;
     if (w->ordered_by == page) w->ordered_by = -1;
+    // The owner is gone: lift the tool.
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

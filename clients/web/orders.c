@@ -1,5 +1,5 @@
-// What a page asks for in words: of kneadd over its control socket, or of the picture. Every request is answered once,
-// unless a page asks for more than it reads.
+// Requests of a page. Some are orders for kneadd, sent over its control socket; the others concern the picture and the
+// recordings. Every request gets one answer, but answers are dropped if a page does not read them.
 #include "clients/web/web.h"
 #include "core/scene/library.h"
 #include <dirent.h>
@@ -8,14 +8,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STATUS_TAG KN_ASKER_CALLS // of our own questions
+// Tags of requests by this program itself: status, and a snapshot for a recording.
+#define STATUS_TAG KN_ASKER_CALLS
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
-#define PICTURE_MS 5000 // a picture that was asked for is not waited for longer
-#define LEAVING_MS 300  // after the tool was let go, until another hand takes it
+#define PICTURE_MS 5000 // longest wait for a requested picture
+#define LEAVING_MS 300  // time for kneadd to end the page's session, before another hand takes the tool
 
+// Queue an answer for a page.
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
-    if (page < 0 || w->waiting[page].count == KN_WEB_ANSWERS) return; // nobody, or one who asks and never reads
+    if (page < 0 || w->waiting[page].count == KN_WEB_ANSWERS) return; // no page, or a page that never reads its answers
     kn_web_answer *a = &w->waiting[page].answer[w->waiting[page].count++];
     va_list args;
     va_start(args, format);
@@ -26,16 +28,18 @@ void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *f
     kn_gateway_news(&w->gateway);
 }
 
-// ---- the scenes that may be loaded
+// ---- scenes that may be loaded
 
 static int by_name(const struct dirent **a, const struct dirent **b) { return strcmp((*a)->d_name, (*b)->d_name); }
 
+// Accept files *.yaml that are not hidden.
 static int is_scene(const struct dirent *e)
 {
     const size_t size = strlen(e->d_name);
     return size > 5 && *e->d_name != '.' && strcmp(e->d_name + size - 5, ".yaml") == 0;
 }
 
+// Read the list of scenes again. Names that a request may not contain are only counted, not listed.
 void kn_web_list_scenes(kn_web *w)
 {
     struct dirent **found = NULL;
@@ -50,13 +54,14 @@ void kn_web_list_scenes(kn_web *w)
     free(found);
 }
 
-// The path of one that was listed: what a page says is looked up, never used.
+// Return the path of a listed scene. A page's name is only compared with the list and never used as a path.
 static json_t *scene_path(const kn_web *w, const char *name)
 {
     char path[4096];
     for (int i = 0; i < w->scene_files; i++) {
         if (strcmp(w->scene_file[i], name) != 0) continue;
         snprintf(path, sizeof path, "%s/%s", w->scenes, w->scene_file[i]);
+        // kneadd may run in another directory, so the path must be absolute.
         char *whole = realpath(path, NULL);
         json_t *text = json_string(whole ? whole : path);
         free(whole);
@@ -65,8 +70,9 @@ static json_t *scene_path(const kn_web *w, const char *name)
     return NULL;
 }
 
-// ---- as kneadd wants it
+// ---- requests in kneadd's form
 
+// Set one number of the material. Only the listed keys are allowed, each in its SI unit.
 static json_t *set_request(const kn_request *r)
 {
     static const struct {
@@ -82,6 +88,7 @@ static json_t *set_request(const kn_request *r)
     return NULL;
 }
 
+// Replace the material by a named material of the library.
 static json_t *material_request(const kn_request *r)
 {
     char text[96];
@@ -93,14 +100,16 @@ static json_t *material_request(const kn_request *r)
     return NULL;
 }
 
-// Generations are numbered by scene, in one directory.
+// Identify the scene and directory that snapshot generations belong to. Generations are numbered by scene, in one
+// directory.
 static void of_what(const kn_web *w, char text[sizeof w->snapshot_of])
 {
     const char *folder = json_string_value(json_object_get(json_object_get(w->status, "state"), "directory"));
     snprintf(text, sizeof w->snapshot_of, "%s/%s", w->live.scene ? w->live.scene->name : "", folder ? folder : "");
 }
 
-// Of what a page has saved; else of kneadd's newest, which is its own of half a second ago.
+// Restore the last snapshot that a page asked for. Without one, restore kneadd's newest, which kneadd saves by itself,
+// at most every 0.5 s.
 static json_t *restore_request(const kn_web *w)
 {
     char now[sizeof w->snapshot_of];
@@ -109,7 +118,8 @@ static json_t *restore_request(const kn_web *w)
     return json_pack("{s:s, s:I}", "command", "restore", "generation", (json_int_t)w->snapshot);
 }
 
-static json_t *request_of(const kn_web *w, const kn_request *r) // NULL: the name is none
+// Return the request for kneadd, or NULL if the name is unknown.
+static json_t *request_of(const kn_web *w, const kn_request *r)
 {
     switch (r->verb) {
     case KN_VERB_SET: return set_request(r);
@@ -124,6 +134,7 @@ static json_t *request_of(const kn_web *w, const kn_request *r) // NULL: the nam
     }
 }
 
+// Send an order to kneadd and remember the page that asked. The stop is urgent, so it has a call of its own.
 static void order(kn_web *w, int page, const kn_request *r)
 {
     char error[300];
@@ -142,8 +153,9 @@ static void order(kn_web *w, int page, const kn_request *r)
     json_decref(request);
 }
 
-// ---- what kneadd answered
+// ---- answers of kneadd
 
+// Tell a page that its order was carried out.
 static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json_t *answer)
 {
     const long long generation = json_integer_value(json_object_get(answer, "generation"));
@@ -172,6 +184,7 @@ static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json
 #undef DONE
 }
 
+// Keep kneadd's status, or the reason why there is none.
 static void take_status(kn_web *w, const json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error"));
@@ -185,7 +198,9 @@ void kn_web_on_answered(void *self, int tag, const json_t *answer)
 {
     kn_web *w = self;
     if (tag == STATUS_TAG) take_status(w, answer);
-    if (tag == SAVE_TAG && !json_is_true(json_object_get(answer, "ok"))) w->saved_of = 0; // asked again
+    // kneadd refused the snapshot: request it again later.
+    if (tag == SAVE_TAG && !json_is_true(json_object_get(answer, "ok"))) w->saved_of = 0;
+    // The program's own requests have no page that waits.
     if (tag >= STATUS_TAG) return;
     const int page = w->asked[tag].page;
     const uint32_t id = w->asked[tag].id;
@@ -193,10 +208,12 @@ void kn_web_on_answered(void *self, int tag, const json_t *answer)
     w->asked[tag].id = 0;
     if (error) kn_web_answer_page(w, page, id, false, "%s", error);
     else tell_done(w, page, id, w->asked[tag].verb, answer);
-    w->status_ms = 0; // it has changed
+    // The order has changed kneadd's status, so ask again at once.
+    w->status_ms = 0;
     kn_web_ask_status(w);
 }
 
+// Ask kneadd for its status, at most once a second and only while a page is open.
 void kn_web_ask_status(kn_web *w)
 {
     int64_t now_ms = kn_live_now_ms();
@@ -212,8 +229,9 @@ void kn_web_ask_status(kn_web *w)
     json_decref(request);
 }
 
-// ---- the picture
+// ---- picture
 
+// Set the style of the picture. Return whether the name is known.
 static bool take_style(kn_web *w, const char *name)
 {
     static const char *const names[] = {"lined", "solid", "wire"};
@@ -222,6 +240,8 @@ static bool take_style(kn_web *w, const char *name)
     return false;
 }
 
+// Turn the view. If the user presses meanwhile, the pointer does not move the tool sideways until the press ends,
+// because the pointer's place in the new view stands for another point of the object.
 static void look(kn_web *w, const kn_request *r)
 {
     w->look.azimuth_deg = r->azimuth_deg;
@@ -232,6 +252,7 @@ static void look(kn_web *w, const kn_request *r)
     if (w->reach.top) kn_reach_look(&w->reach, &view); // also while a recording has the tool
 }
 
+// Colour the object by a measure, if the meshes contain it. The scale starts again from 0.
 static void take_measure(kn_web *w, int page, const kn_request *r)
 {
     int measure = strcmp(r->name, "none") == 0 ? -1 : KN_MEASURES;
@@ -242,6 +263,7 @@ static void take_measure(kn_web *w, int page, const kn_request *r)
     kn_web_answer_page(w, page, r->id, is, is ? "Coloured." : "The meshes do not tell it: the scene's mesh.measures.");
 }
 
+// Request a PNG of the next picture. The answer comes when the PNG is ready.
 static void take_picture(kn_web *w, int page, const kn_request *r)
 {
     const bool now = w->png_page < 0 && w->folder[0];
@@ -257,7 +279,8 @@ static void take_picture(kn_web *w, int page, const kn_request *r)
 
 // ---- recordings
 
-static const char *snapshots(const kn_web *w) // kneadd's folder of them, NULL: none
+// Return kneadd's snapshot directory; NULL: none.
+static const char *snapshots(const kn_web *w)
 {
     return json_string_value(json_object_get(json_object_get(w->status, "state"), "directory"));
 }
@@ -281,7 +304,7 @@ static void verify(kn_web *w, int page, const kn_request *r)
     w->replayed.page = page, w->replayed.id = r->id;
 }
 
-// The tool is let go of first, and its session ends.
+// Play a recording. First stop the page's own hand, so that kneadd ends its session and the child can take the tool.
 static void play(kn_web *w, int page, const kn_request *r)
 {
     const char *why = !kn_takes_find(&w->takes, (int)r->value) ? "There is no such recording."
@@ -298,12 +321,14 @@ static void play(kn_web *w, int page, const kn_request *r)
     w->replayed.page = page, w->replayed.id = r->id;
 }
 
-static void tell_replayed(kn_web *w, bool ok, const char *words) // whoever asked for it, once
+// Answer the page that asked for the replay, once.
+static void tell_replayed(kn_web *w, bool ok, const char *words)
 {
     kn_web_answer_page(w, w->replayed.page, w->replayed.id, ok, "%s", words);
     w->replayed.page = -1;
 }
 
+// Give the tool back to the page's own hand.
 static void give_back(kn_web *w)
 {
     w->lent = 0;
@@ -319,11 +344,12 @@ void kn_web_on_replayed(void *self, int number, bool ok, const char *words)
     kn_web_refresh(w);
 }
 
+// Stop a recording, its verification or its playing.
 static void end_take(kn_web *w, int page, const kn_request *r)
 {
     const int number = (int)r->value;
     bool any = kn_takes_end(&w->takes, number);
-    if (w->lent == number && w->lent_ms) { // its session's end is still waited for
+    if (w->lent == number && w->lent_ms) { // the child has not started yet
         give_back(w);
         tell_replayed(w, false, "Stopped.");
         any = true;
@@ -331,7 +357,7 @@ static void end_take(kn_web *w, int page, const kn_request *r)
     kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing of that recording goes on.");
 }
 
-// No mesh, or no page that takes one: then none is drawn.
+// Give up a requested picture that was not drawn in time: there is no mesh, or no page that takes a picture.
 static void give_up_picture(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || w->drawing || kn_live_now_ms() - w->png_ms < PICTURE_MS) return;
@@ -339,20 +365,23 @@ static void give_up_picture(kn_web *w)
     w->png_page = -1;
 }
 
+// Continue all work that waits for time to pass. Called ten times a second.
 void kn_web_turn(kn_web *w)
 {
     char error[200];
     give_up_picture(w);
     if (kn_takes_tidy(&w->takes)) kn_web_refresh(w);
+    // Save the object at the first force of a recording, so that a replay can start from this state.
     kn_take *one = w->takes.now;
     const bool feels = one && atomic_load(&one->felt) && atomic_load(&one->state) == KN_TAKE_RUNS;
     if (feels && one->number != w->saved_of && snapshots(w) && kn_live_now_ms() - w->saved_ms >= 200) {
         json_t *request = json_pack("{s:s}", "command", "snapshot");
         const bool asked = request && kn_asker_ask(&w->asker, SAVE_TAG, request, false, error, sizeof error);
-        if (asked) w->saved_of = one->number; // so that it goes on from there when it is replayed
+        if (asked) w->saved_of = one->number;
         w->saved_ms = kn_live_now_ms();
         json_decref(request);
     }
+    // Start the child once kneadd has ended the session of the page's hand.
     if (!w->lent || !w->lent_ms || kn_live_now_ms() - w->lent_ms < LEAVING_MS) return;
     w->lent_ms = 0;
     if (w->tool && kn_takes_play(&w->takes, w->lent, w->tool->name, error, sizeof error)) return;
@@ -360,6 +389,7 @@ void kn_web_turn(kn_web *w)
     tell_replayed(w, false, w->tool ? error : "There is no such tool.");
 }
 
+// Requests for the picture and the recordings are handled here. All others go to kneadd.
 void kn_web_on_request(void *self, int page, const kn_request *r)
 {
     kn_web *w = self;

@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_PAINTER_H
 #define KN_CLIENTS_PAINTER_H
-// A thread that draws: one still in, one JPEG out, while the caller goes on with its messages. It opens, draws and
-// closes OpenGL by itself, since a context belongs to one thread, and runs at nice 5: pictures may be late, forces
-// not.
+// Painter: a thread that draws one still (still.h) at a time as a JPEG, while the caller handles messages. The thread
+// opens, uses and closes OpenGL itself, because an OpenGL context belongs to one thread. The thread runs at nice 5,
+// because pictures may be late and forces may not.
 //
 //     fill painter->still -> kn_painter_draw ... done(arg), in the painter's thread -> kn_painter_drawn: jpeg, size
 #include "clients/knead/still.h"
@@ -12,14 +12,15 @@
 #include <stdatomic.h>
 
 typedef struct kn_painter {
-    kn_still still;      // the caller's between drawings; a new vertex_count or mesh_id needs fresh = true
-    bool fresh;          // still's topology or rest shape is another one
-    uint8_t *jpeg;       // of the last drawing; the caller's between drawings
-    unsigned long size;  // 0: it could not be drawn
-    const char *png;     // the caller's: where the next one is written, too, without loss and with its words; NULL: not
-    kn_label label;      // those words; the bar's are the painter's
-    double bar_m;        // length of the bar on the table, of the last drawing
-    char png_error[256]; // "", or why it was not written
+    kn_still still;     // still to draw; the caller may change it between drawings
+    bool fresh;         // set by the caller if `still` has a new topology or rest shape (vertex_count, mesh_id)
+    uint8_t *jpeg;      // last picture; the caller may use it between drawings
+    unsigned long size; // size of `jpeg`, bytes; 0: the drawing failed
+    // Set by the caller: path of a PNG copy of the next picture, with a label; NULL: none.
+    const char *png;
+    kn_label label;      // texts of the PNG copy; the painter adds the text of the scale bar
+    double bar_m;        // length of the scale bar on the table in the last drawing
+    char png_error[256]; // reason why the PNG copy was not written, or ""
     // private
     int width, height;
     void (*done)(void *arg);
@@ -31,12 +32,14 @@ typedef struct kn_painter {
     pthread_t thread;
 } kn_painter;
 
-// painter: zeroed but for still.view, and stays where it is. False and one line in error: no OpenGL.
+// Start the thread. The painter must be zeroed except for still.view, and must not move in memory afterwards. done:
+// called in the painter's thread after each drawing. If OpenGL is not available, return false and one line in `error`.
 bool kn_painter_open(kn_painter *painter, int width, int height, void (*done)(void *arg), void *arg, char *error,
                      size_t error_size);
-size_t kn_painter_largest(int width, int height); // bytes that a JPEG of this size may have
-void kn_painter_draw(kn_painter *painter);        // from here on still and jpeg are the painter's
-// Whether they are the caller's again. However it has heard of done: what hands them over is this.
+size_t kn_painter_largest(int width, int height); // largest JPEG of this size, bytes
+void kn_painter_draw(kn_painter *painter);        // gives still and jpeg to the painter
+// Return true if the drawing is complete. From then on `still` and `jpeg` belong to the caller again. The caller must
+// make this call even after `done`, because only this call orders the memory accesses of the two threads.
 bool kn_painter_drawn(const kn_painter *painter);
 void kn_painter_close(kn_painter *painter);
 

@@ -1,17 +1,18 @@
-// What stands beside the picture: an operator's buttons, the material, the scene, the view, numbers. They show what the
-// page was told (`about`), and ask.
+// Panels beside the picture: buttons for an operator, material, scene, view, numbers. The panels show the facts that
+// the page has received (`about`) and send requests.
 'use strict';
 const by = (id) => document.getElementById(id);
 const round3 = (x) => Number(x.toPrecision(3)).toLocaleString('en', { maximumFractionDigits: 6 });
 let about = null;
 
-function writeTo(element, text) { // only what is new, so that nobody is read the same again
+// Write only new text, so that a screen reader does not repeat it.
+function writeTo(element, text) {
     if (element.textContent !== text) element.textContent = text;
 }
 
 // ---- orders
 
-let unsaid = 0; // the timer that takes what was said away
+let unsaid = 0; // timer that clears the last report
 
 function report(ok, words) {
     clearTimeout(unsaid);
@@ -20,6 +21,7 @@ function report(ok, words) {
     unsaid = setTimeout(() => writeTo(by('said'), ''), ok ? 8000 : 30000);
 }
 
+// Send a request and report its answer. silent: report a refusal only.
 async function order(what, fields, silent = false) {
     const { ok, words } = await ask(what, fields);
     if (!ok || !silent) report(ok, words);
@@ -34,10 +36,11 @@ function explain(id, words) {
     writeTo(by(id), words || '');
 }
 
+// Enable the buttons whose orders kneadd can carry out now, and tell why the others are disabled.
 function showOperator({ why, orders, saves, snapshot, stopped }) {
     for (const what of ['undo', 'reset', 'recover']) by(what).disabled = Boolean(why);
-    by('estop').disabled = !orders; // whatever else fails, as long as it could be heard
-    if (stopped !== by('estop').hidden) { // one of the two is there, and the focus goes over with it
+    by('estop').disabled = !orders; // the stop stays enabled whatever else fails, as long as kneadd can be asked
+    if (stopped !== by('estop').hidden) { // exactly one of the two is visible; the focus moves with it
         const focused = [by('estop'), by('recover')].includes(document.activeElement);
         by('estop').hidden = stopped;
         by('recover').hidden = !stopped;
@@ -58,7 +61,7 @@ const KEYS = { // in the order of the page; [words, unit]
     c_max: ['Damper at rest', 'Pa·s'], c_min: ['Damper under load', 'Pa·s'],
     p0: ['Thins from p0', 'Pa'], p1: ['Thins up to p1', 'Pa'],
 };
-const DECADES = 2, TICKS = 100; // about the value of the scene, each way; steps of the slider in a decade
+const DECADES = 2, TICKS = 100; // range to each side of the scene's value; slider steps per decade
 const sliders = new Map();      // by key: {input, output, from: the value in the middle, dragged}
 
 function quantity(x, unit) {
@@ -67,6 +70,7 @@ function quantity(x, unit) {
     return `${round3(factor * x)} ${prefix}${unit}`;
 }
 
+// Add a slider with a logarithmic scale around the scene's value.
 function addSlider(key, value) {
     const [words, unit] = KEYS[key], row = document.createElement('div');
     const label = Object.assign(document.createElement('label'), { textContent: words, htmlFor: `m-${key}` });
@@ -80,12 +84,13 @@ function addSlider(key, value) {
         input.setAttribute('aria-valuetext', output.textContent);
     };
     one.show = (x) => {
-        one.fixed = x === 0; // a logarithm has no place for it
+        one.fixed = x === 0; // a logarithm has no place for 0
         if (x > 0) input.value = Math.round(TICKS * Math.log10(x / one.from));
         one.shown = input.value;
         say(x);
     };
-    const settle = () => { // dragged away and back: nothing has changed, and no `change` will tell
+    // If the slider is dragged away and back, the value is unchanged and no `change` event comes.
+    const settle = () => {
         if (input.value !== one.shown) return;
         one.dragged = false;
         if (about?.material) one.show(about.material[key]);
@@ -106,6 +111,7 @@ function addSlider(key, value) {
     sliders.set(key, one);
 }
 
+// Show the material. A new scene or another damper gets new sliders. A slider that is being dragged keeps its place.
 function showMaterial(material, scene) {
     const keys = Object.keys(KEYS).filter((key) => key in material), made = `${scene} ${keys}`;
     if (by('sliders').dataset.made !== made) {
@@ -120,6 +126,7 @@ function showMaterial(material, scene) {
 
 // ---- lists
 
+// Fill a list, and select the chosen name unless the user is in the list.
 function fill(id, names, chosen, first) {
     const select = by(id), list = first ? [first, ...names] : names;
     if (select.dataset.names !== list.join()) {
@@ -131,9 +138,10 @@ function fill(id, names, chosen, first) {
 
 for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
     by(what).addEventListener('change', ({ target }) => {
-        const silent = ['style', 'measure'].includes(what); // whose effect is seen
+        const silent = ['style', 'measure'].includes(what); // their effect is visible in the picture
         if (target.value !== '…') order(what, { name: target.value }, silent);
-        if (what === 'material') target.value = '…'; // a thing to do, not a thing that is: sliders may have left it
+        // Choosing a material is an action, not a state: the sliders may change the material afterwards.
+        if (what === 'material') target.value = '…';
     });
 by('what').addEventListener('change', ({ target }) => choose(target.value));
 
@@ -142,6 +150,7 @@ by('what').addEventListener('change', ({ target }) => choose(target.value));
 const orbit = { pointer: null, azimuth: 28, elevation: 27, zoom: 1, x: 0, y: 0 };
 let looking = 0;
 
+// Turn the view, once per animation frame.
 function look(azimuth, elevation, zoom = orbit.zoom) {
     orbit.azimuth = ((azimuth + 540) % 360) - 180;
     orbit.elevation = Math.min(90, Math.max(2, elevation));
@@ -171,6 +180,7 @@ for (const button of document.querySelectorAll('[data-view]'))
 for (const [id, factor] of [['closer', 1.25], ['farther', 0.8]])
     by(id).addEventListener('click', () => look(orbit.azimuth, orbit.elevation, orbit.zoom * factor));
 
+// List the measures that the meshes contain.
 function showMeasures({ measure, measures }) {
     const select = by('measure'), made = measures.map(({ name }) => name).join();
     if (select.dataset.made !== made) {
@@ -181,7 +191,7 @@ function showMeasures({ measure, measures }) {
     if (document.activeElement !== select) select.value = measure;
 }
 
-const TOPS = { // of a scale, as the legend tells it
+const TOPS = { // top of a scale, as the legend shows it
     displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'),
     residual: (x) => `${round3(100 * x)} %`,
 };
@@ -200,6 +210,7 @@ by('record').addEventListener('click', () => {
     order(value ? 'stop' : 'record', value ? { value } : {});
 });
 
+// Add the row of a recording with its buttons.
 function addTake(number) {
     const [row, words, told] = ['li', 'span', 'p'].map((name) => document.createElement(name));
     const buttons = Object.assign(document.createElement('p'), { className: 'buttons' });
@@ -227,7 +238,7 @@ function showTakes({ recordings, recording, playing, replaying }) {
     by('record').classList.toggle('on', Boolean(recording));
     const rows = new Map([...by('takes').children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of rows) if (!recordings.some((take) => take.number === number)) row.remove();
-    for (const take of recordings.sort((a, b) => a.number - b.number)) { // the newest comes to stand first
+    for (const take of recordings.sort((a, b) => a.number - b.number)) { // the newest row ends up first
         const row = rows.get(take.number) ?? addTake(take.number);
         if (!row.isConnected) by('takes').prepend(row);
         const [words, told, buttons] = row.children;
@@ -236,7 +247,7 @@ function showTakes({ recordings, recording, playing, replaying }) {
         writeTo(told, replaying === take.number ? 'is being replayed' : take.words);
         buttons.hidden = take.state !== 'whole';
         const verify = buttons.children[2], now = replaying === take.number ? 'Stop' : 'Verify';
-        writeTo(verify, now); // one button for both, so that the focus stays
+        writeTo(verify, now); // one button for both actions, so that the focus stays
         verify.setAttribute('aria-label', `${now}, recording ${take.number}`);
     }
 }
@@ -288,9 +299,10 @@ function showTouch(touch) {
         ? `${round3(touch.area_mm2)} mm² touched, ${round3(touch.peak_kpa)} kPa at most` : 'nothing touches');
 }
 
-// ---- all of it
+// ---- everything
 
-// What is kneadd's to answer is open while that hears orders; what is knead web's, while that is there.
+// Enable the controls that kneadd answers while kneadd accepts orders, and those of knead web while knead web is
+// connected.
 function showAble(why, there) {
     for (const select of ['material', 'scene', 'quality']) by(select).disabled = Boolean(why);
     for (const one of sliders.values()) {
@@ -301,6 +313,7 @@ function showAble(why, there) {
     for (const element of document.querySelectorAll(own)) element.disabled = !there;
 }
 
+// Show new facts; null: knead web is gone.
 function showAbout(told) {
     about = told;
     if (!told) {
@@ -318,6 +331,7 @@ function showAbout(told) {
     fill('quality', told.points ?? [], told.control.quality ?? '');
     by('style').value = told.view.style;
     showMeasures(told.view);
+    // Follow the view of other pages, unless this page is turning it.
     if (orbit.pointer === null && !looking) {
         const { azimuth, elevation, zoom } = told.view;
         Object.assign(orbit, { azimuth, elevation, zoom });
@@ -329,6 +343,7 @@ function showAbout(told) {
 
 // ---- downloads
 
+// Download a file of knead web and save it under a name.
 async function save(name, as) {
     const headers = { Authorization: `Bearer ${location.hash.slice(1)}` };
     const answer = await fetch(`/get/${name}`, { headers, cache: 'no-store' }).catch(() => null);

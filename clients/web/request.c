@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { NAME = 1, VALUE = 2, NUMBER = 4, VIEW = 8 }; // fields of a verb
+enum { NAME = 1, VALUE = 2, NUMBER = 4, VIEW = 8 }; // fields that a verb needs
 
 static const struct {
     const char *word;
@@ -52,7 +52,7 @@ static bool take_name(kn_request *r, const json_t *value)
 static bool take_number(double *to, const json_t *value, double least, double most)
 {
     *to = json_number_value(value);
-    return json_is_number(value) && *to >= least && *to <= most; // false of what is not finite
+    return json_is_number(value) && *to >= least && *to <= most; // false for NaN, too
 }
 
 static bool take_id(kn_request *r, const json_t *value)
@@ -62,9 +62,10 @@ static bool take_id(kn_request *r, const json_t *value)
     return json_is_integer(value) && id >= 1 && id <= UINT32_MAX;
 }
 
-// NULL, or what was expected.
+// Read the fields of a request. Return NULL, or a text that says what was expected.
 static const char *take(kn_request *r, const json_t *object)
 {
+    // Count the expected fields. A different number in the object means an extra field.
     size_t count = 2;
     if (!take_id(r, json_object_get(object, "id"))) return "\"id\", a whole number of 1 to 2^32 - 1";
     if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the README's verbs";
@@ -80,6 +81,7 @@ static const char *take(kn_request *r, const json_t *object)
                          !take_number(&r->elevation_deg, json_object_get(object, "elevation"), 2, 90) ||
                          !take_number(&r->zoom, json_object_get(object, "zoom"), 1, KN_REQUEST_ZOOM)))
         return "\"azimuth\" of -180 to 180, \"elevation\" of 2 to 90, \"zoom\" of 1 to 4";
+    // Duplicate keys were refused by the parser, so the number of fields is enough to find an extra one.
     return json_object_size(object) == count ? NULL : "no other field";
 }
 
@@ -87,6 +89,7 @@ bool kn_request_parse(kn_request *r, const char *text, size_t size, char *error,
 {
     json_error_t why;
     *r = (kn_request){0};
+    // The size is checked before the parser runs, so a large message costs nothing.
     json_t *object = size <= KN_REQUEST_MAX ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
     const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of 256 bytes at most";
     json_decref(object);

@@ -1,25 +1,26 @@
 #ifndef KN_CLIENTS_REQUEST_H
 #define KN_CLIENTS_REQUEST_H
-// What a page asks for in words: one JSON object per text message. Pure: bytes in, a checked request or what was
-// expected out.
+// Requests of a page, each a JSON object in a text message. The parser is pure: it takes bytes and returns a checked
+// request, or the reason for refusing the request.
 //
-//     {"id": 7, "do": "undo"}                                  answered under the same id
-//     {"id": 8, "do": "set", "name": "k1", "value": 460000}    a verb has its own fields, all needed; no other is taken
+//     {"id": 7, "do": "undo"}                                  the answer has the same id
+//     {"id": 8, "do": "set", "name": "k1", "value": 460000}    a verb needs all of its fields and accepts no other
 //
 //     do                                            fields
-//     reset undo snapshot restore estop recover     .
-//     record picture                                .
-//     quality material scene style measure          name: 1..63 of a-z A-Z 0-9 . _ -, one that the page was told
-//     set                                           name; value: finite
-//     view                                          azimuth, elevation, degrees; zoom, 1..KN_REQUEST_ZOOM
+//     reset undo snapshot restore estop recover     none
+//     record picture                                none
+//     quality material scene style measure          name: 1..63 characters a-z A-Z 0-9 . _ -, a name sent to the page
+//     set                                           name; value: a finite number
+//     view                                          azimuth and elevation, degrees; zoom: 1..KN_REQUEST_ZOOM
 //     verify play stop                              value: the number of a recording, 1..999999
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_REQUEST_MAX 256 // bytes of a message
+#define KN_REQUEST_MAX 256 // largest message, bytes
+// Largest zoom of a view.
 #define KN_REQUEST_ZOOM 4
-#define KN_REQUEST_NAME 64 // bytes, its NUL among them
+#define KN_REQUEST_NAME 64 // bytes of a name, including NUL
 
 typedef enum kn_verb {
     KN_VERB_RESET,
@@ -44,17 +45,19 @@ typedef enum kn_verb {
 } kn_verb;
 
 typedef struct kn_request {
-    uint32_t id; // the page's
+    uint32_t id; // chosen by the page
     kn_verb verb;
     char name[KN_REQUEST_NAME];
     double value;
-    double azimuth_deg, elevation_deg, zoom; // -180..180, 2..90
+    double azimuth_deg, elevation_deg, zoom; // ranges -180..180, 2..90, 1..KN_REQUEST_ZOOM
 } kn_request;
 
+// Return the word of a verb in a request.
 const char *kn_verb_word(kn_verb verb);
-bool kn_request_is_name(const char *text); // that a request may say
+bool kn_request_is_name(const char *text); // return true if a request may contain the name `text`
 
-// text need not end in a NUL. False and what is wrong, what was expected, in error.
+// Parse and check a request. `text` need not end in NUL. If the request is invalid, return false and write to `error`
+// what is wrong and what was expected.
 bool kn_request_parse(kn_request *request, const char *text, size_t size, char *error, size_t error_size);
 
 #endif

@@ -11,13 +11,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define HEED_MS 50 // how soon a thread that waits heeds its end
+#define HEED_MS 50 // interval at which a waiting thread checks whether it must end
 
 void kn_takes_path(const kn_takes *t, int number, const char *kind, char path[128])
 {
     snprintf(path, 128, "%s/%d.%s", t->folder, number, kind);
 }
 
+// Remove a recording with its files.
 static void drop(kn_takes *t, kn_take *one)
 {
     static const char *const kinds[] = {"lcmlog", "csv", "path"};
@@ -26,9 +27,10 @@ static void drop(kn_takes *t, kn_take *one)
     one->number = 0;
 }
 
-// ---- the thread that records
+// ---- recording thread
 
-// Poses of the log as a path: its own clock, from 0; what does not go on in time is left out.
+// Write the poses of a log as a path. Times start at 0, on the clock of the poses. Poses whose time does not increase
+// are left out.
 static bool write_path(const char *log_path, const char *probe, const char *path)
 {
     char channel[80];
@@ -39,6 +41,7 @@ static bool write_path(const char *log_path, const char *probe, const char *path
     if (out) fprintf(out, "time_s,x_m,y_m,z_m,qw,qx,qy,qz\n");
     for (lcm_eventlog_event_t *e; out && (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
         knead_probe_pose_t p;
+        // Skip messages of other channels, malformed poses and poses out of order.
         if (strncmp(e->channel, channel, (size_t)e->channellen) != 0 || strlen(channel) != (size_t)e->channellen ||
             knead_probe_pose_t_decode(e->data, 0, e->datalen, &p) < 0 || p.sent_ns <= last_ns)
             continue;
@@ -53,7 +56,7 @@ static bool write_path(const char *log_path, const char *probe, const char *path
     return out && fclose(out) == 0 && whole;
 }
 
-// False: none came, or the take was ended.
+// Wait for a scene, which every log must begin with. Return false if none came, or if the recording was ended.
 static bool hear_scene(kn_takes *t, kn_take *one, kn_record *r)
 {
     const int64_t end_ns = kn_now_ns() + KN_TAKE_SCENE_MS * 1000000ll;
@@ -64,6 +67,7 @@ static bool hear_scene(kn_takes *t, kn_take *one, kn_record *r)
     return false;
 }
 
+// Record until the end is requested or a limit is reached. The atomic fields report progress to the main thread.
 static bool record(kn_takes *t, kn_take *one, const char *path)
 {
     kn_record *r = kn_record_open(t->url, one->words, sizeof one->words);
@@ -86,6 +90,7 @@ static bool record(kn_takes *t, kn_take *one, const char *path)
     return ok;
 }
 
+// The thread: record, then write the path for playing. The state is stored last, since it publishes the other fields.
 static void *run(void *self)
 {
     kn_takes *t = self;
@@ -94,6 +99,7 @@ static void *run(void *self)
     kn_takes_path(t, one->number, "lcmlog", log);
     kn_takes_path(t, one->number, "path", path);
     bool ok = record(t, one, log);
+    // A recording that was ended before it ran leaves nothing.
     if (atomic_load(&t->end) && atomic_load(&one->ms) == 0) {
         atomic_store(&one->state, KN_TAKE_EMPTY);
         return NULL;
@@ -126,6 +132,7 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
         snprintf(error, error_size, "%s", why);
         return false;
     }
+    // The thread of the last recording has ended, so this join does not wait.
     if (t->now) pthread_join(t->thread, NULL);
     drop(t, one);
     snprintf(t->probe, sizeof t->probe, "%s", probe);
@@ -164,11 +171,13 @@ kn_take *kn_takes_find(kn_takes *t, int number)
     return NULL;
 }
 
-// ---- children
+// ---- child processes
 
+// Path of the file that collects a child's output.
 static void told_path(const kn_takes *t, char path[128]) { snprintf(path, 128, "%s/told", t->folder); }
 
-// The last line that it has said, what stands behind a progress bar's last return.
+// Get the last line of the child's output. If a progress bar has written carriage returns into this line, get the text
+// after the last carriage return.
 static void last_line(const kn_takes *t, char *words, size_t size)
 {
     char path[128], line[400];
@@ -183,6 +192,7 @@ static void last_line(const kn_takes *t, char *words, size_t size)
     unlink(path);
 }
 
+// Handle the end of a child: read its outcome, keep it with a verified recording, report it.
 static void on_child(struct ev_loop *ev, ev_child *w, int events)
 {
     (void)events;
@@ -199,20 +209,23 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     if (one && !t->child_plays) {
         char path[128];
         kn_takes_path(t, one->number, "csv", path);
-        if (stopped) unlink(path); // half of it
+        if (stopped) unlink(path); // incomplete
         one->csv = access(path, R_OK) == 0;
         snprintf(one->words, sizeof one->words, "%s", words);
     }
     t->done(t->arg, t->child_of, ok, words);
 }
 
+// Start knead itself as a child process, with its output in a file.
 static bool start(kn_takes *t, int number, bool plays, char *const argv[], char *error, size_t error_size)
 {
     char path[128];
     told_path(t, path);
     pid_t pid = fork();
-    if (pid == 0) { // nothing but calls that may follow a fork of one among threads
+    // Only calls that are safe after a fork in a program with threads.
+    if (pid == 0) {
         int told = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600), nothing = open("/dev/null", O_RDONLY);
+        // A verification runs at nice 15. Playing must keep its 1 kHz.
         if (!plays) setpriority(PRIO_PROCESS, 0, 15);
         if (told < 0 || nothing < 0 || dup2(nothing, 0) < 0 || dup2(told, 1) < 0 || dup2(told, 2) < 0) _exit(3);
         close_range(3, ~0u, 0);
@@ -233,6 +246,7 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
     return true;
 }
 
+// Check that no other child runs and that the recording exists.
 static bool may_start(kn_takes *t, int number, char *error, size_t error_size)
 {
     const char *why = t->child_pid                ? "Another recording is being replayed."
@@ -266,6 +280,7 @@ bool kn_takes_play(kn_takes *t, int number, const char *probe, char *error, size
 void kn_takes_close(kn_takes *t)
 {
     char path[128];
+    // Stop the child and the recording thread before their files are removed.
     atomic_store(&t->end, true);
     if (t->child_pid) {
         ev_child_stop(t->ev, &t->child);

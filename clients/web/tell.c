@@ -1,4 +1,5 @@
-// What a page is told: with every picture how it is in this moment, and what seldom changes when it has changed.
+// Messages to a page. Every message has the present state, and a picture if there is a new one. The rarely changing
+// facts (`about`) are added only if they have changed.
 #include "clients/web/web.h"
 #include "core/scene/library.h"
 #include "core/springs.h"
@@ -9,11 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STALE_MS 3500 // what comes once a second, and has not
+#define STALE_MS 3500 // age at which a message that comes once a second counts as missing
 
 static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
 
-// In words; returns "ok", "wait" or "fault".
+// Write the status in words. Return "ok", "wait" or "fault". The first condition that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
     const kn_pointer_news *n = &w->news;
@@ -24,10 +25,11 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
-    if (!stale(w->vitals.status_ms) && w->vitals.status.mode == KNEAD_STATUS_T_MODE_ESTOP) // of all, or of no tool
-        SAY_FAULT(KN_FAULT_ESTOP);
+    // An emergency stop applies to all tools, even if this page has no tool.
+    if (!stale(w->vitals.status_ms) && w->vitals.status.mode == KNEAD_STATUS_T_MODE_ESTOP) SAY_FAULT(KN_FAULT_ESTOP);
     if (w->lent) SAY("wait", "recording %d is being played", w->lent);
     if (!w->moving) SAY("fault", "no device: %.300s", w->error);
+    // The conditions from here on depend on the tool: first faults, then reasons to wait, then contact.
     if (!kn_reach_fits(&w->reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
     if (kn_web_is_taken(w, page)) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
@@ -51,6 +53,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
 #undef SAY
 }
 
+// Writer of JSON text into a bounded buffer. Text beyond the end is cut off.
 typedef struct json {
     char *at, *end;
 } json;
@@ -64,7 +67,8 @@ __attribute__((format(printf, 2, 3))) static void put(json *t, const char *forma
     t->at = n < t->end - t->at ? t->at + n : t->end - 1;
 }
 
-static void put_words(json *t, const char *name, const char *words) // as JSON has them
+// Write a member with a string value, escaped for JSON.
+static void put_words(json *t, const char *name, const char *words)
 {
     put(t, ",\"%s\":\"", name);
     for (; *words; words++)
@@ -72,7 +76,7 @@ static void put_words(json *t, const char *name, const char *words) // as JSON h
     put(t, "\"");
 }
 
-// ---- in this moment
+// ---- present state
 
 enum { FORCE, DEPTH, WORK, ROUND_TRIP, TRACES };
 
@@ -86,10 +90,11 @@ static double traced(const kn_web_sample *s, int which)
     }
 }
 
-// One number per millisecond since this page was told last; null: nothing was heard in it.
+// Write one number per millisecond since this page's last message; null: no value in that millisecond.
 static void put_traces(kn_web *w, kn_web_page *p, json *t)
 {
     static const char *const names[TRACES] = {"force", "depth", "work", "trip"};
+    // A page that was away for longer gets only the samples that are still kept.
     if (w->traced - p->told > KN_WEB_TRACE) p->told = w->traced < KN_WEB_TRACE ? 0 : w->traced - KN_WEB_TRACE;
     put(t, ",\"trace\":{");
     for (int k = 0; k < TRACES; k++) {
@@ -104,6 +109,7 @@ static void put_traces(kn_web *w, kn_web_page *p, json *t)
     p->told = w->traced;
 }
 
+// Write and clear the answers that wait for this page.
 static void put_answers(kn_web *w, int page, json *t)
 {
     put(t, ",\"answers\":[");
@@ -117,11 +123,12 @@ static void put_answers(kn_web *w, int page, json *t)
     put(t, "]");
 }
 
+// Write the contact patch, if it is recent.
 static void put_touch(const kn_web *w, json *t)
 {
     const knead_touch_patch_t *p = &w->vitals.touch;
     if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500 ||
-        !isfinite(p->area_m2 + p->peak_pressure_pa)) // JSON has no word for it
+        !isfinite(p->area_m2 + p->peak_pressure_pa)) // JSON cannot express NaN
         return;
     put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2, 1e-3 * p->peak_pressure_pa);
     for (int i = 0; i < 64; i++) {
@@ -131,13 +138,16 @@ static void put_touch(const kn_web *w, json *t)
     put(t, "]}");
 }
 
+// Write a message: length of the JSON, the JSON, and the picture if the page does not have it yet.
 size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
 {
     kn_web *w = self;
     kn_web_page *p = &w->gateway.page[page];
     char words[400], *begin = (char *)bytes + 4;
+    // The JSON must leave room for the picture.
     json t = {begin, (char *)bytes + size - w->jpeg_size};
     const char *level = status(w, page, words, sizeof words);
+    // Only the page that sent an event is told that the picture shows the event.
     bool own = w->shown > w->wish.event - KN_WEB_EVENTS && w->event[w->shown % KN_WEB_EVENTS].page == page;
     uint32_t event = own ? w->event[w->shown % KN_WEB_EVENTS].number : 0;
     put(&t,
@@ -158,15 +168,16 @@ size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
     }
     put(&t, "}");
     uint32_t length = (uint32_t)(t.at - begin);
-    memcpy(bytes, &length, 4); // little endian, as every machine this runs on
+    memcpy(bytes, &length, 4); // little endian, as on all supported machines
     size_t picture = p->picture == w->pictures ? 0 : w->jpeg_size;
     p->picture = w->pictures;
     memcpy(t.at, w->jpeg, picture);
     return 4 + length + picture;
 }
 
-// ---- what seldom changes
+// ---- rarely changing facts
 
+// Count nodes, edges and cells by building the model once, when the scene changes.
 void kn_web_count(kn_web *w)
 {
     char why[300];
@@ -180,13 +191,15 @@ void kn_web_count(kn_web *w)
     kn_model_destroy(model);
 }
 
-static json_t *rounded(double x) // so that what has not changed to the eye is not sent again
+// Round to four digits, so that a change too small to see does not send `about` again.
+static json_t *rounded(double x)
 {
     char text[32];
     snprintf(text, sizeof text, "%.4g", x);
     return isfinite(x) ? json_real(strtod(text, NULL)) : json_null();
 }
 
+// Write the parameters that the damper of this material uses.
 static json_t *material(const kn_material *m)
 {
     static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
@@ -225,7 +238,7 @@ static json_t *scenes(const kn_web *w)
     return names;
 }
 
-// Points that a running kneadd takes: another lattice needs a start.
+// List the quality points that a running kneadd accepts. A point with another lattice needs a restart.
 static json_t *points(const kn_scene *scene)
 {
     json_t *names = json_array();
@@ -234,6 +247,7 @@ static json_t *points(const kn_scene *scene)
     return names;
 }
 
+// Counters of the servo loop; null without a recent status.
 static json_t *loop(const kn_vitals *v)
 {
     const knead_status_t *s = &v->status;
@@ -245,6 +259,7 @@ static json_t *loop(const kn_vitals *v)
                      v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
 }
 
+// Energies of the last audit. The energy dissipated is the work of all tools minus the energy stored.
 static json_t *energy(const kn_vitals *v)
 {
     if (stale(v->energy_ms)) return json_null();
@@ -260,6 +275,7 @@ static json_t *mesh(const kn_web *w)
                      rounded(round(w->meshes_hz)), "bytes", rounded(w->mesh_bytes));
 }
 
+// Return whether another tool than the page's has a fault.
 static bool fault_of_another(const kn_web *w)
 {
     const json_t *probes = json_object_get(w->status, "probes"), *one;
@@ -274,7 +290,7 @@ static bool fault_of_another(const kn_web *w)
     return false;
 }
 
-// Whether kneadd hears orders, and what of its state they may ask for.
+// Report whether kneadd accepts orders, and the parts of its state that the page's buttons depend on.
 static json_t *control(const kn_web *w)
 {
     const json_t *state = json_object_get(w->status, "state"), *quality = json_object_get(w->status, "quality");
@@ -283,8 +299,8 @@ static json_t *control(const kn_web *w)
                       : w->status         ? NULL
                       : *w->control_error ? w->control_error
                                           : "kneadd has not answered yet";
-    // a latched fault that a lift does not clear has the same way back
-    // (but one that ends by itself, of a session that has fallen silent since nobody touches the page, is none)
+    // A latched fault that lifting does not clear needs the button Recover, like an emergency stop. One fault does not
+    // need it: after the hand has left the tool, a fault of the page's own session ends by itself.
     const bool fault = mode && strcmp(mode, "FAULT") == 0 && (w->news.mode != KN_POINTER_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
     return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders", w->control != NULL, "saves",
@@ -294,6 +310,7 @@ static json_t *control(const kn_web *w)
                      json_string_value(json_object_get(quality, "asked")));
 }
 
+// List the recordings, except an empty one. The words of a recording may be read only once its thread has finished.
 static json_t *recordings(const kn_web *w)
 {
     static const char *const states[] = {"waits", "runs", "whole", "failed"};
@@ -328,12 +345,14 @@ static json_t *view(const kn_web *w)
                      "measure", w->measure < 0 ? "none" : kn_measure_names[w->measure].name, "measures", measures(w));
 }
 
-static json_t *told(const char *words) // a name of the bus; "?" when it is no UTF-8
+// Return a name from the bus as JSON; "?" if it is not valid UTF-8.
+static json_t *told(const char *words)
 {
     json_t *text = json_string(words);
     return text ? text : json_string("?");
 }
 
+// Compose all facts that a page is told when one of them changes.
 static json_t *about(const kn_web *w)
 {
     const kn_scene *s = w->live.scene;
@@ -349,7 +368,8 @@ static json_t *about(const kn_web *w)
     return all;
 }
 
-// Too much is told without what may be long, so that it never ends in the middle.
+// Return the text of about. If it is too long, leave out the parts that may be long one after the other, so that the
+// text is never cut off in the middle.
 static char *fitting(json_t *all)
 {
     static const char *const long_ones[] = {"scenes", "recordings", "scene", "tool"};
@@ -362,6 +382,7 @@ static char *fitting(json_t *all)
     return text;
 }
 
+// Update `about`. If the text has changed, raise its version, so that each page gets the text with its next message.
 void kn_web_refresh(kn_web *w)
 {
     json_t *all = about(w);

@@ -1,7 +1,9 @@
-// The traces: a sample per millisecond on the page's own clock, NaN where none was heard.
+// Traces: one sample per millisecond on the page's own clock; NaN where no value was received.
 'use strict';
 const trace = document.getElementById('trace');
-const SPAN = 10000, RING = 12000, LATE = 250; // ms shown; kept, so that no column loses its oldest; longer is a gap
+// SPAN: time shown. RING: samples kept, more than SPAN so that the oldest column stays complete. LATE: lag from which a
+// gap is drawn. All in ms.
+const SPAN = 10000, RING = 12000, LATE = 250;
 const TRACES = {
     force: { unit: 'N', least: 1, label: 'Force' },
     depth: { unit: 'mm', least: 1, label: 'Depth below the first touch' },
@@ -13,11 +15,12 @@ const TRACES = {
 for (const one of Object.values(TRACES)) one.ring = new Float32Array(RING).fill(NaN);
 let tick = 0, shown = 'force';
 
+// Append the samples of one message. If the trace lags behind the clock by more than LATE, fill the gap with NaN first.
 function record(samples) {
     const count = samples.force.length, audit = about?.energy;
     let late = Math.round(performance.now()) - tick - count;
     const put = (name, value) => { TRACES[name].ring[tick % RING] = value ?? NaN; };
-    if (late > RING) tick += late - RING, late = RING; // all of the ring is
+    if (late > RING) tick += late - RING, late = RING; // the gap fills the whole ring
     if (late > LATE) for (; late > 0; late--, tick++) for (const name in TRACES) put(name, NaN);
     for (let i = 0; i < count; i++, tick++) {
         for (const name in samples) put(name, samples[name][i]);
@@ -32,14 +35,15 @@ function choose(name) {
     drawTrace();
 }
 
-// Columns are whole numbers of ticks from tick 0, so that a peak keeps its shape while it moves left.
+// Reduce the ring to the least and largest value of each column. The columns begin at multiples of a fixed number of
+// ticks, counted from tick 0, so that a peak keeps its shape while it moves left.
 function columnsOf(ring, count) {
     const per = SPAN / count, last = Math.floor(tick / per), columns = [];
     for (let c = last - count; c < last; c++) {
         let low = Infinity, high = -Infinity;
         for (let t = Math.max(0, Math.ceil(c * per)); t < (c + 1) * per; t++) {
             const value = ring[t % RING];
-            if (value < low) low = value; // false for NaN
+            if (value < low) low = value; // a comparison with NaN is false
             if (value > high) high = value;
         }
         columns.push([low, high]);
@@ -47,6 +51,7 @@ function columnsOf(ring, count) {
     return columns;
 }
 
+// Draw the chosen trace: scale, time axis, then the curve.
 function drawTrace() {
     const ratio = devicePixelRatio, width = trace.clientWidth, height = trace.clientHeight;
     const left = 56, right = width - 12, top = 14, bottom = height - 24;
@@ -54,7 +59,7 @@ function drawTrace() {
     const { ring, unit, least } = TRACES[shown];
     const columns = columnsOf(ring, Math.max(1, Math.floor((right - left) * ratio)));
     const most = columns.reduce((m, [, high]) => Math.max(m, high), 0);
-    let ceiling = least; // of the scale: 1, 2, 5, 10, 20, 50 ...
+    let ceiling = least; // top of the scale: 1, 2, 5, 10, 20, 50 ...
     for (let i = least === 2 ? 1 : 0; most > ceiling; i++) ceiling *= [2, 2.5, 2][i % 3];
     const x = (c) => left + (c + 0.5) / columns.length * (right - left);
     const y = (value) => bottom - Math.max(0, value) / ceiling * (bottom - top);
@@ -84,10 +89,13 @@ function drawTrace() {
     ctx.lineWidth = 1.75;
     ctx.lineJoin = 'round';
     let from = -1, end = 0;
-    for (let c = 0; c <= columns.length; c++) { // one line, with an area below, per run of columns that have samples
+    // Draw one line with an area below for each run of columns that have samples.
+    for (let c = 0; c <= columns.length; c++) {
         const [low, high] = columns[c] ?? [1, 0], heard = low <= high;
         if (heard && from < 0) ctx.beginPath(), from = c;
-        if (heard) { // from the nearer end to the other, aslant: else slopes are saws and stairs
+        // From the nearer end of the column to the other, slanted. Vertical strokes would show slopes as saws and
+        // stairs.
+        if (heard) {
             const falls = Math.abs(high - end) < Math.abs(low - end);
             ctx.lineTo(x(c - 0.25), y(falls ? high : low));
             ctx.lineTo(x(c + 0.25), y(end = falls ? low : high));

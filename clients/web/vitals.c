@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+// Each handler keeps the newest message of its channel.
 static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -25,6 +26,7 @@ static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *u
     v->health_ms = kn_live_now_ms();
 }
 
+// Keep the energies of an audit. Only checkpoint events have them.
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -37,6 +39,7 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *us
     v->energy_ms = kn_live_now_ms();
 }
 
+// The subscription covers all probes; keep the patch of the chosen probe only.
 static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_vitals *v = user;
@@ -47,6 +50,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     v->touch_ms = kn_live_now_ms();
 }
 
+// Count bytes of the meshes for their rate.
 static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -71,6 +75,7 @@ int64_t kn_vitals_share_us(const int64_t histogram[32], double share)
 {
     int64_t all = 0, seen = 0;
     for (int i = 0; i < 32; i++) all += histogram[i];
+    // Find the bucket in which the cumulative count reaches the share. Bucket n counts ticks of less than 2^n us.
     if (all <= 0) return 0;
     int bucket = 0;
     while (bucket < 31 && (double)(seen += histogram[bucket]) < share * (double)all) bucket++;

@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_VITALS_H
 #define KN_CLIENTS_VITALS_H
-// How kneadd is, by what it says on the bus: KNEAD_STATUS, KNEAD_HEALTH, the energies of KNEAD_EVENT, and what a tool
-// touches where kneadd --touch tells. The newest of each; a message that is not what its channel says is left out.
+// Vitals: the state of kneadd as reported on the bus. It consists of KNEAD_STATUS, KNEAD_HEALTH, the energies in
+// KNEAD_EVENT, and, if kneadd runs with --touch, the contact patch of a tool. The newest message of each kind is kept.
+// A message that cannot be decoded is ignored.
 #include "clients/knead/join.h"
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
@@ -9,20 +10,23 @@
 #include <stdbool.h>
 
 typedef struct kn_vitals {
-    int64_t status_ms, health_ms, energy_ms, touch_ms; // CLOCK_MONOTONIC of the newest, 0: none yet
+    int64_t status_ms, health_ms, energy_ms, touch_ms; // CLOCK_MONOTONIC of the newest message, ms; 0: none yet
     knead_status_t status;
     knead_health_t health;
-    double stored_j, work_j; // of the last audit: energy in the object, work of all tools since it was new
+    // Result of kneadd's last energy audit: energy stored in the object, and work of all tools since the object was
+    // undeformed.
+    double stored_j, work_j;
     knead_touch_patch_t touch;
-    int64_t mesh_bytes;     // of KNEAD_MESH_UPDATE, all of them
+    int64_t mesh_bytes;     // total size of all KNEAD_MESH_UPDATE messages so far
     char touch_channel[80]; // private
 } kn_vitals;
 
-// Subscribes on buses that somebody else listens to and ends. False: too many.
+// Subscribe on two buses, which the caller reads and closes. Return false if there are too many subscriptions.
 bool kn_vitals_open(kn_vitals *vitals, kn_join *bus, kn_join *mesh_bus);
-void kn_vitals_touch(kn_vitals *vitals, const char *probe); // whose patch is listened to; NULL: none's
+void kn_vitals_touch(kn_vitals *vitals, const char *probe); // sets the probe whose patch is kept; NULL: none
 
-// us below which that share of the ticks took, 2^n; 0: none yet.
+// Return the smallest power of two that at least this share of the tick times stayed below, us. Return 0 if there are
+// no ticks yet.
 int64_t kn_vitals_share_us(const int64_t histogram[32], double share);
 
 #endif

@@ -1,5 +1,5 @@
-// knead web: the object in a browser, and a tool in the visitor's hand. Three threads: this one, on libev, for
-// messages; the device's, 1 kHz, for poses; the painter's.
+// knead web: shows the object in a browser and lets the user move a tool. There are three threads. The main thread runs
+// libev and handles messages, the device's thread makes poses at 1 kHz, and the painter's thread draws pictures.
 #include "clients/knead/ask.h"
 #include "clients/knead/commands.h"
 #include "clients/web/web.h"
@@ -14,10 +14,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// of a message, beside the picture: about; 16 answers of 200 characters, which are 6 bytes each at most; the traces
+// Bytes of a message besides the picture: `about`, 16 answers of 200 characters of at most 6 bytes each, and the
+// traces.
 #define ROOM (KN_WEB_ABOUT + 40960)
-#define FOLDER_MAX 40 // characters of TMPDIR, with its NUL: w->folder has room for them and our own name
-#define MOVES_MS 200  // a pointer that was heard of so recently
+// Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
+#define FOLDER_MAX 40
+#define MOVES_MS 200 // a pointer event in this time means that the pointer is moving
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
@@ -47,43 +49,49 @@ static int fail(int code, const char *what) { return fprintf(stderr, "knead web:
 
 // ---- pictures
 
-// The painter's still becomes the newest mesh. False: the mesh is not of the scene that was heard; that comes every 5
-// s.
+// Update the painter's still to the newest mesh. Return false if the mesh does not belong to the scene that was heard.
+// The matching KNEAD_SCENE then comes within a second.
 static bool fill_still(kn_web *w)
 {
     kn_still *s = &w->painter.still;
     char error[400];
+    // Same topology: only move the vertices.
     if (w->mesh_id == w->live.mesh.mesh_id) return kn_still_update(s, &w->live), true;
     kn_view_scene view = s->view;
     kn_still_free(s);
     s->view = view;
-    s->view.value = NULL; // of the old one
+    s->view.value = NULL; // belongs to the old still
     w->mesh_id = 0;
     if (!kn_still_live(s, &w->live, error, sizeof error) || error[0]) return false;
     w->mesh_id = w->live.mesh.mesh_id;
     return w->painter.fresh = true;
 }
 
+// Return whether the meshes contain the values of this measure. Displacement follows from the vertices alone.
 bool kn_web_measured(const kn_web *w, int measure)
 {
     return measure == KN_MEASURE_DISPLACEMENT || (measure == KN_MEASURE_STRESS && w->live.mesh.stress_pa) ||
            (measure == KN_MEASURE_RESIDUAL && w->live.mesh.residual_strain);
 }
 
-// The scale follows what there is to see, but not every breath of it.
+// Colour the still by the chosen measure. The scale follows the largest value with hysteresis, so that it does not
+// flicker.
 static void color(kn_web *w)
 {
-    static const double least[KN_MEASURES] = {1e-3, 100, 0.01}; // tops of the scale: below them all is rounding
+    // Smallest tops of the scale, SI. Values below them are rounding errors.
+    static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
     kn_still *s = &w->painter.still;
     s->view.value = NULL;
     if (w->measure < 0 || !kn_still_told(s, &w->live, (kn_measure)w->measure)) return;
     const double top = kn_scale_round(fmax(kn_still_most(s), least[w->measure]));
+    // Grow at once, and shrink only below 30 % of the scale.
     if (top > w->top || top < 0.3 * w->top) w->top = top;
     kn_still_scale(s, w->top);
 }
 
 void kn_web_png_path(const kn_web *w, char path[128]) { snprintf(path, 128, "%s/picture.png", w->folder); }
 
+// Prepare the label of a picture, and request a PNG of it if a page waits for one.
 static void label(kn_web *w)
 {
     static char path[128], caption[160];
@@ -98,7 +106,7 @@ static void label(kn_web *w)
     p->label.scale = &scale;
 }
 
-// It has been drawn: whoever asked for it may fetch it.
+// Tell the page that asked for the PNG that it is ready, or why it failed.
 static void tell_png(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || !w->painter.png) return;
@@ -108,7 +116,7 @@ static void tell_png(kn_web *w)
     w->png_page = -1;
 }
 
-// The newest event that kneadd had answered when this mesh was.
+// Return the newest pointer event that kneadd had answered by the tick of this mesh.
 static int32_t answered(const kn_web *w)
 {
     for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - KN_WEB_EVENTS; n--)
@@ -116,8 +124,9 @@ static int32_t answered(const kn_web *w)
     return w->painting;
 }
 
-// Pictures come at the asked rate; one that came late is made up for, since meshes come on a grid of their own. While a
-// pointer moves, one that shows nothing new of it waits a little, so that the painter is free when something does.
+// Draw the next picture if one is due. Pictures can be late, because meshes come at times of their own. After a late
+// picture the next one is due earlier, which keeps the average rate. While the pointer moves, a picture that shows no
+// new pointer event is delayed a little, so that the painter is free when the mesh with the effect of the event comes.
 static void paint(kn_web *w)
 {
     if (!w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing) return;
@@ -126,7 +135,7 @@ static void paint(kn_web *w)
     int32_t newest = answered(w);
     bool moves = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms < MOVES_MS && newest == w->painting;
     const double period_ms = 1000.0 / w->rate_hz;
-    // a tenth of a period early is not skipped
+    // A mesh that comes up to a tenth of a period early is drawn and not skipped.
     if ((double)now_ms < w->due_ms + (moves ? 0.4 : -0.1) * period_ms || !fill_still(w)) return;
     kn_view_scene *view = &w->painter.still.view;
     view->azimuth_deg = w->look.azimuth_deg;
@@ -136,17 +145,17 @@ static void paint(kn_web *w)
     color(w);
     label(w);
     w->frame_ms = now_ms;
+    // Make up for at most one period of lateness.
     w->due_ms = fmax(w->due_ms, (double)now_ms - period_ms) + period_ms;
     w->painting = newest;
     w->drawing = true;
     kn_painter_draw(&w->painter);
 }
 
-static void call_back(void *self)
-{
-    ev_async_send(((kn_web *)self)->ev, &((kn_web *)self)->painted);
-} // in the painter's thread
+// Wake the main thread. Runs in the painter's thread, where only ev_async_send is safe.
+static void call_back(void *self) { ev_async_send(((kn_web *)self)->ev, &((kn_web *)self)->painted); }
 
+// Take the finished picture from the painter and send it to the pages.
 static void on_painted(struct ev_loop *ev, ev_async *a, int events)
 {
     (void)ev, (void)events;
@@ -163,6 +172,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
     kn_gateway_news(&w->gateway);
 }
 
+// Handle bus messages. A new mesh moves the tool's hovering height and may start a picture.
 static void on_readable(struct ev_loop *ev, ev_io *io, int events)
 {
     (void)ev, (void)events;
@@ -177,7 +187,8 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
     paint(w);
 }
 
-static void count(kn_web *w, int64_t now_ms) // once a second
+// Update the rates of meshes once a second, and the lists that change seldom.
+static void count(kn_web *w, int64_t now_ms)
 {
     const int64_t meshes = w->live.meshes - w->counted_meshes, bytes = w->vitals.mesh_bytes - w->counted_bytes;
     w->meshes_hz = 1e3 * (double)meshes / (double)(now_ms - w->counted_ms);
@@ -189,18 +200,22 @@ static void count(kn_web *w, int64_t now_ms) // once a second
     kn_web_refresh(w);
 }
 
-static void on_due(struct ev_loop *ev, ev_timer *t, int events) // ten times a second, whatever else happens
+// Run ten times a second, even when no message comes.
+static void on_due(struct ev_loop *ev, ev_timer *t, int events)
 {
     (void)ev, (void)events;
     kn_web *w = t->data;
     int64_t now_ms = kn_live_now_ms();
     kn_web_take_samples(w);
+    // If a page presses and sends nothing for KN_WEB_LET_GO_MS, lift the tool. The page can press again only after the
+    // button has been released.
     bool silent = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms > KN_WEB_LET_GO_MS;
     if (silent && w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
     kn_web_post_wish(w);
     kn_web_ask_status(w);
     kn_web_turn(w);
     if (now_ms - w->counted_ms >= 1000) count(w, now_ms);
+    // Without new pictures, pages still get the status.
     if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
 }
 
@@ -228,7 +243,7 @@ static void watch(kn_web *w)
     }
 }
 
-// Without one the page is served all the same.
+// Make this run's folder for recordings and pictures. Without a folder, the page works but cannot save.
 static void make_folder(kn_web *w)
 {
     const char *wanted = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
@@ -241,11 +256,13 @@ static void make_folder(kn_web *w)
     w->folder[0] = 0;
 }
 
-static bool stays(void *self, int page) // it has the tool, or an operator uses it
+// A page keeps its place if it has the tool or gave the last order.
+static bool stays(void *self, int page)
 {
     return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->ordered_by;
 }
 
+// Open all parts. On failure, w->error has the reason and close_all cleans up.
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
@@ -273,6 +290,7 @@ static bool open_all(kn_web *w)
     w->gateway.arg = w->asker.arg = w;
     kn_asker_open(&w->asker, w->ev);
     w->takes = (kn_takes){.folder = w->folder, .url = w->url, .ev = w->ev, .done = kn_web_on_replayed, .arg = w};
+    // The painter and the gateway come last, so that nothing is served before the rest works.
     return kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) &&
            kn_vitals_open(&w->vitals, w->live.bus, w->live.mesh_bus) &&
            kn_painter_open(&w->painter, w->width, w->height, call_back, w, w->error, sizeof w->error) &&
@@ -282,10 +300,11 @@ static bool open_all(kn_web *w)
 
 static void close_all(kn_web *w)
 {
-    kn_gateway_close(&w->gateway); // and with it the pages: nobody holds the tool any more
+    // This also ends all pages, so no page holds the tool any more.
+    kn_gateway_close(&w->gateway);
     kn_web_post_wish(w);
     for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++)
-        usleep(10000), kn_web_take_samples(w); // it lifts
+        usleep(10000), kn_web_take_samples(w); // let the tool lift first
     if (w->moving) kn_device_stop(&w->device);
     kn_asker_close(&w->asker);
     json_decref(w->status);
@@ -301,17 +320,21 @@ static void close_all(kn_web *w)
     if (w->folder[0]) unlink(path), rmdir(w->folder);
 }
 
+// Open the socket as descriptor 3 and replace this program by the command. A socket keeps the network namespace in
+// which it was opened.
 static int bind_and_become(const kn_web *w, char **command)
 {
     char error[256];
     int fd = kn_gateway_listen(w->host, w->port, error, sizeof error);
     if (fd < 0) return fail(KN_EXIT_DEVICE, error);
+    // dup2 clears the close-on-exec flag. If the descriptor is 3 already, the flag is cleared by hand.
     if (fd == 3 ? fcntl(3, F_SETFD, 0) < 0 : dup2(fd, 3) < 0) return fail(KN_EXIT_DEVICE, strerror(errno));
     execvp(command[0], command);
     fprintf(stderr, "knead web: --bind %s: %s\n", command[0], strerror(errno));
     return KN_EXIT_USAGE;
 }
 
+// Parse a decimal number without sign within low..high.
 static bool integer(const char *word, int low, int high, int *value)
 {
     char end = 0;
@@ -325,7 +348,8 @@ static bool pixels(const char *word, int *width, int *height)
            *width <= 1920 && *height >= 160 && *height <= 1920;
 }
 
-static bool listening(const char *word, int *fd) // the number of a socket that listens
+// Parse the number of a descriptor that is a listening socket.
+static bool listening(const char *word, int *fd)
 {
     int yes = 0;
     socklen_t size = sizeof yes;
@@ -338,7 +362,8 @@ static bool is_directory(const char *path)
     return stat(path, &it) == 0 && S_ISDIR(it.st_mode);
 }
 
-static const char *take(kn_web *w, int option, const char *text) // NULL, or what was expected
+// Store one option. Return NULL, or a text that says what was expected.
+static const char *take(kn_web *w, int option, const char *text)
 {
     struct in_addr host;
     switch (option) {
@@ -364,7 +389,7 @@ static int parse(kn_web *w, int argc, char **argv)
         {"size", 1, NULL, 's'},     {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'},   {"lcm-url", 1, NULL, 'l'},
         {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'}, {"scenes", 1, NULL, 'S'},
         {NULL, 0, NULL, 0}};
-    opterr = 0; // our own words
+    opterr = 0; // this file prints its own messages
     for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
         const char *word = argv[optind - 1], *expected = option == ':' ? "a value" : "an option of knead web --help";
         if (option == ':' || option == '?')
@@ -406,6 +431,7 @@ int kn_web_main(int argc, char **argv)
         if (w.gateway.fingerprint[0])
             printf("knead web: the browser warns of an unknown certificate; go on if its SHA-256 fingerprint is\n%s\n",
                    w.gateway.fingerprint);
+        // Nobody can open the page without the printed address, so the program ends if the print fails.
         if (fflush(stdout) != 0)
             code = fail(KN_EXIT_DEVICE, "nobody can read the page's address: standard output is broken");
     }

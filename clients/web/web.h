@@ -1,9 +1,10 @@
 #ifndef KN_CLIENTS_WEB_H
 #define KN_CLIENTS_WEB_H
-// What the parts of knead web share, all on its libev thread but where it says otherwise.
+// State shared by the parts of `knead web`. All parts run on its main thread, a libev loop, except where a comment says
+// otherwise. A page is a browser page that has shown the token (gateway.h). At most one page has the tool at a time.
 //
-//     web.c: options, start, pictures, stop      grip.c: the tool, who has it, what it does
-//     tell.c: what a page is told                orders.c: what a page asks for in words
+//     web.c: options, start, pictures, stop      grip.c: the tool, its motion, and the page that has the tool
+//     tell.c: messages to a page                 orders.c: requests of a page
 #include "clients/knead/device.h"
 #include "clients/knead/reach.h"
 #include "clients/web/asker.h"
@@ -14,21 +15,25 @@
 #include "server/mailbox.h"
 #include "server/ring.h"
 
-#define KN_WEB_TRACE 256       // ms of force that wait for a page
-#define KN_WEB_EVENTS 64       // of the pointer, on their way through kneadd
-#define KN_WEB_ANSWERS 16      // to requests, that wait for a page
-#define KN_WEB_SCENES 32       // that are listed
-#define KN_WEB_LET_GO_MS 400   // a pressing page that is silent so long is gone: it speaks every 50 ms; so is a thread
-#define KN_WEB_UNHEARD_MS 1000 // without a mesh: nobody serves
+#define KN_WEB_TRACE 256  // force samples kept for the pages, one per ms
+#define KN_WEB_EVENTS 64  // most pointer events that wait for an answer of kneadd
+#define KN_WEB_ANSWERS 16 // most answers to requests that wait to be sent to one page
+#define KN_WEB_SCENES 32  // most scenes listed for loading
+// If a page presses, it normally sends a message every 50 ms. If it sends none for this time, it counts as gone. The
+// device's thread uses the same time: it lifts the tool if the main thread posts no wish for that long.
+#define KN_WEB_LET_GO_MS 400
+#define KN_WEB_UNHEARD_MS 1000 // if no mesh arrives for this time, no server is running
 
+// State of the pointer's button. BESIDE: pressed where no object is. BARRED: down, but without effect before the button
+// is released.
 typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_BUTTON_BARRED } kn_button;
-// BESIDE: where nothing is; BARRED: it must come up first
 
-typedef struct kn_web_sample { // of a millisecond, from the device's thread
+typedef struct kn_web_sample { // one millisecond, from the device's thread
     kn_pointer_news news;
-    float work_mj, round_trip_ms; // of the newest force; NaN: there was none in this ms
+    float work_mj, round_trip_ms; // work and round trip of the newest force; NaN: no force in this ms
 } kn_web_sample;
 
+// Answer to a request, waiting for its page.
 typedef struct kn_web_answer {
     uint32_t id;
     bool ok;
@@ -51,114 +56,117 @@ typedef struct kn_web {
     kn_asker asker;
     kn_takes takes;
     char error[512];
-    char folder[64]; // for what is written, of this run alone; "": none
+    char folder[64]; // folder for files that this run writes; "": none
 
     // grip.c
-    int64_t meshes, mesh_ms; // seen; when the last came
-    const kn_scene *scene;   // that tool and reach are of; may be gone already
-    uint64_t scene_hash;     // its
+    int64_t meshes, mesh_ms; // number of meshes seen; time of the last mesh
+    const kn_scene *scene;   // scene that `tool` and `reach` belong to; may have been freed already
+    uint64_t scene_hash;     // hash of `scene`
     const kn_probe_def *tool;
-    kn_probe_def held; // that tool, for comparison once its scene is gone
+    kn_probe_def held; // copy of *tool, for comparison after the scene has been freed
     double held_spacing_m;
     kn_reach reach;
     kn_device device;
-    bool moving;        // the device's thread runs
-    kn_pointer pointer; // that thread's, as stale_ms: since the last wish
-    int stale_ms;
-    kn_mailbox wishes; // to it
+    bool moving;        // the device's thread is running
+    kn_pointer pointer; // used by the device's thread only
+    int stale_ms;       // time since the last wish; used by the device's thread only
+    kn_mailbox wishes;  // wishes to the device's thread
     kn_pointer_wish wish, wish_slots[3];
-    kn_ring samples;      // from it: kn_web_sample
-    kn_pointer_news news; // the newest of them
+    kn_ring samples;      // kn_web_sample, from the device's thread
+    kn_pointer_news news; // newest of the samples
     kn_web_sample trace[KN_WEB_TRACE];
     uint64_t traced;
-    int owner;        // the page that has the tool, -1: none
-    int ordered_by;   // the page that gave the last order, -1: none
-    kn_button button; // of that page
-    bool turned;      // the picture, since this press began: where the pointer is in it says nothing
+    int owner;        // page that has the tool, -1: none
+    int ordered_by;   // page that sent the last request, -1: none
+    kn_button button; // of the page that has the tool
+    // The view was turned during this press. The pointer's place in the picture then no longer stands for a place on
+    // the object.
+    bool turned;
+    // Pointer events whose effect has not been shown yet. tick: tick of kneadd's answer; INT64_MAX: not answered yet.
     struct {
         uint32_t number;
         int page;
         int64_t tick;
-    } event[KN_WEB_EVENTS]; // tick of kneadd's answer, INT64_MAX:
-                            // not yet
+    } event[KN_WEB_EVENTS];
 
     // pictures
-    int64_t mesh_id;  // of the painter's still
-    int64_t frame_ms; // when the last drawing began
-    double due_ms;    // when the next one should
-    uint8_t *jpeg;    // the newest picture: the painter is at the next one
+    int64_t mesh_id;  // id of the mesh in the painter's still
+    int64_t frame_ms; // time when the last drawing began
+    double due_ms;    // time when the next drawing should begin
+    uint8_t *jpeg;    // newest finished picture; the painter works on the next one
     size_t jpeg_size;
-    double bar_m; // on its table
+    double bar_m; // length of the scale bar on the table in that picture
     uint32_t pictures;
-    int32_t painting, shown; // newest event in the picture that is being drawn, that was drawn
-    bool drawing;            // from the painter's begin until its picture has been taken
-    kn_view_scene look;      // from where and in which style the next one is drawn
-    int measure;             // that it is coloured by, -1: none
-    double top;              // of its scale
-    int png_page;            // that waits for the next picture as a file, -1: none; the answer's id
-    uint32_t png_id;
-    int64_t png_ms;               // since when
-    bool png_there;               // it has been made
-    double meshes_hz, mesh_bytes; // per second; of one
+    int32_t painting, shown;      // newest pointer event in the picture being drawn, and in the last finished picture
+    bool drawing;                 // the painter is drawing, or its picture has not been fetched yet
+    kn_view_scene look;           // view and style of the next picture
+    int measure;                  // measure that colours the object, -1: none
+    double top;                   // top of the colour scale
+    int png_page;                 // page that waits for a PNG of the next picture, -1: none
+    uint32_t png_id;              // id of the page's request for the PNG
+    int64_t png_ms;               // time of this request
+    bool png_there;               // the PNG is ready
+    double meshes_hz, mesh_bytes; // rate of meshes; bytes of one mesh
     int64_t counted_ms, counted_meshes, counted_bytes;
 
     // orders.c
     struct {
         kn_web_answer answer[KN_WEB_ANSWERS];
         int count;
-    } waiting[KN_GATEWAY_PAGES]; // each page's own
+    } waiting[KN_GATEWAY_PAGES]; // one list per page
+    // Requests that kneadd is working on.
     struct {
         int page;
         uint32_t id;
         kn_verb verb;
-    } asked[KN_ASKER_CALLS + 1];                     // by tag; id 0: free
-    json_t *status;                                  // of kneadd, as its control socket told it last; NULL: it did not
-    int64_t status_ms;                               // when it was asked for
-    char control_error[200];                         // why there is none
-    int64_t snapshot;                                // generation of the last that a page asked for, 0: none
-    char snapshot_of[400];                           // its scene and directory
-    char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // names in `scenes`
-    int scene_files, scenes_unlisted;                // these: too many, or by names that no request may say
+    } asked[KN_ASKER_CALLS + 1];                     // indexed by tag; id 0: free
+    json_t *status;                                  // latest status from kneadd's control socket; NULL: none
+    int64_t status_ms;                               // time of the last status request
+    char control_error[200];                         // reason why there is no status
+    int64_t snapshot;                                // generation of the last snapshot that a page asked for, 0: none
+    char snapshot_of[400];                           // scene and directory of this snapshot
+    char scene_file[KN_WEB_SCENES][KN_REQUEST_NAME]; // file names in the folder `scenes`
+    int scene_files, scenes_unlisted;                // unlisted: beyond KN_WEB_SCENES, or not allowed in a request
 
-    int lent;        // the recording that has the tool, 0: none
-    int64_t lent_ms; // since when nobody has sent poses; 0: a child does
+    int lent;        // number of the recording that moves the tool (is played), 0: none
+    int64_t lent_ms; // time when the page stopped sending poses; 0: a child process sends the poses now
     struct {
         int page, number;
         uint32_t id;
-    } replayed;       // who is told how it ended; page -1: nobody
-    int saved_of;     // the last recording that a snapshot was asked for, unless it was refused
-    int64_t saved_ms; // when
+    } replayed;       // page to be told about the end of a replay; page -1: none
+    int saved_of;     // last recording for which a snapshot was requested; 0: none, or kneadd refused
+    int64_t saved_ms; // time of the snapshot request
 
     // tell.c
-    char *about; // the JSON that every page gets when it is another one than it had
-    int abouts;  // its number, rising
+    char *about; // JSON description of the scene, sent to each page that does not have the present version yet
+    int abouts;  // version of `about`, rising
     struct {
         int nodes, edges, cells;
     } counts; // of the model
 } kn_web;
 
 // grip.c
-void kn_web_take_scene(kn_web *w); // when another one was heard: another tool, a hand that begins anew
+void kn_web_take_scene(kn_web *w); // after a new scene: chooses the tool again and restarts the hand if needed
 kn_camera_view kn_web_camera(const kn_web *w);
-void kn_web_let_go(kn_web *w); // of the tool altogether: another hand may take it
+void kn_web_let_go(kn_web *w); // stops the hand, so that another hand can take the tool
 void kn_web_take_up(kn_web *w);
 void kn_web_post_wish(kn_web *w);
 void kn_web_take_samples(kn_web *w);
-bool kn_web_is_taken(const kn_web *w, int page); // the tool is another page's, which uses it
+bool kn_web_is_taken(const kn_web *w, int page); // returns true if another page than `page` has the tool and uses it
 void kn_web_on_message(void *web, int page, const kn_web_message *message);
 void kn_web_on_gone(void *web, int page);
 
 // web.c
 void kn_web_png_path(const kn_web *w, char path[128]);
-bool kn_web_measured(const kn_web *w, int measure); // whether the meshes tell it
+bool kn_web_measured(const kn_web *w, int measure); // returns true if the mesh messages contain the measure
 
 // orders.c
-void kn_web_list_scenes(kn_web *w); // once a second: files come and go
+void kn_web_list_scenes(kn_web *w); // called once a second, because files may be added and removed at any time
 void kn_web_on_request(void *web, int page, const kn_request *request);
 void kn_web_on_replayed(void *web, int number, bool ok, const char *words);
-void kn_web_turn(kn_web *w); // ten times a second: what recordings and pictures wait for
+void kn_web_turn(kn_web *w); // called ten times a second: continues waiting work on recordings and PNG pictures
 void kn_web_on_answered(void *web, int tag, const json_t *answer);
-void kn_web_ask_status(kn_web *w); // once a second at most
+void kn_web_ask_status(kn_web *w); // at most once a second
 __attribute__((format(printf, 5, 6))) void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok,
                                                               const char *format, ...);
 
@@ -167,8 +175,8 @@ bool kn_web_fetch(void *web, const char *name, kn_web_file *file);
 
 // tell.c
 size_t kn_web_write(void *web, int page, uint8_t *bytes, size_t size);
-void kn_web_count(kn_web *w);   // nodes, edges and cells of the scene
-void kn_web_refresh(kn_web *w); // about, when it has changed
-#define KN_WEB_ABOUT 24576      // bytes of it at most
+void kn_web_count(kn_web *w);   // counts nodes, edges and cells of the scene
+void kn_web_refresh(kn_web *w); // updates `about` if its text has changed
+#define KN_WEB_ABOUT 24576      // largest size of `about`, bytes
 
 #endif
