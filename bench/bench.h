@@ -1,11 +1,11 @@
 #ifndef KN_BENCH_BENCH_H
 #define KN_BENCH_BENCH_H
-// What every bench prints first and measures with.
+// Functions shared by the benches: the first lines of output, and the clock.
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
-// us on a clock: CLOCK_THREAD_CPUTIME_ID leaves out what the machine does for others meanwhile.
+// Return the time of a clock, us. CLOCK_THREAD_CPUTIME_ID excludes the machine's work for others.
 static inline double clock_us(clockid_t clock)
 {
     struct timespec t;

@@ -1,12 +1,13 @@
-// Closed loops in simulated time with the lattice itself: every class of devices, in every hand, on every material, by
-// a ball, a flat box, a plate without a coupling, and two balls with a device each. What a haptician asks first: does
-// it buzz, does it give energy, what is left of the object's stiffness behind the coupling.
+// Closed loops in simulated time with the lattice itself: every class of devices, in every hand, on every material.
+// The tools are a ball, a flat box, a plate without a virtual coupling, and two balls with a device each. The bench
+// answers a haptician's first questions: whether it buzzes, whether it gives energy, and how much of the object's
+// stiffness remains behind the virtual coupling.
 //
 //     bench_loop [--quick]     847 nodes, ten minutes; --quick: 144 nodes, three
 //
-// The device moves along three axes; force is judged as clients/knead/rig.h says, above 10 Hz, taps by their turns. A
-// device that nobody holds leans on the object only where nobody else moves it. Exit 1 when a coupled tool buzzes,
-// gives a stroke over a millijoule, or renders 10 % more or less than its springs in series.
+// The device moves along three axes. Force is judged as in clients/knead/rig.h, above 10 Hz, and taps by their turns.
+// A device without a hand leans on the object only where no second hand moves the object. Exit 1 if a coupled tool
+// buzzes, gives a stroke over a millijoule, or renders 10 % more or less than its springs in series.
 #include "bench/bench.h"
 #include "clients/knead/buzz.h"
 #include "clients/knead/profile.h"
@@ -21,11 +22,11 @@ static const char *const classes[CLASSES] = {"touch", "falcon", "omega", "unknow
 static const char *const materials[MATERIALS] = {"dough", "clay", "jelly"};
 static const char *const tools[TOOLS] = {"ball", "box", "two balls", "plate, rigid"};
 static const char *const motions[] = {"lean", "press", "tap", "slide"};
-static const double apart_m = 0.0125; // of two balls from the middle
+static const double apart_m = 0.0125; // distance of the two balls from the middle
 
 // --- object ---------------------------------------------------------------------------------------------------------
 
-typedef struct block { // the object of a rig: the lattice, its tool, and perhaps another hand's beside it
+typedef struct block { // the object of a rig: the lattice, its tool, and possibly another hand's tool
     kn_model *model;
     kn_state *state;
     kn_input input;
@@ -104,7 +105,7 @@ static void put(kn_probe_input *in, const double position_m[3], const double vel
     in->position_m[2] += up_m;
 }
 
-// The second hand presses and lifts once in two seconds, whatever the first one does.
+// Press and lift with the second hand once in two seconds, independent of the first.
 static void move_other(block *b, const double force_n[3])
 {
     double w = 3.141592653589793, t = 1e-3 * (double)b->tick++, path_m[3] = {0, 0, 0.006 * cos(w * t)};
@@ -129,7 +130,7 @@ static double touch(void *self, const double position_m[3], const double velocit
 typedef struct tally {
     int runs, buzzes, gave;                      // gave: over a millijoule in a stroke
     double loudest_n, floors, returned_j, turns; // floors: loudest held force, in steps that the device resolves
-    char worst[80];                              // the loudest that buzzes, or else the loudest
+    char worst[80];                              // the loudest that buzzes, otherwise the loudest
     double worst_n;
 } tally;
 
@@ -172,7 +173,7 @@ static void run(tally *t, const kn_device_def *device, const char *material, boo
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    bool other_buzzes = b.two && b.turns.count > 2 * KN_RIG_TURNS; // two strokes, and what the first hand does to it
+    bool other_buzzes = b.two && b.turns.count > 2 * KN_RIG_TURNS; // two strokes, and the effect of the first hand
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);
 }
@@ -199,7 +200,7 @@ static bool grid_of(int tool, bool quick)
 
 // --- stiffness ------------------------------------------------------------------------------------------------------
 
-// Down at 1 mm/s to a depth, 2 s to settle; the force.
+// Go down at 1 mm/s to a depth, wait 2 s, and return the force.
 static double settled(block *b, double from_m, double to_m)
 {
     double f[3] = {0}, way_m = 0;
@@ -212,7 +213,7 @@ static double settled(block *b, double from_m, double to_m)
     return f[2];
 }
 
-// N/m between 2 and 3 mm of a ball in jelly.
+// Return the stiffness of a ball in jelly between 2 and 3 mm, N/m.
 static double stiffness(const kn_coupling *coupling, bool quick)
 {
     block b;

@@ -1,5 +1,6 @@
-// One experiment of the papers: a scene, pressed by its first probe or left to its weight; what the figures of
-// bench/papers are made of. Writes pictures and curves beside --prefix, and the measures as one line of JSON.
+// One experiment of the papers: a scene, pressed by its first probe or left to its weight. bench/papers makes its
+// figures from such experiments. The program writes pictures and curves beside --prefix, and the measures as one line
+// of JSON.
 #include "clients/knead/still.h"
 #include "clients/viewer/image.h"
 #include "core/scene/scene.h"
@@ -10,7 +11,7 @@
 #define PICTURE_WIDTH 800
 #define PICTURE_HEIGHT 560
 #define CELLS_EVERY 20 // steps between two looks at the cells
-#define CATCH 3        // steps whose median is the force: a node that a plate catches kicks it for one of them
+#define CATCH 3        // steps whose median is the force: a node that a plate catches gives a kick for one of them
 
 typedef struct options {
     const char *scene, *prefix, *sets[32];
@@ -22,15 +23,15 @@ typedef struct options {
 } options;
 
 typedef struct measures {
-    double peak_n, dip_n, end_n;     // greatest force; greatest fall of it on the way down; at the end of the hold
+    double peak_n, dip_n, end_n;     // greatest force; greatest fall on the way down; force at the end of the hold
     double bulge_m[2], volume_share; // at the end of the hold: outwards along x, y; change of volume / volume
-    double least_cell;               // V/V0 of a cell, at any time
-    double pressed_m, left_m;        // depth of the dent at the end of the hold, and of what is left of it
-    double left_share;               // |u| of what is left / |u| at the end of the hold, over all nodes
-    double sag;                      // share of its height that the top has come down at the end, mean
+    double least_cell;               // smallest V/V0 of a cell at any time
+    double pressed_m, left_m;        // depth of the dent at the end of the hold; depth that remains at the end
+    double left_share;               // |u| at the end / |u| at the end of the hold, over all nodes
+    double sag;                      // mean fall of the top at the end, share of the height
     double iterations;               // mean per step
     int capped;                      // steps that the solver left above its tolerance
-    double fallen_s;                 // when the top had come down by half, < 0: never
+    double fallen_s;                 // time at which the top had come down by half, < 0: never
     kn_status status;
 } measures;
 
@@ -41,8 +42,8 @@ typedef struct experiment {
     kn_state *state;
     kn_surface *surface;
     double top_m, low_m[3], high_m[3]; // of the surface at rest
-    kn_cell *cell;                     // of a block
-    int cell_count;                    // or elements of a net
+    kn_cell *cell;                     // cells of a block
+    int cell_count;                    // cells of a block, or elements of a net
     double (*held)[3];                 // [nodes] displacement at the end of the hold
     double recent_n[CATCH];            // forces of the last steps, in a ring
     FILE *curve;
@@ -69,7 +70,7 @@ static void place_of(const experiment *x, int node, bool now, double p[3])
     else memcpy(p, x->model->rest_m[node], 3 * sizeof *p);
 }
 
-// Volume of a cell, or of an element of a net; of a flat net its area.
+// Return the volume of a cell, or of an element of a net. A flat net has areas.
 static double cell_volume(const experiment *x, int i, bool now)
 {
     const kn_simplices *s = x->model->def.mesh;
@@ -106,7 +107,7 @@ static double mean_top(const experiment *x)
     return sum / (x->high_m[2] - x->low_m[2]);
 }
 
-// Deepest that a node of the top is below where it was.
+// Return the largest depth of a top node below its place at rest.
 static double dent(const experiment *x)
 {
     double deepest = 0, u[3];
@@ -117,7 +118,7 @@ static double dent(const experiment *x)
     return deepest;
 }
 
-// The side that looks to +x, on the middle plane of the object: how high a node is and how far it has gone outwards.
+// Write the profile of the side towards +x, on the middle plane: height of each node and its outward displacement.
 static void write_profile(const experiment *x)
 {
     char path[600];
@@ -197,7 +198,7 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
 
 // ---- the experiment
 
-// Leans the object by so much of its height: without diagonals nothing resists, and nothing begins by itself either.
+// Lean the object by so much of its height. Without diagonals there is no resistance, and no motion starts by itself.
 static void lean(experiment *x, double share)
 {
     bool wide = x->model->def.solver.precision == KN_PRECISION_F64;
@@ -244,8 +245,8 @@ static void close_experiment(experiment *x)
     kn_scene_destroy(x->scene);
 }
 
-// Where the plate is at the end of the step that ends at time t; see press_input of tests/physics/press.h, which takes
-// the first node of the top for the highest.
+// Return the plate's position at the end of the step that ends at time t. press_input of tests/physics/press.h is
+// similar, but takes the first node of the top for the highest.
 static kn_input input_at(const experiment *x, double t)
 {
     kn_input in = {0};
@@ -302,7 +303,7 @@ static void run_experiment(experiment *x)
         if (x->curve && i % (int)fmax(1, 0.01 / dt + 0.5) == 0)
             fprintf(x->curve, "%.4f,%.6g,%.6g,%.6g\n", i * dt, pressed ? press_depth(&o->path, i * dt) : 0,
                     out.probe[0].force_n[2], mean_top(x));
-        // what has fallen is a heap of folded cells: how that goes on says nothing, and in the end it diverges
+        // A fallen object is a heap of folded cells. Its further motion has no meaning, and diverges in the end.
         bool heap = x->m.fallen_s >= 0 && i * dt > x->m.fallen_s + 1;
         if (i == held || (heap && i < held)) {
             x->m.end_n = out.probe[0].force_n[2];

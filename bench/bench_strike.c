@@ -1,18 +1,20 @@
-// Strokes and stirring with every tool of every shipped scene, through the servo's own tick: whether any takes longer
-// than its millisecond, and what the deadline that prevents it costs in force.
+// Strokes and stirring with every tool of every shipped scene, through the servo's own tick. The bench shows whether
+// any tick takes longer than its millisecond, and how much force the deadline costs that prevents this.
 //
 //     bench_strike [--units N] [SCENE...]
 //
-// No SCENE: core/scenes/*.yaml, and dough.yaml at 2.5 mm. --units: a deadline of N units, 0: none; default: priced as
-// kneadd does it.
+// Without SCENE: core/scenes/*.yaml, and dough.yaml at 2.5 mm. --units: a deadline of N units, 0: none; default:
+// priced as kneadd does.
 //
-// A stroke goes 8 mm in and out at one speed and turns at once; stirring is a circle of 5 mm radius, 5 mm deep. A blow of
-// a rigid plate would trip the hand's impulse guard, so the guard is set as high as it goes. The time of a tick is this
-// thread's, the least of three rounds of the same bits. Errors are shares of the stroke's peak. A capped tick is compared
-// with the same step from the same state, solved by 12 lines of 300 iterations. A whole stroke is compared with the same
-// stroke solved that way. A jump is what a millisecond changes the force by, less the most that it changes it by there
-// within two ticks. A rigid plate's stirring has neither of the last two: it depends on which node lets go first. Exit 1: a
-// tick above 1 ms, or a force that is no number.
+// A stroke goes 8 mm in and out at one speed and turns at once. Stirring is a circle of 5 mm radius, 5 mm deep. A
+// blow of a rigid plate would trip the impulse guard, so the guard is set to its maximum. The time of a tick is this
+// thread's, the least of three rounds of the same bits.
+//
+// Errors are shares of the stroke's peak. A capped tick is compared with the same step from the same state, solved by
+// 12 linearisations of 300 iterations. A whole stroke is compared with the same stroke solved that way. A jump is the
+// change of force in a millisecond, less the largest change of the reference there within two ticks. A rigid plate's
+// stirring has neither of the last two, since it depends on which node lets go first. Exit 1: a tick above 1 ms, or a
+// force that is not a number.
 #include "bench/bench.h"
 #include "core/deadline.h"
 #include "server/clock.h"
@@ -25,7 +27,7 @@
 #define STIR_M 5e-3 // depth and radius
 #define AIR_M 2e-3
 #define ROUNDS 3
-enum { WARM = 450, TICKS = 2500 }; // WARM: in the air, where a tool engages and its gain rises
+enum { WARM = 450, TICKS = 2500 }; // WARM: ticks in air, in which a tool engages and its gain rises
 
 static const struct stroke {
     const char *name;
@@ -34,20 +36,20 @@ static const struct stroke {
                {"20 cm/s", 0.2, 0}, {"30 cm/s", 0.3, 0}, {"stir 2 Hz", 0.05, 2}, {"stir 5 Hz", 0.05, 5}};
 enum { STROKES = sizeof strokes / sizeof *strokes };
 
-typedef struct track { // of one stroke
+typedef struct track { // one stroke
     int ticks;
     double force_n[TICKS][3], us[TICKS];
-    double off_n[TICKS]; // of a capped tick
+    double off_n[TICKS]; // error of a capped tick
     bool capped[TICKS];
 } track;
 
-typedef struct tally { // of a tool
+typedef struct tally { // sums of one tool
     int ticks, over, capped;
     double worst_us, off, off_capped, jump_n;
     const char *off_by;
 } tally;
 
-// What the last step started from: a capped one is taken again, by the reference.
+// The start of the last step. A capped step is repeated from there by the reference.
 static struct last {
     const kn_model *model;
     const kn_backend *backend, *reference;
@@ -90,7 +92,7 @@ static double touch_height(const kn_served *on, int p)
     return high;
 }
 
-// Where the tool is after t s, and how fast; false behind its end.
+// Set the tool's position and velocity after t s. Return false after the end.
 static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose)
 {
     const double depth_m = s->hz > 0 ? STIR_M : DEPTH_M, in_s = (AIR_M + depth_m) / s->speed_m_s, stir_s = s->hz > 0;
@@ -108,7 +110,7 @@ static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose
     return t <= 2 * in_s + stir_s + 0.1;
 }
 
-// reference: by which the capped ticks' errors are found, and no time is taken. NULL: the other way round.
+// reference: solver for the errors of capped ticks; then no time is taken. NULL: only times are taken.
 static void run(kn_served *on, kn_served *reference, const struct stroke *s, int probe, int64_t deadline, track *to)
 {
     static kn_servo servo;
@@ -139,7 +141,8 @@ static void run(kn_served *on, kn_served *reference, const struct stroke *s, int
         if (in.tick < WARM) continue;
         int n = to->ticks++;
         if (!reference)
-            to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us; // a copy and a second solver are beside it
+            // not with a reference, whose copy and second solve would count
+            to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us;
         to->capped[n] = out.capped;
         memcpy(to->force_n[n], out.force[probe].contact_force_n, sizeof to->force_n[n]);
         if (reference && out.capped) to->off_n[n] = off_n(probe, to->force_n[n]);
@@ -177,7 +180,7 @@ static void load(kn_served *on, const char *path, const char *const *sets, int c
     if (code) fprintf(stderr, "bench_strike: %s\n", error), exit(code);
 }
 
-// finer: dough.yaml at 2.5 mm, which is not solved exactly. units: of the deadline, -1: priced.
+// finer: dough.yaml at 2.5 mm, which is not solved exactly. units: the deadline, -1: priced.
 static int strike(const char *path, bool finer, int64_t units)
 {
     static track t, exact;

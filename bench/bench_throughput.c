@@ -1,4 +1,4 @@
-// What the step costs, beside what the machine can do, in one run. bench/README.md explains the tables.
+// The cost of the step beside the limits of the machine, in one run. bench/README.md explains the tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
 
@@ -99,7 +99,7 @@ static int check_only(const char *only)
                : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
 }
 
-// 0, or the exit code; -1 for help.
+// Parse the options. Return 0, or the exit code; -1 for help.
 static int parse(int argc, char **argv, options *o)
 {
     static const struct option longs[] = {{"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'},

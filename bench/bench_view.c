@@ -1,5 +1,5 @@
-// Time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads of
-// this process together; wall: what a caller waits, which on a busy machine holds other people's work too.
+// The time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads
+// of this process together. wall: the time that a caller waits, which on a busy machine includes the work of others.
 #include "bench/bench.h"
 #include "clients/viewer/renderer.h"
 #include "core/order.h"
@@ -7,11 +7,11 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-enum { PICTURES = 60, WARM_UP = 3 }; // Mesa compiles its shaders during the first
+enum { PICTURES = 60, WARM_UP = 3 }; // Mesa compiles its shaders during the first pictures
 
 static double clock_ms(clockid_t clock) { return clock_us(clock) * 1e-3; }
 
-// turn_deg: the camera goes round by so much with every picture, and nothing is kept from the one before.
+// turn_deg: the camera turns by this angle with every picture, so that no part of the picture before can be reused.
 static void bench(int per_cm, int width, int height, int samples, double turn_deg)
 {
     char error[300];
@@ -74,8 +74,8 @@ int main(void)
     bench(2, 960, 540, 4, 0);
     bench(2, 960, 540, 1, 0); // a frame of the live page
     bench(3, 1280, 720, 4, 0);
-    bench(3, 1280, 720, 1, 0); // of a large page
+    bench(3, 1280, 720, 1, 0); // a frame of a large page
     bench(3, 1280, 720, 1, 1);
-    bench(3, 1280, 720, 4, 1); // of a film with --orbit
+    bench(3, 1280, 720, 4, 1); // a frame of a film with --orbit
     return 0;
 }

@@ -11,7 +11,8 @@ enum { CHAINS = 12, STREAMS = 8, RUNS = 5, ROUNDS = 8 };
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// By name, since -ffp-contract=off keeps the compiler from fusing. Noinline: nothing is known of what it returns.
+// Fused operations are called by name, since -ffp-contract=off keeps the compiler from fusing. Noinline keeps the
+// compiler from knowing the result.
 #define FMA_CHAINS(name, isa, vector, real, set, fma)                                                                  \
     static __attribute__((noinline, target(isa))) double name(long rounds)                                             \
     {                                                                                                                  \
@@ -53,7 +54,7 @@ static bool has(int width)
                                 : __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }
 
-static volatile double sink; // keeps what was computed
+static volatile double sink; // keeps the compiler from removing the computation
 
 static double measure_fma(int width, int f64)
 {
@@ -93,8 +94,8 @@ static size_t cache(int name, size_t otherwise)
     return bytes > 0 ? (size_t)bytes : otherwise;
 }
 
-// Half of a cache, so that the rest of the program fits in it too; of the third, shared with other cores, 8 times the
-// second; for memory four times the third, and 1 GiB or a quarter of it at most.
+// Choose half of a cache's size, so that the rest of the program fits in too. The third level is shared with other
+// cores: 8 times the second. Memory: four times the third level, 1 GiB or a quarter of memory at most.
 static void choose_sizes(ceilings *c)
 {
     c->l1_bytes = cache(_SC_LEVEL1_DCACHE_SIZE, 32 << 10);
@@ -122,7 +123,7 @@ ceilings ceilings_measure(void)
     void *p = aligned_alloc(64, bytes);
     if (!p) abort();
     memset(p, 0, bytes);
-    for (int round = 0; round < ROUNDS * CEILING_WIDTHS; round++) { // others use the caches too, now and then
+    for (int round = 0; round < ROUNDS * CEILING_WIDTHS; round++) { // other programs sometimes use the caches too
         int width = round % CEILING_WIDTHS;
         if (!has(width)) continue;
         for (int f64 = 0; f64 < 2; f64++) keep_best(&c.gflop_s[width][f64], measure_fma(width, f64));

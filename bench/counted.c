@@ -5,9 +5,9 @@
 #include "bench/counted.h"
 #include <stdlib.h>
 
-static counted now;           // of the loop that runs
-static unsigned char *line;   // [line_count] of the state: 1 touched
-static const char *line_base; // the state
+static counted now;           // counts of the running loop
+static unsigned char *line;   // [line_count] lines of the state: 1 touched
+static const char *line_base; // start of the state
 static size_t line_count;
 
 static void add_operations(int operations, int flops)
@@ -18,7 +18,7 @@ static void add_operations(int operations, int flops)
 
 static void touch(const real *p)
 {
-    size_t first = (size_t)((const char *)p - line_base) / 64; // below the state it wraps: far above
+    size_t first = (size_t)((const char *)p - line_base) / 64; // an address below the state wraps to a huge number
     for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
         if (i < line_count && !line[i]) {
             line[i] = 1;
@@ -26,7 +26,7 @@ static void touch(const real *p)
         }
 }
 
-// A macro's own name within it is the function.
+// Inside a macro its own name means the function.
 #define lanes_add(a, b) (add_operations(1, 1), lanes_add(a, b))
 #define lanes_sub(a, b) (add_operations(1, 1), lanes_sub(a, b))
 #define lanes_mul(a, b) (add_operations(1, 1), lanes_mul(a, b))

@@ -1,11 +1,11 @@
-# The text of RESULTS.md from the measures of bench/papers, and the statements that the numbers must bear out.
+# The text of RESULTS.md, made from the measures of bench/papers, and the statements that the numbers must confirm.
 import platform
 import re
 import subprocess
 
 GF = 0.00980665  # N
-# The same equations by another integrator, written apart from this program:
-# load, gf -> displacement cm and stress gf/cm^2 at release, residual and recovered cm 70 s later.
+# The same equations by an independent integrator: load, gf -> displacement cm and stress gf/cm^2 at release, residual
+# and recovered cm 70 s later.
 APART = {10: (0.0363, 9.64, 0.0158, 0.0205), 30: (0.210, 23.7, 0.159, 0.051), 50: (0.473, 26.3, 0.416, 0.058),
          70: (0.648, 24.6, 0.594, 0.054), 90: (0.746, 22.8, 0.696, 0.050)}
 STRUCTURES = {"a": "(a) diagonals", "b": "(b) grid + 2 % diagonals + 1 atm", "c": "(c) diagonals + 1 atm",
@@ -197,7 +197,7 @@ def structures(done, quick, claims):
         for k in "xy":
             r = d[f"bulge_{k}_m"] / a[f"bulge_{k}_m"]
             claims.add(f"bulge along {k}: ({name})/(a) at least {least}, h = {h} cm", f"{r:.2f}", r >= least)
-        if not quick:  # the volume comes back while the plate stands still
+        if not quick:  # the volume recovers while the plate stands still
             claims.add(f"volume of ({name}) changes by at most {percent(limit)}, h = {h} cm", percent(d["volume"], 2),
                        abs(d["volume"]) <= limit)
         claims.add(f"dip of ({name}) at most 1 % of its peak", percent(d["dip_n"] / d["peak_n"], 2),
@@ -244,12 +244,12 @@ def gravity(done, guesses, claims):
     return WEIGHT.format(table=table(["object", "its top comes down, ours", "predicted, ours"], rows))
 
 
-def monotone(peaks):  # and by ever smaller steps
+def monotone(peaks):  # by ever smaller steps as well
     steps = [a - b for a, b in zip(peaks, peaks[1:])]
     return all(s > 0 for s in steps) and all(b < a for a, b in zip(steps, steps[1:]))
 
 
-def pair(done, facts, grid, net):  # table of the two, peaks of both, and how far the net's are from the grid's
+def pair(done, facts, grid, net):  # table of the two, peaks of both, and the net's deviation from the grid's
     rows, peaks, net_peaks, apart = [], [], [], []
     for n in range(1, 5):
         g, d = done.get(f"lattice-{grid}-{n}"), done.get(f"lattice-{net}-{n}")

@@ -1,7 +1,7 @@
 #ifndef KN_BENCH_PEER_H
 #define KN_BENCH_PEER_H
-// The same block in another engine: nodes, links between them, one stiffness and one damping for all of them, as such
-// engines have it. Nodes that are held stand still or move as they are told.
+// The same block in another engine: nodes and links, with one stiffness and one damping for all links, as in such
+// engines. Held nodes stand still or move as prescribed.
 #include <stdbool.h>
 
 #ifdef __cplusplus
@@ -16,15 +16,15 @@ typedef struct peer_block {
     double mass_kg;         // of each node
     double stiffness_n_m;   // of each link
     double damping_n_s_m;
-    bool axial; // damping along the link; else of the whole relative velocity
+    bool axial; // damping along the link; otherwise of the whole relative velocity
     double dt_s;
 } peer_block;
 
 typedef struct peer peer;
 
-extern const char peer_name[]; // with its version
+extern const char peer_name[]; // name and version
 
-peer *peer_create(const peer_block *block); // copies it
+peer *peer_create(const peer_block *block); // copies the block
 void peer_destroy(peer *p);
 void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3]); // for the next step
 void peer_step(peer *p);

@@ -1,6 +1,6 @@
-// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds it:
-// float, elasticity explicit, damping implicit by conjugate gradients, all settings its own but gravity, contact and
-// sleep, which are off. C++ because Bullet is; nothing else of the project is.
+// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds
+// it: float, elasticity explicit, damping implicit by conjugate gradients. All settings are Bullet's own; only
+// gravity, contact and sleep are off. The file is C++ because Bullet is; the rest of the project is not.
 #include "bench/peer.h"
 
 #include <BulletCollision/BroadphaseCollision/btDbvtBroadphase.h>
@@ -34,7 +34,7 @@ struct peer {
         btAlignedObjectArray<btScalar> mass;
         for (int i = 0; i < b.node_count; i++) {
             x.push_back(btVector3(btScalar(b.x_m[i][0]), btScalar(b.x_m[i][1]), btScalar(b.x_m[i][2])));
-            mass.push_back(b.held[i] ? 0 : btScalar(b.mass_kg)); // 0: does what it is told
+            mass.push_back(b.held[i] ? 0 : btScalar(b.mass_kg)); // 0: moves as prescribed
         }
         body = new btSoftBody(&world->getWorldInfo(), b.node_count, &x[0], &mass[0]);
         for (int i = 0; i < b.link_count; i++) body->appendLink(b.link[i][0], b.link[i][1]);

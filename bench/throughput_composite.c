@@ -1,5 +1,5 @@
-// Two resolutions in one block beside the block that is fine everywhere: the scene as it is shipped, pressed where its
-// tools may go, and a strip, which has more surroundings than a spatula.
+// Two resolutions in one block, compared with a block that is fine everywhere. The cases are the shipped scene,
+// pressed in the allowed places of its tools, and a strip, which has more coarse surroundings than a spatula.
 #include "bench/throughput.h"
 #include "core/composite.h"
 #include "core/scene/scene.h"
@@ -11,7 +11,7 @@ typedef struct place {
     double at_m[2], depth_m;
 } place;
 
-static const place *now; // what the hand does
+static const place *now; // place and depth of the press
 
 static kn_input hand(const kn_model *model, double t_s)
 {
@@ -82,7 +82,8 @@ static void row(const place *p, const kn_model_def *composite, const throughput_
     }
 }
 
-// A plate 1 cm wide across all of the block, and a box by the scene's rule: 0.7 of its width around, 1.05 deep.
+// Make a plate 1 cm wide across the whole block, with a fine box by the scene's rule: 0.7 of its width around, 1.05
+// deep.
 static kn_model_def strip_of(kn_model_def def)
 {
     double length = def.spacing_m * (def.nodes[1] - 1), top = def.spacing_m * (def.nodes[2] - 1);

@@ -1,5 +1,5 @@
-// How far the default settings are from an f64 run of the same program at the same step: secant, five linearisations,
-// conjugate gradients to 1e-8.
+// The error of the default settings against an f64 run of the same program at the same step: secant, five
+// linearisations, conjugate gradients to 1e-8.
 #include "bench/throughput.h"
 #include "tests/physics/press.h"
 
@@ -18,7 +18,7 @@ static void print_error(const char *object, const char *kernel, const run *fast,
     note("errors", object, kernel, "secant_steps", (double)fast->secant_steps);
 }
 
-// f32, and f64 where there is no gas.
+// f32, and also f64 for objects without gas.
 static void measure_errors(const kn_model_def *def)
 {
     char object[32];
@@ -39,7 +39,7 @@ static void measure_errors(const kn_model_def *def)
     run_free(&reference);
 }
 
-// What the step length itself costs: the converged run at 1 ms against one at 1/16 ms.
+// Print the error of the step length itself: the converged run at 1 ms against one at 1/16 ms.
 static void print_time_step_error(void)
 {
     kn_model_def def = converged(press_def(1));

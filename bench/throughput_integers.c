@@ -1,11 +1,12 @@
-// The lattice in the circuit's integers on one core, beside the same lattice in floating point; and what the circuit's
-// clocks would make of it, if it ran at the clocks that are assumed.
+// The lattice in the circuit's integers on one core, compared with the same lattice in floating point. A further
+// column estimates the circuit's time from its clock cycles at an assumed frequency.
 #include "bench/throughput.h"
 #include "core/solver_fixed.h"
 #include "hdl/registers.h"
 #include "tests/physics/press.h"
 
-// The circuit's own counter is held to it by the test hdl.engine.
+// Return the circuit's clock cycles of a tick. The test hdl.engine compares this number with the circuit's own
+// counter.
 static double clocks_of(const kn_model *m, uint32_t records)
 {
     const kn_fixed_config *c = &m->fixed->image.config;

@@ -5,7 +5,7 @@
 
 typedef struct lattice {
     int nodes[3];
-    double spacing_m, target_us; // of a step in f32 with AVX-512; 0: none
+    double spacing_m, target_us; // target of a step in f32 with AVX-512; 0: none
 } lattice;
 
 static const lattice lattices[] = {{{6, 6, 4}, 0.01, 0},
@@ -14,13 +14,13 @@ static const lattice lattices[] = {{{6, 6, 4}, 0.01, 0},
                                    {{21, 21, 13}, 0.0025, 500},
                                    {{29, 29, 20}, 0.05 / 28, 0}};
 enum { LATTICES = sizeof lattices / sizeof *lattices };
-#define AVX2_LONGER 1.6 // than AVX-512, and
-#define F64_LONGER 2.2  // than f32, at most: what is aimed at
+#define AVX2_LONGER 1.6 // target relative to AVX-512
+#define F64_LONGER 2.2  // target relative to f32, at most
 
 typedef struct measured { // one lattice with one kernel
     char object[16];
     kn_model_def def;
-    int nodes, edges, lanes; // lanes with the padding
+    int nodes, edges, lanes; // lanes include the padding
     size_t state_bytes;
     taken_apart took;
     counted edge, iteration;
@@ -60,7 +60,7 @@ static void count_work(measured *m, const kn_state *start)
     kn_model_destroy(model);
 }
 
-// The whole press as a scene would run it.
+// Run the whole press as a scene would.
 static void run_press(measured *m, int count, int ticks, int rounds)
 {
     runner r[KERNELS];
@@ -97,7 +97,7 @@ static int measure(const lattice *l, bool quick, measured *m)
 
 static int width_of(const measured *m) { return m->def.solver.isa == KN_ISA_AVX512 ? CEILING_512 : CEILING_256; }
 
-// Of the operations that the pipes could have done in that time, per cent.
+// Return the share of the operations that the pipes could have done in that time, per cent.
 static double pipe_share(const ceilings *c, const measured *m, const counted *work, double us)
 {
     return 100 * work->operations / us * 1e-3 / (c->gflop_s[width_of(m)][m->def.solver.precision] / 2);
@@ -124,11 +124,11 @@ static void print_apart(const ceilings *c, const measured *m)
     note("lattices", m->object, kernel, "iteration_bandwidth_percent", 100 * gb_s / most);
 }
 
-// Of the last lattice, the largest: the smaller ones have more surface, whose edges are fewer.
+// Print the work of the last lattice, the largest. Smaller ones have more surface, whose nodes have fewer edges.
 static void print_work(const measured *m, int count)
 {
     printf("\nPer lane of %d nodes, operations, flops and bytes:", m->nodes);
-    for (int i = 0; i < count && i < 2; i++) // by precision
+    for (int i = 0; i < count && i < 2; i++) // one entry per precision
         printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
                m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
                m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes, m[i].iteration.operations / m[i].lanes,

@@ -1,4 +1,4 @@
-// Nets, and what each feature of a scene costs.
+// Nets, and the cost of each feature of a scene.
 #include "bench/throughput.h"
 #include "core/scene/msh.h"
 #include "tests/physics/bcc.h"
@@ -99,7 +99,7 @@ void table_nets(const throughput_options *o)
 
 // --- features -------------------------------------------------------------------------------------------------------
 
-// A load that comes and goes, so that the object moves where nothing touches it, and whatever probes there are.
+// Return a load that rises and falls, so that untouched parts of the object move too, and inputs for all probes.
 static kn_input feature_hand(const kn_model *model, double t_s)
 {
     kn_input in = press_hand(model, t_s);
@@ -110,7 +110,7 @@ static kn_input feature_hand(const kn_model *model, double t_s)
 
 typedef struct feature {
     const char *name;
-    int over; // what it is added to
+    int over; // index of the feature that this one is added to
     kn_model_def def;
 } feature;
 

@@ -1,4 +1,4 @@
-// Bullet's deformable body beside ours on one block. Only where libbullet-dev was found when this was built.
+// Bullet's deformable body compared with ours on one block. Only built if libbullet-dev is installed.
 #include "bench/throughput.h"
 
 #include <stdio.h>
@@ -9,9 +9,9 @@
 #include "tests/physics/press.h"
 
 #define VISCOSITY_PA_S (2500 * GF_CM2)          // the dough's c1
-enum { PEER_TICKS = 300, PEERS = 5, AIM = 10 }; // times as long as ours
+enum { PEER_TICKS = 300, PEERS = 5, AIM = 10 }; // AIM: times as long as ours
 
-// Dough without its damper: what both can do. 1 kHz.
+// Return dough without its damper, which both engines can model. 1 kHz.
 static kn_model_def voigt_def(void)
 {
     kn_model_def def = press_def(2);
@@ -20,11 +20,11 @@ static kn_model_def voigt_def(void)
 }
 
 typedef struct rival {
-    const kn_model *model; // ours of the same block, for nodes and the hand
+    const kn_model *model; // our model of the same block, for nodes and the hand
     peer_block block;
     double (*x_m)[3];
     int (*link)[2];
-    bool *held, *plate; // [nodes] by base or plate; by the plate
+    bool *held, *plate; // [nodes] held by base or plate; held by the plate
     int substeps;
     peer *peer;
     double force_n, peak_n;
@@ -51,7 +51,7 @@ static void copy_lattice(rival *r, const kn_model *m)
     for (int t = 0; t < m->top_count; t++)
         r->held[m->top[t]] = r->plate[m->top[t]] = fabs(m->rest_m[m->top[t]][0]) <= half_m;
     free(edges);
-    // one stiffness for all links: the mean of ours, so that their sum is the same
+    // One stiffness for all links: the mean of ours, so that the sum is the same.
     r->block = (peer_block){.node_count = nodes,
                             .link_count = links,
                             .x_m = (const double(*)[3])r->x_m,
@@ -69,7 +69,7 @@ static void rival_rewind(void *self)
     r->peak_n = 0;
 }
 
-// What its links pull at the plate's nodes.
+// Return the pull of the links at the plate's nodes.
 static double plate_force(const rival *r)
 {
     double sum = 0;
@@ -87,7 +87,7 @@ static double plate_force(const rival *r)
         length = sqrt(length), rest = sqrt(rest), rate /= length;
         double pull = r->block.stiffness_n_m * (length - rest) / length, up = (b[2] - a[2]) * pull;
         up += r->block.damping_n_s_m * (r->block.axial ? rate * (b[2] - a[2]) / length : v[2] - u[2]);
-        sum += r->plate[end[0]] ? up : -up; // on the end that the plate holds
+        sum += r->plate[end[0]] ? up : -up; // counted at the end that the plate holds
     }
     return sum;
 }

@@ -1,14 +1,14 @@
 #ifndef KN_BENCH_TURNS_H
 #define KN_BENCH_TURNS_H
-// Times of steps that can be set beside one another, on a machine that does other things too.
+// Comparable times of steps, on a machine that does other work too.
 //
 // Every runner does the same ticks in every round: the same states, so the same work, to the bit. Runners take turns
-// every 20 ticks, so that all meet the same weather. Time is the thread's own, and of each tick the least of all
-// rounds counts; rounds cut their turns at different ticks, so that no tick always pays for the caches that the
-// runner before left behind. What is left is what the step costs.
+// every 20 ticks, so that all meet the same load. Time is the thread's own, and for each tick the least of all rounds
+// counts. Rounds cut their turns at different ticks, so that no tick always pays for the caches that the runner
+// before left behind. The remaining time is the cost of the step.
 #include "core/step.h"
 
-typedef kn_input hand_fn(const kn_model *model, double t_s); // what the step that ends at t_s is given
+typedef kn_input hand_fn(const kn_model *model, double t_s); // input of the step that ends at t_s
 
 typedef struct runner {
     void *self;
@@ -23,21 +23,22 @@ typedef struct summary { // over the ticks
     int median_iterations;
 } summary;
 
-// Fills us and iterations of every runner, which the caller frees.
+// Fill us and iterations of every runner. The caller frees them.
 void turns_run(runner *runners, int count, int ticks, int rounds);
 summary turns_summary(const runner *r, int ticks);
 void turns_free(runner *runners, int count);
 
-// One of ours: from `start` at tick `from` of the hand; start NULL is the object at rest, and it is copied. Any
-// instruction set and iterations take the state of any other with the same lattice, law and precision.
+// Return a runner of our step. It starts from a copy of `start` at tick `from` of the hand; NULL: the object at rest.
+// A runner with any instruction set and iterations accepts the state of any other with the same lattice, law and
+// precision.
 runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start, int from);
 const kn_model *turns_model(const runner *r);
-void turns_destroy(runner *r); // of turns_knead
+void turns_destroy(runner *r); // for a runner of turns_knead
 
-// The state after so many ticks of the hand, for start.
+// Return the state after so many ticks of the hand, for `start`.
 kn_state *turns_warm(const kn_model_def *def, hand_fn *hand, int ticks);
 
-// So many iterations in every step, whatever the residual says.
+// Return def with so many iterations in every step, independent of the residual.
 kn_model_def turns_fixed(kn_model_def def, int iterations);
 
 #endif

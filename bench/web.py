@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-# Pointer event to drawn frame, in headless Chromium on a live page: the time from the page's handler of a pointer event
-# to the first drawn frame that has its effect (not to photons). Every event of the run counts.
+# Pointer event to drawn frame, in headless Chromium on a live page: the time from the page's handler of a pointer
+# event to the first drawn frame with its effect (not to photons). Every event of the run counts.
 #
 #     cmake --preset release && cmake --build --preset release -j
 #     PATH=$PWD/build/release/bin:$PATH KN_SOURCE=$PWD tests/netns bench/web.py [OPTION]...
@@ -28,7 +28,7 @@ def browser_cpu_s(page):  # all its processes, but not chromedriver
     return sum(family_cpu_s(pid) for pid in children(page.driver.service.process.pid))
 
 
-def machine_cpu_s():  # both busy and stolen: what nobody else could have
+def machine_cpu_s():  # busy and stolen time: unavailable to others
     user, nice, system, _, _, irq, softirq, steal = map(int, open("/proc/stat").readline().split()[1:9])
     return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
 
@@ -50,7 +50,8 @@ def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the
         time.sleep(max(0, now + pace.uniform(0.025, 0.045) - time.monotonic()))
 
 
-def missed(bus, before=(0, 0, 0)):  # ticks, missed ones, and of these not explained by the machine, since before
+# ticks, missed ones, and missed ones that the machine does not explain, since before
+def missed(bus, before=(0, 0, 0)):
     return tuple(a - b for a, b in zip((bus.tick, bus.missed, bus.unexplained), before))
 
 
@@ -99,7 +100,7 @@ def press(page, u, v, mm):  # as deep as the slider says, then deeper by the whe
     time.sleep(1)
 
 
-def show(page, path):  # a block that has been pressed once, and is pressed now
+def show(page, path):  # show a block that has been pressed once, and is pressed now
     page.devtools("Emulation.setDeviceMetricsOverride", width=1280, height=960, deviceScaleFactor=1, mobile=False)
     page.run("document.getElementById('material-box').open = true")
     press(page, 0.42, 0.42, 4)

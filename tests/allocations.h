@@ -1,6 +1,7 @@
 #ifndef KN_TESTS_ALLOCATIONS_H
 #define KN_TESTS_ALLOCATIONS_H
-// malloc and its kin, counted while a thread is armed. Included by one source of a program.
+// Count the calls of malloc and related functions while a thread is armed. Exactly one source file of a program
+// includes this header.
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -9,10 +10,10 @@ static _Thread_local bool armed;
 static atomic_long allocations;
 
 #if defined(KN_SANITIZED)
-#define INTERPOSED 0 // the sanitizers own malloc
+#define INTERPOSED 0 // the sanitizers replace malloc themselves
 #else
 #define INTERPOSED 1
-void *__libc_malloc(size_t size); // glibc's own, under the names it keeps for interposers
+void *__libc_malloc(size_t size); // glibc's own functions, under the names that it keeps for interposers
 void *__libc_calloc(size_t count, size_t size);
 void *__libc_realloc(void *memory, size_t size);
 void *__libc_memalign(size_t alignment, size_t size);

@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_BUILT_H
 #define KN_TESTS_BUILT_H
-// The model of a def, a scene of core/scenes. Where there is none, they say why and end the program.
+// Build the model of a definition, and load a scene of core/scenes. On failure print the reason and end the program.
 #include "core/model.h"
 #include "core/scene/scene.h"
 #include <stdio.h>

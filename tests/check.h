@@ -1,11 +1,15 @@
 #ifndef KN_TESTS_CHECK_H
 #define KN_TESTS_CHECK_H
-// A test program is a list of sentences:
+// A test program is a list of tests, each named by a sentence:
 //
-//     TEST("the damper flows faster under more stress") { CHECK(kn_material_flow(&m, 2.0) > kn_material_flow(&m, 1.0));
-//     } TESTS_MAIN
+//     TEST("the damper flows faster under more stress")
+//     {
+//         CHECK(kn_material_flow(&m, 2.0) > kn_material_flow(&m, 1.0));
+//     }
+//     TESTS_MAIN
 //
-// Every failed CHECK prints file:line and its values and the program goes on; exit 1 if any failed, 77 after SKIP.
+// A failed CHECK prints file:line and its values, and the program goes on. The exit code is 1 if any CHECK failed,
+// and 77 after SKIP.
 #include "tests/built.h"
 #include "tests/owned.h"
 #include <math.h>
@@ -17,7 +21,7 @@
 typedef struct kn_test_case {
     const char *sentence;
     void (*run)(void);
-    bool at_night; // only where tests/run --all asks for it (KN_NIGHT=1)
+    bool at_night; // run only when tests/run --all asks for it (KN_NIGHT=1)
     struct kn_test_case *next;
 } kn_test_case;
 
@@ -54,7 +58,7 @@ static inline void kn_test_add(kn_test_case *t)
     do {                                                                                                               \
         if (!(condition)) KN_TEST_FAIL("not true: %s", #condition);                                                    \
     } while (0)
-// |value - expected| <= bound; a NaN fails
+// Check |value - expected| <= bound. A NaN fails.
 #define CHECK_NEAR(value, expected, bound)                                                                             \
     do {                                                                                                               \
         double kn_v = (double)(value), kn_e = (double)(expected), kn_b = (double)(bound);                              \
@@ -67,8 +71,8 @@ static inline void kn_test_add(kn_test_case *t)
         if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                          \
             KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                       \
     } while (0)
-// How often a test does something, or of how many variants: in the gate's sanitized build, in its release, at night
-// (tests/run --all).
+// Choose how often a test repeats something, or how many variants it tries. The three values are for the gate's
+// sanitized build, the gate's release build, and the night (tests/run --all).
 #if defined(KN_SANITIZED)
 #define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (sanitized))
 #else
@@ -81,7 +85,7 @@ static inline void kn_test_add(kn_test_case *t)
         exit(77);                                                                                                      \
     } while (0)
 
-#ifndef KN_TEST_MAIN // kn_test_law in the program of a folder
+#ifndef KN_TEST_MAIN // a folder's common program defines this as kn_test_law etc.
 #define KN_TEST_MAIN main
 #endif
 #define TESTS_MAIN                                                                                                     \

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-// Removes the files of a folder, and the folder too, if asked.
+// Remove the files of a folder. Remove the folder too if `itself` is true.
 static inline void clear_directory(const char *path, bool itself)
 {
     char name[600];

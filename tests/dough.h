@@ -2,7 +2,7 @@
 #define KN_TESTS_DOUGH_H
 #include "core/material.h"
 
-#define GF_CM2 98.0665 // Pa. The papers' gf/cm^3 act over the 1 cm cube they were measured on: gf/cm^2 per unit strain
+#define GF_CM2 98.0665 // Pa. The papers measured gf/cm^3 on a 1 cm cube, where it equals gf/cm^2 per unit strain
 
 static const kn_material dough = {.k1_pa = 470 * GF_CM2,
                                   .c1_pa_s = 2500 * GF_CM2,

@@ -1,11 +1,11 @@
 #ifndef KN_TESTS_OWNED_H
 #define KN_TESTS_OWNED_H
-// An object of a test is destroyed at the end of its block, the last made first:
+// Destroy an object of a test at the end of its block. The object made last is destroyed first:
 //
 //     OWN(kn_scene) *scene = load("dough.yaml");    then kn_scene_destroy(scene)
 //     AT_END(rig_free) rig r = rig_make();          then rig_free(&r)
 //
-// OWNS(type, its destroy), once in a file, lets OWN be used for that type.
+// OWNS(type, its destroy function) makes OWN usable for a type. It stands once in a file.
 #include "core/model.h"
 #include "core/scene/scene.h"
 #include "core/simplices.h"

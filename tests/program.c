@@ -1,4 +1,5 @@
-// The program of a folder's tests: `test_core law` runs those of core/test_law.c. KN_TESTS lists them, a line TEST_MAIN(law) each.
+// One program for all tests of a folder: `test_core law` runs the tests of core/test_law.c. KN_TESTS is a file that
+// lists the tests, one line TEST_MAIN(law) for each.
 #include <stdio.h>
 #include <string.h>
 

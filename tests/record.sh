@@ -1,12 +1,12 @@
-# The record of the last night, tests/nightly.txt, and what the gate makes of it. Sourced by tests/run.
+# The record of the last night run (tests/nightly.txt), and the gate's judgement of that record. Sourced by tests/run.
 #
-#     commit 0123456...        the night tested this commit
-#     covers 89abcde...        a hash of the folders in record_covers, as that commit has them
+#     commit 0123456...        the commit that was tested
+#     covers 89abcde...        a hash of the folders in record_covers, as they are in that commit
 #     date, processor
 #     result green             or red: a test failed, was skipped or did not run
-#     release core.law 0.4 1 passed      BUILD TEST SECONDS ATTEMPTS RESULT, one line a test
-record=tests/nightly.txt record_age_max=80 # commits
-record_covers=(hdl server/backend tests/timed) # a change to these needs a night of its own
+#     release core.law 0.4 1 passed      BUILD TEST SECONDS ATTEMPTS RESULT, one line for each test
+record=tests/nightly.txt record_age_max=80 # maximum age, in commits
+record_covers=(hdl server/backend tests/timed) # a change to these folders needs a new night run
 record_hdl=("${record_covers[@]:0:2}" clients/simdev core/{fixed,solver_fixed}.{c,h}
     tests/hdl tests/e2e/{board,test_circuit,test_circuit_rtl}.sh)
 record_threads=({server/,tests/server/test_}{ring,mailbox,keeper}.c server/{ring,mailbox,keeper}.h)
@@ -15,14 +15,15 @@ record_commit() { git rev-parse -q --verify "$1^{commit}" 2>/dev/null || echo un
 record_value() { sed -n "s/^$1 //p" $record 2>/dev/null; }
 record_hash() { git ls-tree "$1" "${record_covers[@]}" | git hash-object --stdin; }
 
-# Return whether these files are as they were that night. Where git cannot tell, they are not.
+# Return whether these files are unchanged since the recorded commit. If git cannot tell, they count as changed.
 record_same() {
     local commit
     commit=$(record_value commit)
     [ -n "$commit" ] && git diff --quiet "$commit" -- "$@" 2>/dev/null
 }
 
-# Print the age of the record. Return 1 where it is red, too old, or does not cover what it must.
+# Print the age of the record. Return 1 if the record is red, too old, or does not cover the folders of record_covers
+# as they are now.
 record_judge() {
     local since age
     [ -f $record ] || { echo "$record: there is none: run 'tests/run --all' and commit it" && return 1; }
@@ -32,7 +33,7 @@ record_judge() {
     [ "$(record_commit HEAD)" != unknown ] || { echo "$record: green; no git here, so its age is unknown" && return 0; }
     since=$(record_commit "$(record_value commit)")
     if [ "$since" = unknown ] && [ "$(git rev-parse --is-shallow-repository)" = false ]; then
-        since=$(git rev-list -1 HEAD -- $record) # rebased: the age counts from the record's own commit
+        since=$(git rev-list -1 HEAD -- $record) # after a rebase the age counts from the commit of the record itself
     fi
     age=$(git rev-list --count "$since..HEAD" 2>/dev/null)
     if [ -z "$since" ] || [ -z "$age" ]; then
@@ -46,14 +47,14 @@ record_judge() {
     fi
 }
 
-# Return whether the tree is HEAD, which the record will name.
+# Return whether the working tree equals HEAD, since the record will name that commit.
 record_clean() {
     local changes
     changes=$(git status --porcelain -- . ":!$record") || return 1
     [ -z "$changes" ] || { printf 'tests/run: --all: the record names a commit, expected no other changes:\n%s\n' "$changes" >&2 && return 1; }
 }
 
-# record_write COMMIT WANTED ROWS RESULT
+# record_write COMMIT WANTED ROWS RESULT: write the record.
 record_write() {
     {
         echo "commit $1"

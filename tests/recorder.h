@@ -1,8 +1,8 @@
 #ifndef KN_TESTS_RECORDER_H
 #define KN_TESTS_RECORDER_H
-// kneadd without clock and bus: the servo on a scene, whose poses, events and forces go into a log in the order that
-// they would have on the bus. What happens to a real one may happen here: late and lost poses, missed cycles, sessions
-// that end and come again, several tools, a reset, a stop.
+// kneadd without a clock and a bus. The servo runs on a scene, and its poses, events and forces go into a log in the
+// order that they would have on the bus. A test can provoke all that a real server meets: late and lost poses, missed
+// cycles, sessions that end and begin again, several tools, a reset, a stop.
 #include "proto/knead_event_t.h"
 #include "server/log.h"
 #include "server/served.h"
@@ -16,12 +16,12 @@
 typedef struct kn_recorder {
     kn_served on;
     kn_servo servo;
-    kn_tick_in in; // of the next tick
+    kn_tick_in in; // input of the next tick
     kn_tick_out out;
     kn_pose hand[KN_PROBES_MAX], mailbox[KN_PROBES_MAX];
     lcm_eventlog_t *log;
-    int64_t utime, late_us; // of the last tick; how much later than its millisecond the next one is
-    int64_t lose_tick;      // whose forces the logger loses
+    int64_t utime, late_us; // time of the last tick; delay of the next tick behind its millisecond
+    int64_t lose_tick;      // the logger loses the forces of this tick
     bool mute;              // the logger does not run
 } kn_recorder;
 
@@ -40,7 +40,7 @@ static inline void kn_recorder_scene(kn_recorder *r)
     kn_recorder_put(r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &m));
 }
 
-// The tools stand at the origin. Ends the program when the scene or the log cannot be had.
+// Open the recorder with all tools at the origin. End the program if the scene or the log cannot be opened.
 static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_served_def *def)
 {
     char error[512];
@@ -59,7 +59,7 @@ static inline void kn_recorder_close(kn_recorder *r)
     kn_served_free(&r->on);
 }
 
-// A pose onto the bus and into the mailbox.
+// Put a pose on the bus and into the mailbox.
 static inline void kn_recorder_pose(kn_recorder *r, int p)
 {
     char channel[80];

@@ -1,15 +1,15 @@
 #ifndef KN_TESTS_RIG_H
 #define KN_TESTS_RIG_H
-// kneadd, a link and hands in one thread and in virtual time. Receiver, servo loop and publisher are put together by
-// server/exchange.h, as in the daemon; the hands are on clients/tactile's bridge or on clients/knead's device; what a
-// socket does is done by liblcm's queue in memory, one for each end.
+// kneadd, a link and hands in one thread and in virtual time. Receiver, servo loop and publisher are connected by
+// server/exchange.h, as in the daemon. The hands run on the bridge of clients/tactile or on the device of
+// clients/knead. liblcm's queue in memory replaces the sockets, one queue for each end.
 //
 //     hand --memq--> way up ----> inbox --> receiver -.
 //      ^                                              servo loop     sleeps: meanwhile the others run until its wake
 //      '----memq---- way down <-- memq <-- publisher <'
 //
-// A tick takes no time. Whoever sleeps in the servo loop (its wait for the next deadline, and for a pose) has links and
-// hands run until then; a server that is frozen neither hears nor publishes nor wakes until it is thawed.
+// A tick takes no virtual time. When the servo loop sleeps (until its next deadline, or for a pose), the links and
+// the hands run until the wake time. A frozen server does not receive, publish or wake until it is thawed.
 #include "clients/knead/device.h"
 #include "clients/knead/join.h"
 #include "server/exchange.h"
@@ -19,21 +19,22 @@
 #include "tests/tactile/presser.h"
 
 #define KN_RIG_ENDS 2
-#define KN_RIG_BATCHES 64 // more than wait in any freeze
+#define KN_RIG_BATCHES 64 // more batches than arrive during any freeze
 
 typedef struct kn_rig_end { // one hand's end of the link
     struct kn_rig *rig;
-    int64_t due_ns; // of its next tick; INT64_MAX: it has ended
+    int64_t due_ns; // time of its next tick; INT64_MAX: the hand has ended
     kn_way up, down;
     lcm_t *lcm;
-    kn_bridge *bridge; // one of the two
+    kn_bridge *bridge; // exactly one of bridge and device is set
     kn_device *device;
-    kn_rules served;                                                    // of what kneadd gives it
-    void (*sent)(struct kn_rig_end *end, knead_contact_force_t *force); // sees, and may change, each force; or NULL
+    kn_rules served; // rules that check the forces from kneadd
+    // called with each force, may change the force; or NULL
+    void (*sent)(struct kn_rig_end *end, knead_contact_force_t *force);
 } kn_rig_end;
 
 typedef struct kn_rig {
-    kn_time time; // first
+    kn_time time; // must come first: kn_rig_sleep casts it to kn_rig
     kn_served on;
     kn_loop loop;
     kn_exchange exchange;
@@ -42,7 +43,7 @@ typedef struct kn_rig {
     int64_t frozen_ns, thawed_ns;
     kn_rig_end end[KN_RIG_ENDS];
     int ends, batches;
-    kn_batch inbox[KN_RIG_BATCHES]; // what waits in kneadd's socket
+    kn_batch inbox[KN_RIG_BATCHES]; // datagrams waiting in kneadd's socket
 } kn_rig;
 
 static inline bool kn_rig_frozen(const kn_rig *r)
@@ -60,7 +61,7 @@ static inline void kn_rig_arrive(void *to, const char *channel, const void *byte
 {
     kn_rig *r = to;
     bool full = r->batches == 0 || r->inbox[r->batches - 1].count == KN_BATCH;
-    if (full && r->batches == KN_RIG_BATCHES) return; // as a socket does
+    if (full && r->batches == KN_RIG_BATCHES) return; // drop the datagram, as a full socket does
     if (full) r->inbox[r->batches++].count = 0;
     kn_batch *batch = &r->inbox[r->batches - 1];
     kn_datagram *d = &batch->datagram[batch->count++];
@@ -119,7 +120,7 @@ static inline void kn_rig_move(kn_rig_end *e)
     e->due_ns = goes_on ? e->due_ns + KN_PERIOD_NS : INT64_MAX;
 }
 
-// Everything but the servo loop, until then.
+// Run everything but the servo loop until that time.
 static inline void kn_rig_until(kn_rig *r, int64_t until_ns)
 {
     for (int64_t next_ns; (next_ns = kn_rig_next(r)) <= until_ns;) {
@@ -140,7 +141,8 @@ static inline void kn_rig_sleep(kn_time *time, int64_t until_ns)
     if (until_ns > r->time.now_ns) kn_rig_until(r, until_ns);
     if (!kn_rig_frozen(r)) return;
     kn_rig_until(r, r->thawed_ns);
-    if (r->thawed_ns & 1) kn_rig_hear(r); // an odd thaw: poses are heard before the servo's tick; an even one: after it
+    // after an odd thaw time the poses are heard before the servo's tick, after an even one behind it
+    if (r->thawed_ns & 1) kn_rig_hear(r);
 }
 
 static inline void kn_rig_ticked(void *rig)
@@ -163,12 +165,13 @@ static inline const char *kn_rig_probe(const kn_rig_end *e)
     return channel + strlen("KNEAD_POSE_");
 }
 
-// A new life of kneadd, on the object as new. Ends the program when something cannot be had.
+// Start kneadd anew, with the object in its initial state. End the program on failure.
 static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
 {
     char error[512] = "out of memory";
     kn_clock_hand(&r->time);
-    static int64_t rigs; // time never goes back: the devices of one process share what they know of kneadd's life
+    // Virtual time never goes back: the devices of one process share their knowledge of kneadd's life.
+    static int64_t rigs;
     if (r->time.now_ns == 0) r->time = (kn_time){.now_ns = ++rigs * INT64_C(1000000000000), .sleep = kn_rig_sleep};
     if (r->auth) kn_auth_begin(r->auth);
     memset(&r->exchange, 0, sizeof r->exchange);
@@ -186,7 +189,7 @@ static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
     r->serves = true;
 }
 
-static inline void kn_rig_kill(kn_rig *r) // what it sent is under way
+static inline void kn_rig_kill(kn_rig *r) // messages already sent stay under way
 {
     if (!r->serves) return;
     r->serves = false;
@@ -200,7 +203,7 @@ static inline void kn_rig_kill(kn_rig *r) // what it sent is under way
     }
 }
 
-// A hand joins, its ticks from offset_ns on. link: of both ways.
+// Add a hand, with its ticks starting after offset_ns. link: the faults of both directions.
 static inline kn_rig_end *kn_rig_join(kn_rig *r, const kn_link_fault *link, double delay_ms, int64_t offset_ns)
 {
     int n = r->ends++;
@@ -228,7 +231,7 @@ static inline void kn_rig_joined(kn_rig_end *e, bool opened, lcm_t *lcm, const c
     kn_rig_subscribe(e, kn_rig_probe(e));
 }
 
-// Ticks for so long, in virtual time; without a server the hands alone.
+// Run for so many milliseconds of virtual time. Without a server only the hands run.
 static inline void kn_rig_run(kn_rig *r, int ms)
 {
     int64_t end_ns = r->time.now_ns + ms * (int64_t)KN_PERIOD_NS;

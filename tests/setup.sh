@@ -1,9 +1,10 @@
-# What tests/run and server/run share: say what will be changed on this machine, ask once, install, build. Sourced by bash.
+# Functions shared by tests/run and server/run: announce the changes to this machine, ask once, install and build.
+# Sourced by bash.
 #
-#     setup_missing run|gate|night   print the packages in tests/packages for that purpose, and for those before it, that are missing
-#     setup_consent YES LINE...  shows the lines; YES=1 goes on, a terminal is asked, anything else exits 2
-#     setup_install NAME...      as root or through sudo; otherwise prints the commands and exits 3
-#     setup_build PRESET [TARGET...]  configures and builds into build/PRESET; shows the compiler's words only when it fails
+#     setup_missing run|gate|night   print the missing packages of tests/packages for this purpose and the earlier ones
+#     setup_consent YES LINE...  show the lines. YES=1 goes on, a terminal is asked, anything else exits 2
+#     setup_install NAME...      install as root or through sudo; otherwise print the commands and exit 3
+#     setup_build PRESET [TARGET...]  configure and build into build/PRESET; print the compiler's output only on failure
 
 setup_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
@@ -15,7 +16,7 @@ setup_packages() {
 }
 
 setup_missing() {
-    command -v dpkg-query >/dev/null || return 0 # not Debian: cmake will name what it does not find
+    command -v dpkg-query >/dev/null || return 0 # not Debian: cmake will name any missing package
     mapfile -t wanted < <(setup_packages "$1")
     printf '%s\n' "${wanted[@]}" | grep -vxFf <(dpkg-query -W -f '${db:Status-Abbrev}${Package}\n' "${wanted[@]}" 2>/dev/null | sed -n 's/^.i. *//p')
 }
@@ -57,9 +58,11 @@ setup_build() {
     local preset=$1 log=$setup_root/build/$1/build.log
     shift
     mkdir -p "${log%/*}"
-    ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja # cmake takes these when it first sees a folder, and keeps them
+    # cmake reads these settings when it first sees a build folder, and keeps them
+    ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja
     ! command -v mold >/dev/null || export LDFLAGS=-fuse-ld=mold
-    if command -v ccache >/dev/null; then # paths count from the tree, so that another clone finds the objects, too
+    # paths relative to the source tree, so that another clone finds the same objects
+    if command -v ccache >/dev/null; then
         export CMAKE_C_COMPILER_LAUNCHER=ccache OBJCACHE=ccache CCACHE_BASEDIR=$setup_root CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1
     fi
     (cd "$setup_root" && cmake --preset "$preset" -DKNEAD_RTL="${KN_RTL:-ON}" &&

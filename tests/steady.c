@@ -1,20 +1,21 @@
-// steady [--timeout S] COMMAND...: run a test that keeps a millisecond's time, and beside it a witness of whether the
-// machine let it.
+// steady [--timeout S] COMMAND...: run a test that depends on millisecond timing. Beside it run a witness that
+// records whether the machine allowed such timing.
 //
 //     processor 0   witness  |.|.|.|.|.|            |.|.|.|.|    sleeps of 1 ms, whose timers come unless the host has
 //     processor 1   witness  |.|.|.|.|.|.|.|.|.|.|.|.|.|.|.|     taken the processor away: a standstill
 //     COMMAND and all its processes                    exit 1    failed, disturbed
 //
-// A standstill is that part of a sleep's lateness in which the witness was not even waiting for its processor, as the
-// kernel counts it (schedstat's run_delay). So a test's own load excuses nothing: no thread ahead of the witness, nor
-// the 50 ms of every second that the kernel keeps from a real-time thread which never sleeps, and from all above it.
+// A standstill is lateness of a sleep, without the time in which the witness was runnable and waited for its
+// processor. The kernel counts that waiting time (schedstat's run_delay). So load made by the test itself excuses
+// nothing. A thread with a higher priority than the witness is no excuse. The 50 ms of every second that the kernel
+// keeps from a real-time thread that never sleeps, and from all above it, are no excuse either.
 //
 //     the test passes, or exits with more than 1, or is killed    its exit code: passed, skipped, bad input, a crash
-//     it takes longer than --timeout (600 s)                      1; what it started is killed
+//     it takes longer than --timeout (600 s)                      1; all processes that it started are killed
 //     it fails while the machine never stood still                1
 //     it fails while the machine stood still                      77 and the figures: nothing was learnt
 //
-// There is one attempt: tests/run makes the second.
+// This program makes one attempt. tests/run makes the second.
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -34,25 +35,26 @@
 
 #define MS INT64_C(1000000)
 #define SECOND INT64_C(1000000000)
-#define STANDSTILL_NS (10 * MS) // a pose 20 ms late fades the force; some of that is used up without it
-#define LOST_NS MS              // less is an ordinary wake
+// a pose 20 ms late fades the force; part of that margin is used up without any standstill
+#define STANDSTILL_NS (10 * MS)
+#define LOST_NS MS // less is the lateness of an ordinary wake
 #define STACK_BYTES (128 << 10)
 enum { FAILED = 1, USAGE = 2, SKIPPED = 77, INTERNAL = 70, WITNESS_PRIORITY = 99 };
 
 typedef struct witness {
     int processor;
-    bool sees; // can tell a standstill from load
+    bool sees; // the witness can tell a standstill from load
     _Atomic int64_t standstills, longest_ns, lost_ns;
 } witness;
 
-typedef struct figures { // all processors together
+typedef struct figures { // sums over all processors
     int64_t standstills, longest_ns, lost_ns, watched_ns;
 } figures;
 
 static witness witnesses[CPU_SETSIZE];
 static int witness_count;
-static char blind[200]; // what the witnesses cannot see, and why
-static sigset_t news;   // a child ended, or this is to end
+static char blind[200]; // the reason why the witnesses cannot see some standstills
+static sigset_t news;   // signals to wait for: a child ended, or this program is to end
 
 static int64_t now_ns(void)
 {
@@ -67,7 +69,7 @@ static void sleep_until(int64_t due_ns)
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) continue;
 }
 
-// How long a thread was ready to run and did not, in all; -1: this kernel does not count it.
+// Return how long a thread was runnable without running, in total. Return -1 if this kernel does not count it.
 static int64_t waited_ns(int schedstat)
 {
     char text[100];
@@ -116,9 +118,10 @@ static int start_witness(witness *w, int policy)
     return error;
 }
 
-// One for each processor that this process may use. Without real-time priority a standstill that comes while a witness
-// waits for its processor is taken for load. Where the kernel does not count waits, lateness at the highest priority
-// must do; without both there are no witnesses, and no failure is excused.
+// Start one witness for each processor that this process may use. Without real-time priority, a standstill counts as
+// load if it comes while the witness waits for its processor. If the kernel does not count waiting times, the witness
+// must run at the highest priority, and all its lateness counts. If neither is available there are no witnesses, and
+// no failure is excused.
 static void start_witnesses(void)
 {
     cpu_set_t may;
@@ -127,7 +130,7 @@ static void start_witnesses(void)
     close(schedstat);
     if (sched_getaffinity(0, sizeof may, &may) != 0) CPU_ZERO(&may);
 #ifndef KN_SANITIZED
-    if (mlockall(MCL_CURRENT) != 0) errno = 0; // a page that comes from disk would be a standstill; not vital
+    if (mlockall(MCL_CURRENT) != 0) errno = 0; // a page read from disk would look like a standstill; not vital
 #endif
     for (int i = 0; i < CPU_SETSIZE; i++) {
         witness *w = &witnesses[witness_count];
@@ -166,7 +169,7 @@ static pid_t start_command(char **command)
 {
     pid_t parent = getpid(), child = fork();
     if (child != 0) {
-        if (child > 0) setpgid(child, child); // whoever is first
+        if (child > 0) setpgid(child, child); // both processes set the group, because either may run first
         return child;
     }
     setpgid(0, 0);
@@ -180,13 +183,13 @@ static pid_t start_command(char **command)
 
 static void end_command(pid_t group)
 {
-    kill(-group, SIGTERM); // netns takes down its namespace
+    kill(-group, SIGTERM); // netns then takes down its namespace
     sleep_until(now_ns() + SECOND);
     kill(-group, SIGKILL);
 }
 
-// Its exit code, 128 + signal when it was killed, -1 when it did not end in time. A signal to us is one to the command,
-// and ends us after it.
+// Run the command. Return its exit code, 128 + signal if it was killed, or -1 if it did not end in time. A signal to
+// this program ends the command and then this program.
 static int run_command(char **command, int64_t timeout_ns)
 {
     pid_t child = start_command(command);
@@ -203,7 +206,7 @@ static int run_command(char **command, int64_t timeout_ns)
         if (signal == SIGCHLD) signal = 0;
     }
     if (late || signal > 0) end_command(child);
-    kill(-child, SIGKILL); // what it left behind, while its id is not yet anybody else's
+    kill(-child, SIGKILL); // kill the processes left behind, while the process id is not yet reused
     waitpid(child, &status, 0);
     if (signal > 0) exit(128 + signal);
     if (late) return -1;
@@ -214,7 +217,7 @@ static int run(char **command, int64_t timeout_ns)
 {
     int64_t start_ns = now_ns();
     int code = run_command(command, timeout_ns);
-    sleep_until(now_ns() + 5 * MS); // a witness of the end has its say
+    sleep_until(now_ns() + 5 * MS); // let each witness record a standstill at the very end
     figures f = take_figures(start_ns);
     double took_s = 1e-9 * (double)(now_ns() - start_ns);
     if (code >= 0) printf("steady: exit %d after %.1f s; ", code, took_s);
@@ -242,7 +245,7 @@ int main(int argc, char **argv)
     }
     sigemptyset(&news);
     for (int i = 0; i < 4; i++) sigaddset(&news, signals[i]);
-    sigprocmask(SIG_BLOCK, &news, NULL); // before there are threads
+    sigprocmask(SIG_BLOCK, &news, NULL); // before any thread starts
     start_witnesses();
     return run(command, (int64_t)(1e9 * timeout_s));
 }

@@ -1,14 +1,14 @@
 #!/bin/bash
-# The step has not become slower: instructions of fifty steps, counted by callgrind, against those of instructions.txt, whatever
-# else the machine does. Of one compiler: another one's code is not judged. After a change that is meant, record what it costs now
-# and say in the commit what it bought:
+# The step has not become slower. callgrind counts the instructions of fifty steps, and the script compares them with
+# instructions.txt. Other load on the machine does not matter. The counts are of one compiler; other compilers are not
+# judged. After an intended change, record the new cost and state the benefit in the commit message:
 #
 #     KN_RECORD=1 ctest --preset release -R bench.instructions
 set -u
 list=$KN_SOURCE/tests/bench/instructions.txt
 steps=$KN_BUILD/tests/tools/steps
 compiler=$(sed -n 's/^# compiler: //p' "$list")
-tolerance=5 # per cent: libm and the loader differ a little from one Debian to the next
+tolerance=5 # per cent: libm and the loader differ a little between Debian versions
 
 command -v valgrind >/dev/null || { echo "skipped: no valgrind here"; exit 77; }
 if [ -z "${KN_RECORD:-}" ] && [ "$("$steps")" != "$compiler" ]; then
@@ -18,7 +18,7 @@ fi
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 
-count() { # instructions and iterations of a case
+count() { # print instructions and iterations of a case
     valgrind --tool=callgrind --toggle-collect=counted --callgrind-out-file="$out/profile" "$steps" "$1" >"$out/iterations" 2>"$out/log"
     case $? in
     0) echo "$(sed -n 's/^summary: //p' "$out/profile") $(cat "$out/iterations")" ;;

@@ -1,5 +1,5 @@
-// What test_instructions.sh has callgrind count: 25 steps into a press, the next fifty, all within `counted`, by the
-// AVX2 kernels (valgrind 3.19 knows no AVX-512).
+// The code that test_instructions.sh counts with callgrind: 25 steps into a press, then fifty steps, all within
+// `counted`, by the AVX2 kernels (valgrind 3.19 does not know AVX-512).
 //
 //     steps NAME      f32: 847 nodes; f64, gas, ball: 144; net: 219. Prints the iterations of the fifty
 //     steps           the compiler that built it

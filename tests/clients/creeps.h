@@ -1,6 +1,7 @@
 #ifndef KN_TESTS_CREEPS_H
 #define KN_TESTS_CREEPS_H
-// Creep curves of the first paper's dough as core/network.h computes them, with noise: 60 s under a load, 70 s after.
+// Creep curves of the first paper's dough, computed by core/network.h, with noise: 60 s under a load, then 70 s
+// without.
 #include "clients/identify/curve.h"
 #include "core/network.h"
 #include "tests/dice.h"
@@ -10,7 +11,7 @@
 
 static uint64_t creeps_seed = 20261123;
 
-// A curve without noise; every_s: between readings. Ended by creeps_free.
+// Return a curve without noise. every_s: time between readings. Release the curve with creeps_free.
 static kn_curve creeps_of(const kn_material *material, double load_gf, double loaded_s, double rest_s, double every_s)
 {
     kn_network net = kn_network_of(material);
@@ -54,7 +55,7 @@ static void creeps_free(kn_curve *c)
     free(c->line);
 }
 
-// `to` gets `from` with noise of that share of its largest strain. Both of one count.
+// Copy `from` to `to` and add noise of the given share of the largest strain. Both curves have the same count.
 static void creeps_noise(kn_curve *to, const kn_curve *from, double share)
 {
     double most = 0;

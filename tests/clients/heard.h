@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_CLIENTS_HEARD_H
 #define KN_TESTS_CLIENTS_HEARD_H
-// What is said on stdout and stderr between two calls, and a file with a text in it.
+// Capture the output on stdout and stderr between two calls, and write a text to a file.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +34,7 @@ static inline const char *kn_hear_end(void)
     return kn_heard;
 }
 
-static char kn_written[64]; // its name
+static char kn_written[64]; // name of that file
 
 static inline const char *kn_write(const void *text, size_t size)
 {

@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_MADE_H
 #define KN_TESTS_MADE_H
-// A curve that a test puts together reading by reading.
+// A curve that a test builds reading by reading.
 #include "clients/identify/curve.h"
 
 enum { MADE_MOST = 4000 };

@@ -1,7 +1,7 @@
 #ifndef KN_TESTS_CLIENTS_PICTURED_H
 #define KN_TESTS_CLIENTS_PICTURED_H
-// A block that tests take pictures of: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top;
-// and what is what in a picture, by its colour.
+// A block for tests of pictures: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
+// Further functions recognise dough, arrows and tools in a picture by their colours.
 #include "clients/viewer/renderer.h"
 #include "core/surface.h"
 #include "tests/check.h"
@@ -44,7 +44,7 @@ static inline void block_destroy(block *b)
     free(b->dented);
 }
 
-// A renderer that knows the block, or the end of the test where there is no OpenGL.
+// Return a renderer with the block's mesh. Skip the test if there is no OpenGL.
 static inline kn_renderer *open_with(const block *b, int samples)
 {
     char error[300];
@@ -65,11 +65,11 @@ static inline uint8_t *draw(kn_renderer *r, kn_view_scene scene, float (*xyz)[3]
     return rgba;
 }
 
-// warm; table and tools are not
+// The dough is warm in colour; the table and the tools are not.
 static inline bool is_dough(const uint8_t *p) { return p[0] > p[2] + 25 && p[0] < p[2] + 120; }
 static inline bool is_arrow(const uint8_t *p) { return p[0] > 2 * p[2] + 60 && p[0] > 2 * p[1]; }
 
-static inline bool is_tool(const uint8_t *p) { return p[2] > p[0] + 7; } // bluish; the table hardly is
+static inline bool is_tool(const uint8_t *p) { return p[2] > p[0] + 7; } // bluish; the table is hardly so
 
 static inline int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
 {
@@ -78,7 +78,7 @@ static inline int count(const uint8_t *rgba, bool (*is)(const uint8_t *))
     return n;
 }
 
-// Pixels that differ visibly between two pictures, inside the given rows and columns.
+// Count the pixels inside the given rows and columns that differ visibly between two pictures.
 static inline int changed(const uint8_t *a, const uint8_t *b, int left, int top, int right, int bottom)
 {
     int n = 0;

@@ -1,6 +1,7 @@
 #ifndef KN_TESTS_RECORDED_PRESS_H
 #define KN_TESTS_RECORDED_PRESS_H
-// A log of a press whose server missed cycles: a plate is pressed 3 mm at 1 cm/s, held for 0.5 s and lifted.
+// A log of a press during which the server missed cycles. A plate is pressed 3 mm at 1 cm/s, held for 0.5 s and
+// lifted.
 #include "clients/knead/path.h"
 #include "tests/recorder.h"
 
@@ -15,8 +16,8 @@ static void must(bool ok, const char *what)
 
 enum { MISSED_MS = 21 };
 
-// missed.lcmlog, once. Three times seven cycles are missed on the way down, and as many again while the plate is held.
-// Returns the time when the hand begins to rise.
+// Write missed.lcmlog once. The server misses three times seven cycles on the way down, and as many while the plate
+// is held. Return the time at which the hand begins to rise.
 static double record_press(void)
 {
     static kn_recorder r;
@@ -30,7 +31,7 @@ static double record_press(void)
     while (1e-3 * (double)r.in.tick < path->hold_end_s + 0.3) {
         kn_path_point at;
         const int64_t next = r.in.tick + 1;
-        for (int i = 0; i < 3; i++) // 20 at once, and the servo would let go
+        for (int i = 0; i < 3; i++) // at 20 missed cycles in a row the servo would let go
             if (next == down + 30 * i || next == standing + 30 * i) r.in.missed = MISSED_MS / 3;
         kn_path_at(path, 1e-3 * (double)(next + r.in.missed), &at);
         memcpy(r.hand[0].position_m, at.position_m, sizeof at.position_m);

@@ -1,12 +1,12 @@
-# Sourced by tests of programs that are called: counts failures, and checks that a refusal is one line.
+# Functions for tests of command-line programs: count failures, and check that a refusal is one line.
 failed=0
-program=knead # refuses() calls it
-python3() { /usr/bin/python3 "$@"; } # Debian's, whatever comes first in PATH
+program=knead # the program that refuses() calls
+python3() { /usr/bin/python3 "$@"; } # Debian's python3, independent of PATH
 ok() { echo "ok   $1"; }
 fail() { echo "FAIL $*"; failed=1; }
 
-# refuses CODE EXPECTED-LINE ARGUMENT...: exactly that line on stderr, nothing on stdout
-# begun=yes refuses ...: it has told something on stdout before
+# refuses CODE EXPECTED-LINE ARGUMENT...: expect exactly that line on stderr and nothing on stdout.
+# begun=yes refuses ...: expect some output on stdout before the refusal.
 refuses() {
     local code=$1 expected=$2 status told
     shift 2
@@ -18,7 +18,7 @@ refuses() {
     cat out err
 }
 
-# begins CODE WORDS COMMAND...: one line on stderr that begins so, nothing on stdout
+# begins CODE WORDS COMMAND...: expect one line on stderr that begins with WORDS, and nothing on stdout.
 begins() {
     local code=$1 words=$2 status told
     "${@:3}" >out 2>err

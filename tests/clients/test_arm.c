@@ -79,7 +79,7 @@ TEST("the measured velocity follows a step within the filter's time constant")
 {
     kn_arm arm;
     kn_arm_def def = plain();
-    def.velocity_hz = 80.0; // 2 ms
+    def.velocity_hz = 80.0; // time constant 2 ms
     kn_arm_init(&arm, &def, origin);
     arm.v_m_s[0] = 1.0;
     run(&arm, 2, origin, origin);

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Every bad scene, by knead check and by kneadd --scene: one line on stderr, file:line:col, nothing on stdout, exit 2,
-# within a second of processor time and 256 MB, and no file is made.
+# Check every bad scene with knead check and with kneadd --scene. Each gives one line file:line:col on stderr, nothing
+# on stdout and exit code 2, within a second of processor time and 256 MB. No file is created.
 # gate in release: many runs of programs that start slowly with the sanitizers; fuzz.scene looks into the parser
 set -u
-failed=0 count=0 every=8 # kneadd has the parser of knead check: of the scenes it reads one in 8, at night each
+failed=0 count=0 every=8 # kneadd uses the parser of knead check, so it reads one scene in 8 (at night each)
 mkdir here files files/folder
 limit="ulimit -v 262144"
-grep -q __asan_init "$(command -v knead)" && limit=: # its shadow is larger than that
+grep -q __asan_init "$(command -v knead)" && limit=: # the sanitizer's shadow memory is larger than the limit
 [ -z "${KN_NIGHT:-}" ] || every=1
 
-# tell SCENE PROGRAM...: what it says and how it ends
+# tell SCENE PROGRAM...: run the program, and check its exit code and that it prints one line.
 tell() {
     (cd here && $limit && ulimit -t 1 && exec "${@:2}" "$1") >out 2>err </dev/null
     local status=$?
@@ -18,7 +18,8 @@ tell() {
     echo "FAIL ${*:2} $1: exit $status, expected 2 and one line: $(head -c 400 out err)"
     failed=1
 }
-# refuses SCENE LINE: exactly that, from both; a LINE that ends with a colon is how it begins
+# refuses SCENE LINE: expect exactly that line from both programs. A LINE that ends with a colon is only the
+# beginning.
 refuses() {
     local program
     for program in "knead check" "kneadd --realtime off --scene"; do
@@ -31,7 +32,7 @@ refuses() {
     count=$((count + 1))
 }
 
-# the first line of each bad file holds what must be said about it, or about the file that it names
+# The first line of each bad file holds the expected message about the file, or about a file that it names.
 bad=$KN_SOURCE/tests/core/scenes_bad
 for file in "$bad"/*.yaml; do
     read -r line <"$file"
@@ -41,9 +42,9 @@ for file in "$bad"/*.yaml; do
 done
 kept=$count
 
-# what cannot well be kept as a file; a comment on its first line would make another one of it
+# Cases that cannot well be kept as files. A comment on their first line would change them.
 made=$PWD/files
-bytes() { # bytes NAME PRINTF-FORMAT LINE: what must be said of a file of these bytes
+bytes() { # bytes NAME PRINTF-FORMAT LINE: the message expected for a file of these bytes
     printf "$2" >"$made/$1.yaml"
     refuses "$made/$1.yaml" "$made/$1.yaml:$3"
 }
@@ -106,7 +107,7 @@ bytes json_array '[{"version": 1}]' "1:1: a list, expected a scene that begins w
 bytes json_open '{"version": 1' "2:1:"
 made_count=$((count - kept))
 
-# either end of every key's range, beyond it
+# Values beyond either end of each key's range.
 knead check --keys | awk -v folder="$made" '
     function value(v, times, unit,    text, i) {
         text = v (unit == "number" ? "" : " " unit)
@@ -128,7 +129,7 @@ knead check --keys | awk -v folder="$made" '
         close(folder "/" name ".yaml")
         print name
     }
-    /^material\.(k1|c1|c2|alpha|c_max|c_min) / { next } # known by its end only: with or without a specimen
+    /^material\.(k1|c1|c2|alpha|c_max|c_min) / { next } # the range depends on whether there is a specimen height
     match($0, / [-0-9.e+]+ \.\. [-0-9.e+]+ /) {
         split(substr($0, RSTART + 1, RLENGTH - 2), end, " \\.\\. ")
         type = substr($0, length($1) + 1, RSTART - length($1))

@@ -1,4 +1,4 @@
-// clients/identify/chain.h beside core/network.h, which shares nothing with it but the equations.
+// clients/identify/chain.h compared with core/network.h. The two share only the equations.
 #include "clients/identify/chain.h"
 #include "core/network.h"
 #include "tests/check.h"
@@ -15,7 +15,7 @@ static const kn_chain dough = {.voigts = 1,
                                .p0_pa = 9 * GF,
                                .p1_pa = 80 * GF};
 
-// The same as a tree: damper 0 is the row's, then s, (s|d)...
+// Return the same chain as a network: the series damper, then the spring, then the (s|d) elements.
 static kn_network network_of(const kn_chain *c, const char *expression)
 {
     kn_network net = {0};
@@ -40,7 +40,8 @@ static void oracle(const kn_network *net, int steps, const kn_chain_step *step, 
     int next = 0;
     kn_drive d = {0};
     for (int i = 0; i < READINGS; i++) {
-        for (; next < steps && step[next].time_s < time_s[i]; next++) { // a reading at a step is the last before it
+        // a reading at the time of a step belongs before the step
+        for (; next < steps && step[next].time_s < time_s[i]; next++) {
             if (next > 0) CHECK(kn_network_advance(net, &s, &d, step[next].time_s, 1e-11));
             d = (kn_drive){.kind = kind, .value = step[next].value};
             CHECK(kn_network_jump(net, &s, &d));

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# knead check: the scenes we ship are good and described; every bad file gives its one line, file:line:col, and exit 2.
+# knead check: the shipped scenes are good and described. Each bad file gives one line file:line:col and exit 2.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -18,7 +18,7 @@ refuses 2 "knead check: '': expected the name of a scene file" ''
 refuses 2 "knead check: unrecognized option '--wood'" "$dough" --wood
 refuses 2 "knead check: expected one scene file; --help tells the rest"
 
-# an unstable Runge-Kutta step is refused with its limit
+# An unstable Runge-Kutta step is refused, and the message names the limit.
 knead check "$dough" --set solver.kind=rk4 >out 2>err
 [ $? = 2 ] && grep -q "^$dough:1:1: rk4 is stable up to dt = .* s here" err || fail "rk4 outside its limit: $(cat err)"
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
@@ -26,7 +26,7 @@ knead check "$dough" --set solver.kind=rk4 --set solver.dt='20 ns' >out 2>&1
 knead check "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us' >out || fail "rk4 inside its limit is refused"
 grep -q "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" out || fail "rk4: $(cat out)"
 
-slow= # what is true of this build, not of a scene
+slow= # a property of this build, not of a scene
 [ "${KN_BUILD##*/}" = release ] || slow="longer than 1 ms here"
 for scene in dough dough-fine dough-pressure dough-small bun jelly clay pinch rolling-pin; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
@@ -38,7 +38,7 @@ knead check "$dough" --set object.spacing='3.3333333333333333 mm' | grep -q "16 
 knead check "$dough" --set probes.finger.radius='6 mm' | grep -q "^warning *finger is smaller than 1.5 spacings" ||
     fail "a small ball is not warned of"
 
-# every tool there is, a hand that is given half of the force, a mesh with gas, the solver of the circuit
+# One scene with every kind of tool, half of the force for a hand, a mesh with gas, and the circuit's solver.
 sed '/^probes:/,$d' "$KN_SOURCE/core/scenes/dough-small.yaml" >tools.yaml
 cat >>tools.yaml <<YAML
 probes:
@@ -57,7 +57,7 @@ knead check "$KN_SOURCE/core/scenes/dough-small.yaml" --set solver.kind=fixed --
     grep -q '^warning  *[0-9.]* % of the force is left unsolved' || fail "the circuit's solver is not warned of"
 knead check tools.yaml --set support=none --set gravity='9.8 m/s^2' | grep -q '^warning  *nothing holds the object' || fail "an object that falls"
 
-# two resolutions
+# Two resolutions.
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
 knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice it outside: 3210 nodes" ||
     fail "the box is not told"
@@ -80,7 +80,8 @@ refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all
 refuses 2 "knead check: $dough: states no object.accuracy, expected it with --log" "$dough" --log none.lcmlog
 refuses 2 "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
 
-# a material of one's own, seen from the scene's folder, or from here when --set names it; the complaint names its line
+# A material file of one's own. Its path is relative to the scene's folder, or to this folder when --set names it.
+# Messages name the line of the material file.
 printf '# mine\nmaterial: {k1: 5 kPa, c1: 1 kPa s, damper: constant, c2: 1 MPa s}\ndensity: 1.5 g/cm^3\n' >folder/mine.yaml
 sed 's/^material: .*/material: mine.yaml/' "$dough" >folder/own.yaml
 knead check folder/own.yaml | grep -q "^material *k1 5000 Pa" || fail "a material beside the scene"
@@ -94,14 +95,14 @@ refuses 2 "knead check: --set material: material.k1 is missing, expected a numbe
 echo 'support: none' >>folder/mine.yaml
 refuses 2 "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
 
-# plastic: one damper in effect, or warned of; a stroke says what it leaves
+# A plastic material: one damper in effect, or a warning. For a stroke the program tells the range of lengths.
 knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"
 ! grep -q "^warning.*c/c2" out || fail "dough-plastic warns of itself"
 knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *|c/c2 - 1| is up to 94 %, above 5 %" || fail "c1 too small"
 knead check "$dough" --set material.stroke='[0.02, 0.98]' |
     grep -q "^stroke *a 0.02 to 0.98 around 0.2: left alone an edge is 0.2041 to 10 times as long" || fail "stroke"
 
-# structure, gas, and what they cannot do
+# Structure, gas, and combinations that are impossible.
 pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml
 knead check "$pressure" | grep -q "^pressure *600 cells, each closed, 101325 Pa" || fail "the gas is not told"
 knead check "$pressure" --set object.diagonal_stiffness=0.02 >out
@@ -117,7 +118,7 @@ knead check "$pressure" --set object.pressure=object | grep -q "^warning *one pr
 knead check "$dough" --set object.size='[5 cm, 3 cm]' --set object.thickness='1 cm' |
     grep -q "^object *flat, 50 x 30 mm, 10 mm thick, spacing 5 mm: 11 x 7 = 77 nodes, 256 edges" || fail "flat dough"
 
-# the text written out is the scene
+# The text written out parses to the same scene.
 knead check "$dough" --text >dough.yaml && knead check dough.yaml --text | cmp -s - dough.yaml || fail "--text is no fixed point"
 [ "$(knead check "$dough" | grep -v ^deadline)" = "$(knead check dough.yaml | grep -v ^deadline)" ] || fail "--text is another scene"
 knead check "$dough" | grep -q "^deadline  [1-9][0-9]* units of work, .* the worst tick of a stroke at 5 cm/s takes" || fail "no word of the worst tick"

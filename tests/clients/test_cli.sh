@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The command line of `knead`: help for newcomers, one line for every mistake, the exit codes that are promised.
+# The command line of `knead`: help for newcomers, one line for every mistake, and the promised exit codes.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -57,7 +57,7 @@ begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 begins 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
-# a sweep looks at scene, log and lists before it plays anything
+# tradeoff checks the scene, the log and the lists before it plays anything.
 begins 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
 begins 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
 begins 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
@@ -65,7 +65,8 @@ begins 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene 
 begins 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
 begins 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
 
-# a circuit that is none is bad input, before a log or a scene is read; one that is not there is the machine's refusal
+# A malformed backend URI is bad input, found before a log or a scene is read. A missing device is a failure of the
+# machine.
 for uri in uart: uart:ttyUSB0 'uart:/dev/null?baud=x' pty: pcie:../../x shm:a/b; do
     begins 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd --scene nope.yaml --backend "$uri"
     begins 2 "knead replay: --backend $uri: expected uart:/dev/NAME" knead replay --backend "$uri" nope.lcmlog
@@ -77,7 +78,8 @@ for uri in uart:/dev/null uart:/dev/ttyNONE shm:knead-test-none; do
     [ $got = 3 ] && [ "$(wc -l <err)" -eq 1 ] || fail "kneadd --backend $uri: exit $got, $(cat err)"
 done
 
-# a bus of another kind is bad input; one that would leave the machine is the machine's refusal, before it is joined
+# A bus URL of another kind is bad input. A bus that would leave the machine is a failure of the machine, found before
+# joining.
 begins 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead probe --lcm-url tcpq://127.0.0.1:7700
 begins 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
 begins 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe

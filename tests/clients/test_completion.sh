@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# knead completion, as a shell asks for it: the function that `complete -F` names, called with COMP_WORDS in a real bash. What --help
-# says is completed, all of it, for every program.
+# knead completion as a shell uses it: the function that `complete -F` names, called with COMP_WORDS in a real bash.
+# The completion offers everything that --help lists, for every program.
 # gate in release: some six hundred programs are started, which the sanitizers make three times as slow
-source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
+source "$KN_SOURCE/tests/e2e/kneadd.sh" # defines check
 source <(knead completion)
-# completed WORD...: the last one is being typed; what comes, on one line
+# completed WORD...: print the completions on one line. The last WORD is the one being typed.
 completed() {
     local function
     function=$(complete -p "${1##*/}" | sed 's/.*-F \([^ ]*\) .*/\1/')
@@ -53,7 +53,8 @@ completed knead '$(touch run)' "" >/dev/null
 completed knead check '$(touch' >/dev/null
 check "nothing that is typed is run" [ ! -e run ]
 
-# every option of every help, found by another eye: every word of two dashes in a line that begins with one, before its explanation
+# Find every option of every help by other means: words with two dashes in a line that begins with one, before its
+# explanation.
 programs=(kneadd knead-simdev)
 for name in $(knead --help | sed -n 's/^  \([a-z]*\) .*/\1/p'); do programs+=("knead $name"); done
 for name in $(knead identify --help | sed -n 's/^  \([a-z]*\) .*/\1/p'); do programs+=("knead identify $name"); done

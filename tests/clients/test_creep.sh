@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# knead creep: the paper's dough under its loads, an expression with the same parts, a lattice beside it, CSV and PNG;
-# one line for whatever cannot be put on the bench.
+# knead creep: the paper's dough under its loads, an expression with the same parts, a lattice beside it, CSV and PNG.
+# Each specimen that cannot be tested gives one line.
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
-# value ROW COLUMN: of the table on stdout
+# value ROW COLUMN: print an entry of the table on stdout.
 value() { awk -v row="$1" -v column="$2" '$1 == row && $2 == "element" { print $column }' out; }
 
 knead creep dough --load 10gf,30gf,50gf,70gf,90gf --csv creep.csv --png creep.png >out || fail "creep dough: exit $?"
@@ -18,7 +18,7 @@ head -c 8 creep.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
 [ "$(head -n 1 creep.csv)" = load_n,time_s,strain,height_m,stress_pa ] || fail "columns: $(head -n 1 creep.csv)"
 [ "$(wc -l <creep.csv)" = $((1 + 5 * 602)) ] || fail "rows: $(wc -l <creep.csv)"
 
-# by default it is the paper's test; the scene's file and the same parts as an expression give the same
+# The default is the paper's test. The scene's file, and the same parts as an expression, give the same result.
 knead creep dough | grep -v '^specimen' >named
 knead creep "$KN_SOURCE/core/scenes/dough.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "by file"
 knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
@@ -26,11 +26,12 @@ knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
 knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff brings back $(value 50 7)"
 knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
 
-# small strain: a block of the same material does the same
+# At small strain a lattice of the same material creeps alike.
 knead creep dough --lattice 2x2x2 --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
 awk '$2 == "element" { e = $6 } $2 == "lattice" { l = $6 } END { exit !(l > 0.97 * e && l < 1.03 * e) }' out || fail "lattice: $(cat out)"
 
-knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?" # of 6 cm^2: 1 gf/cm^2
+# 6 cm^2 of area: 1 gf/cm^2
+knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?"
 grep -q "3 x 2 x 1 cm" out && [ "$(value 6 4)" = 1.00 ] || fail "a wide block: $(cat out)"
 
 refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, fibrotic-liver, jelly, liver, putty; or the file of a scene" creep dogh

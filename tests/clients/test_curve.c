@@ -1,4 +1,4 @@
-// Measured curves in SI, in the order of time, thinned, and what is said of what was done to them.
+// Measured curves: converted to SI, sorted by time, thinned, with messages about each correction.
 #include "clients/identify/curve.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
@@ -11,7 +11,7 @@ static kn_curve curve[KN_CURVES_MAX];
 static int curves;
 static kn_curve_options none = {.subcommand = "identify creep"}, options;
 
-static char *text; // of the file that is being written
+static char *text; // contents of the file being written
 static size_t length;
 static FILE *out;
 
@@ -43,7 +43,8 @@ static int load(kn_curve_kind kind)
 
 static bool said(const char *words) { return strstr(kn_heard, words) != NULL; }
 
-// Refused in one line, at a line of the file or (0) of it as a whole, with these words.
+// Check that the file was refused in one line with these words. line: the line of the file, or 0 for the file as a
+// whole.
 static bool refused(int line, const char *words)
 {
     char place[100], *end = strchr(kn_heard, '\n');
@@ -53,7 +54,7 @@ static bool refused(int line, const char *words)
            strstr(kn_heard, kn_written);
 }
 
-// A creep whose every number is easy: 1 - exp(-t/10) mm under the load, and exp(-(t-20)/10) of it after 20 s.
+// Return a simple creep curve: 1 - exp(-t/10) mm under the load. After 20 s the value decays by exp(-(t-20)/10).
 static double crept_mm(double t)
 {
     if (t < 0) return 0;
@@ -64,7 +65,7 @@ static uint64_t seed = 1;
 
 static const char notes[] = "# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 20 s\n";
 
-// ---- creep
+// --- creep
 
 TEST("a displacement over the height is a strain, a load over the area a stress")
 {
@@ -153,7 +154,7 @@ TEST("time that begins anew with another load begins another curve")
         for (int i = 0; i < 20; i++) row("%d,%d,%g\n", 10 * k, i, 10 + k - 0.01 * k * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 3);
     CHECK_STR(curve[2].name, "a 30 gf");
-    CHECK_NEAR(curve[1].height_m, 0.012, 1e-12); // each its own
+    CHECK_NEAR(curve[1].height_m, 0.012, 1e-12); // each curve has its own height
     CHECK_NEAR(curve[2].height_m, 0.013, 1e-12);
     CHECK(curve[1].line[0] == 23 && curve[1].step[0].time_s == 0);
 }
@@ -169,7 +170,7 @@ TEST("time that begins anew under the same load is refused where it does")
 
 TEST("a row in a wrong place is sorted in, and one has moved, not all behind it")
 {
-    for (int at = 30; at <= 80; at += 50) { // in the middle, at the end
+    for (int at = 30; at <= 80; at += 50) { // moved to the middle, to the end
         begin(notes);
         row("time_s,displacement_mm\n");
         for (int i = 0; i <= 80; i++) {
@@ -198,7 +199,7 @@ TEST("an interval whose steps are larger is another one, wherever they meet the 
         for (int i = 0; i < 40; i++) row("%d,%g\n", i, 0.01 * i);
         for (int i = 0; i < 40; i++) row("%d,%g\n", i * k, 0.01 * i);
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
-        begin("# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm,load_gf\n"); // its recovery
+        begin("# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm,load_gf\n"); // the recovery of that load
         for (int i = 1; i <= 60; i++) row("%d,%.9g,50\n", i, crept_mm(i));
         for (int i = 1; i <= 60; i++) row("%d,%.9g,0\n", k * i, crept_mm(60 + k * i));
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 120 && curve->steps == 2);
@@ -219,7 +220,7 @@ TEST("five loads of eight readings each are five curves, and a second table is s
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
     begin(notes);
     row("time_s,displacement_mm\n");
-    for (int k = 0; k < 2; k++) // one stands twenty rows too early
+    for (int k = 0; k < 2; k++) // one reading stands twenty rows too early
         for (int i = 0; i < 40; i++) row("%d,%g\n", k || i < 20 || i > 27 ? i : i == 20 ? 27 : i - 1, 0.01 * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time begins anew"));
     static const int few[] = {0, 1, 2, 4, 5, 6, 7, 8, 9, 3, 10, 11};
@@ -266,14 +267,14 @@ TEST("time that begins anew at a thousand, in a file of decimal commas, is told 
 
 TEST("an interval without load whose time begins anew is the recovery of the one before")
 {
-    begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // as RheoCompass writes them
+    begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // in the format of RheoCompass
     for (int k = 0; k < 2; k++) {
         row("Interval data:;Point No.;Time;Shear Strain;Shear Stress;Status\n;[];[s];[%%];[Pa];[]\n");
         for (int i = 1; i <= 20; i++)
             row(";%d;%d;%.9g;%s;Dy_auto\n", i, i, 100 * crept_mm(k ? 20 + i : i), k ? "0,01" : "100,00");
         if (k == 0) row("\nInterval and data points:;2\n");
     }
-    for (char *p = (fflush(out), text); *p; p++) // its decimal commas
+    for (char *p = (fflush(out), text); *p; p++) // decimal commas, as in that format
         if (*p == '.' && p[1] >= '0' && p[1] <= '9') *p = ',';
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->steps == 2 && curve->constant_area);
     CHECK(said("time begins anew in line 29, without load: what came back, from 20 s on"));
@@ -284,7 +285,7 @@ TEST("an interval without load whose time begins anew is the recovery of the one
 TEST("a rheometer's many columns: the time of the whole test, the strain, the stress; in shear it may be large")
 {
     begin("Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear rate(s-\xc2\xb9);Shear strain(%);"
-          "Normal force(N);Frequency(Hz);Gap(mm)\n"); // as rSpace writes them
+          "Normal force(N);Frequency(Hz);Gap(mm)\n"); // in the format of rSpace
     for (int i = 0; i <= 20; i++) row("Creep;%d,5;%d;30,54;47,57;%d,7E+001;0,2;;9,15\n", 112 + i, i % 5, 10 * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 21 && curve->constant_area);
     CHECK_NEAR(curve->value[20], 20.07, 0.01);
@@ -294,7 +295,7 @@ TEST("a rheometer's many columns: the time of the whole test, the strain, the st
 
 TEST("a name of a load above an empty column is none")
 {
-    begin("# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n"); // as RepTate's files have it
+    begin("# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n"); // in the format of RepTate's files
     for (int i = 0; i <= 20; i++) row("%d\t%g\n", i, 1e-4 * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 21 && curve->step[0].stress_pa == 10);
 }
@@ -329,14 +330,14 @@ TEST("a bare x gives way to a column with a unit, whatever stands in it; where i
     row("time_s,x\n");
     for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, 0.1 * crept_mm(i));
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
-    begin("# area: 1 cm^2\n# height: 1 cm\ntime [s],load [gf],x,displacement [mm]\n"); // relaxation, too
+    begin("# area: 1 cm^2\n# height: 1 cm\ntime [s],load [gf],x,displacement [mm]\n"); // relaxation has the same rule
     for (int i = 0; i <= 40; i++) row("%d,%g,7,1\n", i, 50 * exp(-i / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK);
     CHECK_NEAR(curve->strain, 0.1, 1e-9);
     begin("# area: 1 cm^2\ntime [s],load [gf],x\n");
     for (int i = 0; i <= 40; i++) row("%d,%g,0.1\n", i, 50 * exp(-i / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("'x' has no unit and is taken as a share of the height"));
-    begin("time [s],gamma,gap [mm],G(t) [Pa]\n"); // its letter is a strain, beside a rheometer's gap
+    begin("time [s],gamma,gap [mm],G(t) [Pa]\n"); // gamma is a strain, even beside a rheometer's gap
     for (int i = 0; i <= 40; i++) row("%d,0.01,1,%g\n", i, 50 * exp(-i / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && said("'gamma' has no unit"));
     CHECK_NEAR(curve->strain, 0.01, 1e-9);
@@ -434,7 +435,7 @@ TEST("a strain that begins long after the load is said to have come is told, be 
         const double noise = k & 1 ? 0.01 : 0;
         begin(k == 4 ? "# begin: 5 s\n" : "# load: 50 gf\n");
         row("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# release: 25 s\ntime_s,displacement_mm\n");
-        for (int i = k / 2 == 1 ? 26 : 0; i <= 200; i++) // none before it
+        for (int i = k / 2 == 1 ? 26 : 0; i <= 200; i++) // no readings before it
             row("%g,%.9g\n", 0.2 * i, crept_mm(0.2 * i - (k == 5 ? 0 : 5)) + noise * kn_dice_normal(&seed));
         CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->step[1].time_s == (k == 4 ? 20 : 25));
         CHECK(said("the strain begins at") == (k < 4));
@@ -513,7 +514,7 @@ TEST("more curves than there is room for are refused, and those before stay")
     CHECK(code == KN_EXIT_USAGE && curves == KN_CURVES_MAX && said("more than 32 curves"));
 }
 
-// ---- thinning
+// --- thinning
 
 TEST("many readings become some six hundred means that lie on the curve, none across a release")
 {
@@ -532,7 +533,7 @@ TEST("many readings become some six hundred means that lie on the curve, none ac
         if (curve->time_s[i] > 20 && curve->time_s[i] < 20.0009) single &= curve->weight[i] == 1;
     }
     CHECK(readings == MANY + 1 && rising && single);
-    CHECK(worst < 2e-7); // plain means of 5 % wide bins are 1.5e-5 off
+    CHECK(worst < 2e-7); // plain means of 5 % wide bins are off by 1.5e-5
 }
 
 TEST("a mean is as much better than a reading as its weight says")
@@ -553,14 +554,14 @@ TEST("a mean is as much better than a reading as its weight says")
     CHECK_NEAR(sum / curve->count, 1, 0.2);
 }
 
-// ---- noise
+// --- noise
 
 TEST("the noise on a smooth curve is found, whatever the curve, and jumps do not count")
 {
     enum { N = 3000 };
     static double t[N], y[N];
     for (int i = 0; i < N; i++) {
-        t[i] = i < 1000 ? 0.01 * i : 10 + 0.1 * (i - 1000); // two rates
+        t[i] = i < 1000 ? 0.01 * i : 10 + 0.1 * (i - 1000); // two sampling rates
         y[i] = 5 * exp(-t[i] / 30) + (t[i] > 50 ? 3 : 0) + 0.01 * kn_dice_normal(&seed) + (i % 397 == 0 ? 2 : 0);
     }
     CHECK_NEAR(kn_curve_noise(N, t, y), 0.01, 0.0007);
@@ -577,7 +578,7 @@ TEST("of a coarse gauge the noise is its step over the root of 12, and it is nev
     CHECK(kn_curve_noise(2, t, (double[]){0, 0}) > 0);
 }
 
-// ---- relaxation
+// --- relaxation
 
 TEST("a modulus without a strain stays one, with a strain it is a stress")
 {
@@ -644,7 +645,7 @@ TEST("both sides of a jump that are written down at one time are kept")
           curve->value[1] == 40e3);
 }
 
-// ---- sweeps
+// --- sweeps
 
 TEST("frequencies in Hz or rad/s, moduli by parts, by tan delta or by an angle are the same sweep")
 {
@@ -677,7 +678,7 @@ TEST("the noise of a sweep is relative, and a frequency that was measured again 
                 1e4 * sqrt(hz) * (1 + 0.02 * kn_dice_normal(&seed)));
         }
     CHECK(load(KN_CURVE_SWEEP) == KN_EXIT_OK && curve->count == 400 && curve->weight[200] == 2);
-    CHECK_NEAR(curve->noise, 0.02, 0.002); // of one reading
+    CHECK_NEAR(curve->noise, 0.02, 0.002); // noise of one reading
 }
 
 TEST("a frequency or a modulus of 0 is refused by its line, a single modulus by its names'")

@@ -1,11 +1,11 @@
-// Heights of an object from its mesh, and of a tool above it.
+// The height of an object from its mesh, and the height of a tool above the object.
 #include "clients/knead/dent.h"
 #include "clients/knead/foot.h"
 #include "core/step.h"
 #include "core/surface.h"
 #include "tests/check.h"
 
-// The default block, its mesh at rest or with the middle of its top pushed down.
+// The default block. Its mesh is at rest, or the middle of the top is pushed down.
 static kn_model *model;
 static kn_mesh mesh;
 static uint8_t *top;
@@ -137,7 +137,7 @@ TEST("a tool of any shape is found to touch where the model's clearance ends")
         def.probe[0] = tools[i];
         OWN(kn_model) *with = build(&def);
         OWN(kn_state) *state = kn_state_create(with);
-        double first, last, at[3] = {0.005, 0.005}; // over a node
+        double first, last, at[3] = {0.005, 0.005}; // above a node
         CHECK(kn_dent_touch(&mesh, top, 0.01, &tools[i], at[0], at[1], &first, &last));
         CHECK_NEAR(first, 0.03 + kn_foot_m(&tools[i]), 1e-8);
         CHECK_NEAR(last, first, 1e-8);

@@ -1,4 +1,4 @@
-// What a simulated device in a hand feels of kneadd, near and behind a delay, and what two hands can do together: in
+// Feedback of kneadd to a simulated device in a hand, near and with a delay, and to two hands together. All runs in
 // virtual time, on the device of `knead probe`.
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/knead/foot.h"
@@ -14,11 +14,11 @@ static struct {
     kn_device device[2];
     kn_player player[2];
     kn_grasp grasp;
-    double contact_n, sum_n[2][3]; // of the object, the largest; of each hand's force while it is high
-    int high[2], wild;             // forces that are still to be 60 N
+    double contact_n, sum_n[2][3]; // largest contact force; sum of each hand's forces while the hand is high
+    int high[2], wild;             // ticks while high; forces still to be replaced by 60 N
 } p;
 
-// In place of what was served before.
+// Serve this scene. Stop the server that ran before.
 static void serve(const char *scene, const char *const *sets, int count, bool local_model)
 {
     char path[256];
@@ -39,7 +39,7 @@ static void notice(kn_rig_end *e, knead_contact_force_t *f)
     p.high[n]++;
 }
 
-// A hand on that tool plays a path; def: with a device in it, NULL: without.
+// Join a hand to that tool; it plays a path. def: a device in the hand, or NULL.
 static void join(const char *probe, const kn_path *path, const kn_grasp_def *def)
 {
     char error[256] = "";
@@ -69,7 +69,7 @@ static void join(const char *probe, const kn_path *path, const kn_grasp_def *def
     kn_rig_joined(e, opened, kn_join_memory(e->device->bus), error);
 }
 
-static void play(void) // until every hand has ended
+static void play(void) // run until every hand has ended
 {
     for (bool plays = true; plays;) {
         plays = false;
@@ -79,7 +79,7 @@ static void play(void) // until every hand has ended
     for (int i = 0; i < p.rig.ends; i++) CHECK(kn_rules_broken(&p.rig.end[i].served) == 0);
 }
 
-// Whether it was calm, played to its end.
+// Play the path with a device. Return true if it was calm and played to its end.
 static bool feel(const char *name, const kn_path *path, kn_grasp_def def)
 {
     join("finger", path, &def);
@@ -97,7 +97,7 @@ static bool feel(const char *name, const kn_path *path, kn_grasp_def def)
 
 static double ramp(double t, double from, double to) { return t < from ? 0 : t > to ? 1 : (t - from) / (to - from); }
 
-// Press, slide 5 mm, lift, tap twice: the hand's way, which its grip follows by some mm less.
+// Return the hand's path: press, slide 5 mm, lift, tap twice. Because of the grip the device goes some mm less deep.
 static kn_path *way(void)
 {
     enum { POINTS = 451 };
@@ -136,7 +136,7 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
     }
     serve("dough-small.yaml", jelly, 5, true);
     if (feel("20 ms, held", path, (kn_grasp_def){.grip = KN_GRIP_NORMAL, .delay_ms = 20, .render.held = true}))
-        CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm by the controller's damping alone
+        CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm only because of the controller's damping
 }
 
 TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away are refused, and held they shake it")

@@ -1,4 +1,4 @@
-// The report of `knead identify`: a page of plain HTML in a folder that appears whole.
+// The report of `knead identify`: a page of plain HTML in a folder that appears as a whole.
 #include "clients/identify/document.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
@@ -59,7 +59,7 @@ TEST("a folder with something in it is not written to")
 {
     kn_document again;
     int terminal = dup(STDERR_FILENO);
-    CHECK(freopen("/dev/null", "w", stderr)); // the complaint
+    CHECK(freopen("/dev/null", "w", stderr)); // drops the error message
     int code = kn_document_open(&again, "identify creep", out, "Dough", 0, NULL);
     fflush(stderr);
     dup2(terminal, STDERR_FILENO);
@@ -93,7 +93,7 @@ TEST("of work that failed nothing is left")
     CHECK(f && fclose(f) == 0);
     CHECK(kn_document_close(&d, KN_EXIT_USAGE) == KN_EXIT_USAGE);
     CHECK(access(out, F_OK) != 0 && access(path, F_OK) != 0);
-    CHECK(rmdir(folder) == 0); // nothing beside it, either
+    CHECK(rmdir(folder) == 0); // no other file is left beside the report
 }
 
 TEST("of a check that failed the report is kept: it says why")

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# knead element: the paper's verdicts on its figure 2, the mechanics beside them, one line for a wrong expression.
+# knead element: the paper's verdicts on its figure 2, the mechanics beside them, and one line for a wrong expression.
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 program="knead element"
 
-# says EXPRESSION LINE...: every line is in what is said of the expression
+# says EXPRESSION LINE...: check that every line occurs in the output for the expression.
 says() {
     local expression=$1
     shift

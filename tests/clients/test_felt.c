@@ -11,7 +11,7 @@ static kn_trace empty(void)
     return t;
 }
 
-// A hand that presses and lets go within half a second, so late; its tool is the second.
+// Return a trace of a hand that presses and releases within half a second, delayed by late_s. Its tool is the second.
 static kn_trace press(double late_s, double peak_n)
 {
     kn_trace t = empty();
@@ -22,7 +22,7 @@ static kn_trace press(double late_s, double peak_n)
     return t;
 }
 
-static double stretched(const int64_t node[3], double spacing_m, int k) // a displacement that grows evenly
+static double stretched(const int64_t node[3], double spacing_m, int k) // a displacement that grows linearly
 {
     const double *x =
         (const double[]){spacing_m * (double)node[0], spacing_m * (double)node[1], spacing_m * (double)node[2]};

@@ -1,4 +1,5 @@
-// Panels of points and lines: what cannot be drawn is left out, and the picture is as large as its panels need.
+// Panels of points and lines: values that cannot be drawn are left out, and the picture is as large as its panels
+// need.
 #include "clients/identify/figure.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
@@ -6,7 +7,7 @@
 
 static char path[] = "/tmp/test_figure.XXXXXX";
 
-// Width and height of the PNG, 0 if it is none.
+// Return width and height of the PNG, or 0 if the file is no PNG.
 static void measure(int size[2])
 {
     unsigned char head[24] = {0};
@@ -33,7 +34,7 @@ TEST("numbers that are none, and zeros on a logarithmic axis, are gaps")
     static kn_figure_panel p = {.title = "a", .x_label = "b", .y_label = "c", .log_x = true, .log_y = true, .band = 2};
     kn_figure_add(&p, (kn_figure_series){"points", 4, x, y, .hue = 1});
     kn_figure_add(&p, (kn_figure_series){"line", 4, x, y, .look = KN_FIGURE_LINE, .hue = 9});
-    CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK); // nothing is left of it
+    CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK); // no point remains
     CHECK(size[0] == 600 && size[1] > 400);
     p.log_y = p.log_x = false;
     CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK);

@@ -1,4 +1,4 @@
-// clients/identify/fit.h: the minimum, its intervals, and when to doubt it.
+// clients/identify/fit.h: the minimum, its intervals, and the signs that a fit is doubtful.
 #include "clients/identify/fit.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -7,7 +7,7 @@ enum { READINGS = 60 };
 
 static uint64_t seed = 1;
 
-// a exp(-b t) + c, and an unknown that nothing depends on.
+// a exp(-b t) + c, and a fourth unknown without any effect.
 typedef struct decay {
     double y[READINGS];
 } decay;
@@ -84,7 +84,7 @@ TEST("95 in 100 intervals hold the truth")
     static const double truth[3] = {2, 1.3, 0.5};
     decay d;
     for (int k = 0; k < runs; k++) {
-        fill(&d, 0.02); // not the 0.01 that the residuals are told: the scale is the fit's own
+        fill(&d, 0.02); // not the 0.01 told to the residuals: the fit estimates the scale itself
         kn_fit fit = fit_of(&d, 3);
         CHECK(kn_fit_run(&fit));
         for (int i = 0; i < 3; i++) {

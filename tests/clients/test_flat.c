@@ -1,7 +1,8 @@
-// Tools of a flat object: as wide as it is thick.
+// Tools of a flat object are drawn as wide as the object is thick.
 #include "tests/clients/pictured.h"
 
-// Pixels of a tool far above the block, which is as far away as it; seen from an azimuth, level.
+// Count the pixels of a tool far above the block and at the same distance from the camera, in a level view from an
+// azimuth.
 static int shown(kn_renderer *r, const block *b, kn_probe_def def, double thickness_m, double azimuth_deg)
 {
     kn_view_scene scene = kn_view_scene_default();
@@ -12,7 +13,7 @@ static int shown(kn_renderer *r, const block *b, kn_probe_def def, double thickn
     scene.probe[0] = (kn_view_probe){.def = def, .position_m = {0, 0, 0.04}};
     uint8_t *picture = draw(r, scene, b->rest);
     int n = 0;
-    for (int i = 0; i < PIXELS / 2; i++) n += is_tool(picture + 4 * i); // the upper half
+    for (int i = 0; i < PIXELS / 2; i++) n += is_tool(picture + 4 * i); // the upper half of the picture
     free(picture);
     return n;
 }
@@ -24,7 +25,7 @@ TEST("to a flat object a ball is a disc as wide as it is thick, to a block it is
     const kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = 0.004};
     const double from_front = shown(r, &b, ball, 0, 0), from_right = shown(r, &b, ball, 0, 90);
     CHECK_NEAR(from_right, from_front, 0.03 * from_front);
-    // the front of a disc is a circle, its side 2 r by its width: 8 mm by 2 mm over pi (4 mm)^2
+    // The front view of a disc is a circle, and the side view is 2 r by its width: 8 mm by 2 mm over pi (4 mm)^2.
     CHECK_NEAR(shown(r, &b, ball, 0.002, 0), from_front, 0.05 * from_front);
     CHECK_NEAR(shown(r, &b, ball, 0.002, 90), from_front * 0.008 * 0.002 / (M_PI * 0.004 * 0.004), 0.05 * from_front);
 }

@@ -1,11 +1,11 @@
-// Mittag-Leffler's function by Talbot's contour beside closed forms and its spectrum, and creep from a compliance
-// beside the network.
+// The Mittag-Leffler function by Talbot's contour, compared with closed forms and with its spectrum. Creep from a
+// compliance is compared with the network.
 #include "clients/identify/fractional.h"
 #include "clients/identify/memory.h"
 #include "core/network.h"
 #include "tests/check.h"
 
-// E_a(-x) as a spring beside a springpot: order 0 in g.
+// Return E_a(-x) as the relaxation of a spring beside a springpot: order 0 in g.
 static double mittag_leffler(double a, double x)
 {
     const kn_fractional f = {.v_pa_s = 1 / x, .v_order = a, .g_pa_s = 1, .g_order = 0};
@@ -15,7 +15,7 @@ static double mittag_leffler(double a, double x)
     return out;
 }
 
-// The same from its spectrum of exponentials, by the trapezoidal rule over ln r.
+// Return the same value from its spectrum of exponentials, by the trapezoidal rule over ln r.
 static double by_spectrum(double a, double x)
 {
     const double pi = acos(-1.0), t = pow(x, 1 / a), h = 0.01, wide = 45 / a;
@@ -62,7 +62,7 @@ TEST("two springpots relax as a power law does at once and another at last")
     CHECK_NEAR(g[1] * tgamma(0.3) * pow(t[1], 0.7) / 3, 1, 1e-3);
 }
 
-typedef struct row { // s-(s|d)-d without its spring: J = (1 - exp(-t k/c))/k + t/d
+typedef struct row { // (s|d)-d: J = (1 - exp(-t k/c))/k + t/d
     double k, c, d;
 } row;
 
@@ -77,7 +77,7 @@ static void compliance(const void *of, int count, const double *lag, const doubl
     }
 }
 
-// Largest difference of the strain from the network's, under two loads and a rest.
+// Return the largest difference between the strain and the network's strain, under two loads and a rest.
 static double apart(bool constant_area)
 {
     const row r = {4e4, 2e5, 5e5};

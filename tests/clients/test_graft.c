@@ -30,7 +30,7 @@ TEST("what is not there is appended, on a line of its own")
 {
     grafts("a: 1\n", NEW, "a: 1\n" NEW);
     grafts("a: 1", NEW, "a: 1\n" NEW);
-    grafts("a:\n  quality: 5\n", NEW, "a:\n  quality: 5\n" NEW); // another key's
+    grafts("a:\n  quality: 5\n", NEW, "a:\n  quality: 5\n" NEW); // a key of another name
 }
 
 TEST("short forms, quoted keys, braces over several lines and literals are blocks as well")

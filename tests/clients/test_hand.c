@@ -1,20 +1,21 @@
-// The virtual hand against a played server: it engages before it moves, gets out of the way of a fault, and comes back.
+// The virtual hand with a simulated server: it engages before it moves, retreats from a fault, and comes back.
 #include "clients/knead/hand.h"
 #include "tests/check.h"
 
-// A server as the wire shows it: 200 ms of poses, 200 ms of ramp, then engaged; 20 ms of silence latch.
+// A server as seen on the wire: 200 ms of poses, 200 ms of ramp, then engaged. After 20 ms of silence the server
+// latches.
 typedef struct server {
     int64_t session, tick;
     int flow_ms, silent_ms;
     bool dead, latched, never_engages;
-    kn_fault latch_next; // latches this at the next pose
+    kn_fault latch_next; // the fault to latch at the next deep pose
     kn_fault fault;
 } server;
 
 static bool serve(server *s, const kn_hand_out *pose, kn_hand_force *force)
 {
     if (pose->send && pose->session != s->session) {
-        if (s->session && s->silent_ms < 1000) return false; // owned by the session before
+        if (s->session && s->silent_ms < 1000) return false; // the session before still owns the tool
         *s = (server){.session = pose->session,
                       .tick = s->tick,
                       .dead = s->dead,
@@ -122,7 +123,7 @@ TEST("when the server dies the own watchdog holds 3 ms, is at zero by 20 ms, and
     CHECK(r.hand.mode == KN_HAND_PLAY);
     CHECK(r.hand.given_n[2] == 5);
     r.server.dead = true;
-    play(&r, 1); // the force that was on its way
+    play(&r, 1); // deliver the force that is under way
     for (int silent = 1; silent <= 25; silent++) {
         play(&r, 1);
         if (silent <= 3) CHECK(r.hand.given_n[2] == 5);

@@ -1,4 +1,4 @@
-// The exponential integral, and a relaxation in closed form beside the network that steps through time.
+// The exponential integral, and a relaxation in closed form compared with the network, which steps through time.
 #include "clients/identify/hold.h"
 #include "clients/identify/special.h"
 #include "core/network.h"
@@ -15,7 +15,8 @@ static kn_hold hold_of(const kn_material *m, double begin_pa)
                      .p1_pa = m->p1_pa};
 }
 
-// Largest share by which the closed form is off what the network does over six decades of time, after a ramp.
+// Return the largest relative difference between the closed form and the network, over six decades of time after a
+// ramp.
 static double apart(const kn_material *m, double rate, double *begin_pa)
 {
     enum { TIMES = 61 };
@@ -32,7 +33,8 @@ static double apart(const kn_material *m, double rate, double *begin_pa)
     for (int i = 0; i < TIMES; i++) time_s[i] = 0.001 * pow(10, 0.1 * i);
     kn_hold_stress(&hold, TIMES, time_s, stress_pa);
     for (int i = 0; i < TIMES; i++) {
-        for (int k = 0; k < 2; k++) { // a step over a kink of the damper is of the first order
+        // stop at each kink of the damper: a step across a kink is only first-order accurate
+        for (int k = 0; k < 2; k++) {
             const double kink = k ? m->p0_pa : m->p1_pa,
                          when = kink < *begin_pa ? kn_hold_until(&hold, kink) : INFINITY;
             if (when < time_s[i] && rise_s + when > at.time_s)
@@ -46,7 +48,7 @@ static double apart(const kn_material *m, double rate, double *begin_pa)
 
 TEST("the exponential integral is what the tables say, on both sides of where its two forms meet")
 {
-    // Abramowitz and Stegun, table 5.1, and its series and fraction in 30 digits
+    // Abramowitz and Stegun, table 5.1; the series and the continued fraction in 30 digits.
     static const double known[][2] = {{0.01, 4.037929576538114},  {0.5, 0.5597735947761608},
                                       {1, 0.21938393439552028},   {2, 0.04890051070806112},
                                       {10, 4.156968929685324e-6}, {100, 3.6835977616820322e-46}};
@@ -60,7 +62,7 @@ TEST("a held element relaxes as the network does, above P1, between P1 and P0, a
     double begin;
     CHECK_NEAR(apart(&dough, 0.02, &begin), 0, 1e-8);
     CHECK(begin > 2 * dough.p0_pa && begin < dough.p1_pa);
-    kn_material soft = dough; // so that the ramp ends above P1
+    kn_material soft = dough; // soft, so that the ramp ends above P1
     soft.p1_pa = 2000;
     CHECK_NEAR(apart(&soft, 0.02, &begin), 0, 1e-8);
     CHECK(begin > 1.1 * soft.p1_pa);

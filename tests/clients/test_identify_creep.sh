@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# knead identify creep: from the curves of knead creep back to its dough, what it says it does not know, and bad input.
+# knead identify creep: from the curves of knead creep back to its dough, the reported unknowns, and bad input.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 . "$KN_SOURCE/tests/clients/refuses.sh"
 
-# curves LOAD[,LOAD]... NOISE: LOADgf.csv as an instrument writes them, every 0.3 s
+# curves LOAD[,LOAD]... NOISE: write LOADgf.csv as an instrument does, a reading every 0.3 s.
 curves() {
     knead creep dough --load "$1" --csv all.csv >creep.txt || exit 1
     awk -F, -v share="$2" 'BEGIN { srand(7) }
@@ -56,7 +56,7 @@ knead identify creep 50gf.csv >one.txt 2>err || fail "one load: $(cat err)"
 grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told from P0 and P1' one.txt &&
     grep -q 'known together, not apart' one.txt && ok "one load: says what it cannot know" || fail "one load"
 
-# the same readings as other programs write them, shuffled, some missing, one far off, give the same numbers
+# The same readings in the formats of other programs give the same numbers: shuffled, some missing, one far off.
 python3 - <<'PY'
 import random
 random.seed(5)

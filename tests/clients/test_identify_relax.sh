@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# knead identify relax: from the curve of knead relax back to its dough, what a hold alone cannot know, which model wins, and bad input.
+# knead identify relax: from the curve of knead relax back to its dough, the limits of a hold alone, the best model,
+# and bad input.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 . "$KN_SOURCE/tests/clients/refuses.sh"
@@ -39,7 +40,7 @@ said = [l.split() for l in open("relax.txt") if l.startswith("element")][0]
 assert abs(held["held_pa"] / float(said[2]) - 1) < 3e-3 and abs(held["half_s"] / float(said[4]) - 1) < 5e-3, (held, said)
 PY
 
-# the hold alone: strain as a note, none, and as an option
+# The hold alone, with the strain as a note, without one, and as an option.
 awk -F, 'BEGIN { print "# strain: 30 %\ntime [s],stress [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 }' all.csv >hold.csv
 knead identify relax hold.csv --no-models >hold.txt 2>err || fail "hold: $(cat err)"
 grep -q '^k1 *>= ' hold.txt && grep -q '^c1/k1 *5\.[23]' hold.txt && grep -q '^alpha/k1 *17[234]' hold.txt &&
@@ -51,7 +52,7 @@ begun=yes refuses 2 "knead identify relax: --out m.yaml: without the strain that
 knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && grep -q 'k1: .*>= .*nothing had flowed' m.yaml &&
     ok "with --strain it makes one, which says that k1 is a bound" || fail "modulus with --strain: $(cat err)"
 
-# a curve of a power law in three parts, like muscle's: no element is it, and the verdict says so
+# A curve of a power law in three parts, like muscle's. No element fits, and the verdict says so.
 python3 - <<'PY'
 import math
 with open("muscle.csv", "w") as f:

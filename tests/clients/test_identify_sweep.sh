@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# knead identify sweep: from the moduli of knead sweep back to the element that made them, for every class of figure 2; bad input.
+# knead identify sweep: from the moduli of knead sweep back to their element, for every class of figure 2; bad input.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 . "$KN_SOURCE/tests/clients/refuses.sh"
 
-# swept NOISE SPECIMEN...: sweep.csv, with that share of noise
+# swept NOISE SPECIMEN...: write sweep.csv with that share of noise.
 swept() {
     local share=$1
     shift
@@ -14,8 +14,9 @@ swept() {
         NR > 1 { printf "%.6g;%.8g;%.8g\n", $1, $2 * (1 + share * normal()), $3 * (1 + share * normal()) }' all.csv >sweep.csv
 }
 
-# finds BEST NUMBER=VALUE...: the element that is named (-: any), its numbers within 5 %, their intervals around the truth or near it; an
-# element that has another within it fits no worse: its sum of squares of logarithms, by AICc's own equation
+# finds BEST NUMBER=VALUE...: check that this element is named best (-: any) and that its numbers are within 5 %. The
+# intervals must hold the truth, or lie near it. An element that contains another one must fit no worse: the sums of
+# squares of the logarithms are compared, derived from AICc's equation.
 finds() {
     knead identify sweep sweep.csv --json >o.json 2>err || { fail "$1: $(cat err)"; return; }
     python3 - "$(($(wc -l <sweep.csv) - 1))" "$@" <<'PY' && ok "$1: $*; what has another element within it comes as near" || fail "$1"

@@ -1,5 +1,5 @@
-// clients/identify/joint.h: what five creeps of the first paper's dough say of it, how often the intervals are right.
-// KN_SETS=2000: the whole of it, some minutes for each noise.
+// clients/identify/joint.h: the numbers found from five creeps of the first paper's dough, and the coverage of the
+// intervals. KN_SETS=2000 runs the full test, some minutes for each noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/identify/joint.h"
 #include "clients/identify/stages.h"
@@ -45,7 +45,7 @@ TEST("five loads without noise: k1, c1, alpha, beta, P1 within 0.1 %, P0 only bo
         if (i != KN_JOINT_P0) CHECK_NEAR(off(&j, i), 0, 1e-3);
     CHECK(j.number[KN_JOINT_P0].known == KN_AT_MOST);
     CHECK(*j.number[KN_JOINT_P0].words);
-    CHECK_NEAR(j.lowest_pa / GF_CM2, 9.64, 0.01); // of 10 gf: 9 is below it
+    CHECK_NEAR(j.lowest_pa / GF_CM2, 9.64, 0.01); // stress of the 10 gf load; P0 = 9 lies below
     CHECK(j.outliers == 0);
     end(c, 5);
 }
@@ -72,7 +72,7 @@ TEST("one load reproduces its curve, and says what it cannot know")
     AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&j, 1, &c, &usual));
-    CHECK_NEAR(j.scale, 1, 0.15); // what is left is the noise
+    CHECK_NEAR(j.scale, 1, 0.15); // only the noise is left
     CHECK(j.runs[0] < 3);
     CHECK(j.number[KN_JOINT_P0].known == KN_AT_MOST);
     CHECK(j.number[KN_JOINT_P1].known == KN_AT_LEAST);
@@ -85,7 +85,7 @@ TEST("95 in 100 intervals hold the truth")
     int sets = asked ? atoi(asked) : KN_LENGTH(10, 10, 200);
     double slack = sets >= 2000  ? 2
                    : sets >= 200 ? 5
-                                 : 25; // points: three standard deviations, and what a test may be off by
+                                 : 25; // percentage points: three standard deviations plus the tolerance of the test
     static const double noise[] = {0.01, 0.03};
     kn_curve clean[5], noisy[5];
     five(clean);
@@ -109,11 +109,12 @@ TEST("95 in 100 intervals hold the truth")
             printf("  %s %.1f %% (off by %+.2f %%)", (const char *[]){"k1", "c1", "alpha", "beta", "P0", "P1"}[i],
                    100.0 * held[i] / sets, 100 * sum[i]);
         printf("\n");
-        fflush(stdout); // through a pipe, too: the next noise takes as long
+        fflush(stdout); // also through a pipe: the next noise takes as long
         for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
             CHECK(100.0 * held[i] / sets >= 95 - slack);
             if (sets < 200) continue;
-            if (i != KN_JOINT_P0) CHECK(100.0 * held[i] / sets <= 95 + fmin(slack, 4)); // of P0 only a bound is told
+            // for P0 only a bound is reported
+            if (i != KN_JOINT_P0) CHECK(100.0 * held[i] / sets <= 95 + fmin(slack, 4));
             if (i < KN_JOINT_P0) CHECK_NEAR(sum[i], 0, 0.003);
         }
     }
@@ -146,7 +147,7 @@ TEST("outliers move no bound of P0; two beside each other are left out, too")
     AT_END(creeps_free) kn_curve c = creeps_of(&dough, 50, 60, 70, 0.3);
     creeps_noise(&c, &c, 0.01);
     CHECK(kn_joint_fit(&without, 1, &c, &usual));
-    c.value[30] = 0.97; // as if 50 gf had pressed with 1.5
+    c.value[30] = 0.97; // as if 50 gf had pressed by 1.5 times as much
     c.value[100] += 0.08;
     c.value[101] += 0.09;
     CHECK(kn_joint_fit(&with, 1, &c, &usual));
@@ -171,7 +172,7 @@ TEST("a handful of readings without noise is enough, wherever they lie: the load
 TEST("ten loads, each late by a time of its own")
 {
     static const double gf[] = {5,  10, 15, 20, 25,
-                                30, 40, 50, 60, 70}; // below P1: what is beyond it looks like a delay
+                                30, 40, 50, 60, 70}; // below P1: a strain above P1 looks like a delay
     kn_curve c[10];
     kn_joint j;
     for (int k = 0; k < 10; k++) {
@@ -192,7 +193,8 @@ TEST("a clock that is late and a hand that is late are found for what they are, 
         for (int k = 0; k < 3; k++) {
             c[k] = creeps_of(&dough, gf[k], hand ? 60 - late_s : 60, 65, 0.3);
             for (int i = 0; i < c[k].count; i++) c[k].time_s[i] += late_s;
-            c[k].step[1] = (kn_curve_step){.time_s = 60, .early_s = 60, .late_s = 60}; // as was noted
+            // the release time as noted by hand
+            c[k].step[1] = (kn_curve_step){.time_s = 60, .early_s = 60, .late_s = 60};
         }
         CHECK(kn_joint_fit(&j, 3, c, &(kn_joint_options){.confidence = 0.95, .late = true, .no_intervals = true}));
         for (int k = 0; k < 3; k++) {

@@ -1,7 +1,7 @@
 #include "clients/knead/match.h"
 #include "tests/check.h"
 
-// A sheet of n x n vertices, 1 cm on a side, bent down by so much in the middle; shifted along x.
+// Make a sheet of n x n vertices, 1 cm on a side, shifted along x and bent down in the middle.
 static kn_still sheet(int n, float shift_m, float bend_m)
 {
     kn_still s = {.vertex_count = n * n, .triangle_count = 2 * (n - 1) * (n - 1)};

@@ -1,4 +1,4 @@
-// knead_mesh.h: the chunks of one tick are applied together or not at all, and no message is believed.
+// knead_mesh.h: the chunks of one tick are applied together or not at all, and no message is trusted.
 #include "clients/knead_mesh.h"
 #include "tests/check.h"
 
@@ -26,7 +26,7 @@ static uint32_t encode_update(int64_t id, int64_t tick, int32_t first, int32_t c
     return (uint32_t)knead_mesh_update_t_encode(datagram, 0, sizeof datagram, &msg);
 }
 
-// Residual strain value, stress 2 value; NULL arrays where a count is 0.
+// Send residual strain `value` and stress 2 `value`. The arrays are NULL where a count is 0.
 static bool update_measured(kn_mesh *m, int64_t tick, int32_t first, int32_t count, bool strain, bool stress,
                             float value)
 {
@@ -128,10 +128,10 @@ TEST("counts that the datagram does not hold never reach the decoder")
     static const int32_t lies[] = {-1, INT32_MIN, INT32_MAX, 0x20000001, 0x40000000, 13, 11, 0};
     AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
-    for (int field = 52; field <= 60; field += 4) // position_count, strain_count, stress_count
+    for (int field = 52; field <= 60; field += 4) // offsets of position_count, strain_count, stress_count
         for (size_t i = 0; i < sizeof lies / sizeof *lies; i++) {
             uint32_t size = encode_update(7, 20, 0, 4, 1);
-            if (field > 52 && lies[i] == 0) continue; // the truth
+            if (field > 52 && lies[i] == 0) continue; // a valid count
             for (int b = 0; b < 4; b++) datagram[field + b] = (uint8_t)((uint32_t)lies[i] >> (24 - 8 * b));
             CHECK(!kn_mesh_update(&m, datagram, size));
         }

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# knead mesh: says what a mesh has, refuses broken ones and surfaces that do not hold water, and has gmsh or tetgen fill
-# those that do; without these programs it says which package is missing.
+# knead mesh reports the properties of a mesh and refuses broken meshes and open surfaces. Closed surfaces are filled
+# by gmsh or tetgen. Without these programs knead mesh names the missing package.
 # gate in release: many runs of programs that start slowly with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 program="knead mesh"
 
-# ---- a mesh there is
+# ---- an existing mesh
 meshes=$KN_SOURCE/core/scenes/meshes
 knead mesh "$meshes/block.msh" >out || fail "block.msh is refused"
 grep -q "block.msh: Gmsh 4.1 ASCII, 169 nodes, 481 tetrahedra, 799 edges$" out || fail "what block.msh has"
@@ -22,7 +22,7 @@ while read -r line; do
 done <"$bad/expected"
 [ $count -ge 70 ] || fail "only $count bad meshes"
 
-# ---- what was asked for
+# ---- wrong arguments
 surface=$KN_SOURCE/tests/clients/surfaces/block.obj
 refuses 2 "knead mesh: expected one .obj, .stl or .msh file; --help tells the rest"
 refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
@@ -81,7 +81,7 @@ for tool in gmsh tetgen; do
     command -v $tool >/dev/null || { echo "skipped: $tool is not installed"; exit 77; }
 done
 
-# ---- with them
+# ---- with the programs
 export TMPDIR=$PWD/tmp
 mkdir "$TMPDIR"
 for tool in gmsh tetgen; do
@@ -99,13 +99,13 @@ for tool in gmsh tetgen; do
 done
 knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "a surface in cm"
 
-# whoever watches is told that there is something at work; a log is not
+# A terminal shows that a program is at work; a log does not.
 script -qec "knead mesh $surface -o watched.msh --size 1cm" watched </dev/null >/dev/null
 grep -q "gmsh at work: 0 s" watched || fail "nothing is said on a terminal while gmsh is at work"
 knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
 [ ! -s err ] || fail "$(cat err)"
 
-# a corner pushed through the opposite side: the program's own words, in one line
+# A corner pushed through the opposite side: the message is the program's own, in one line.
 sed 's/^v 50 50 30/v 25 24 -20/' "$surface" >cross.obj
 refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles:" cross.obj \
     --size 6mm -o x.msh --tool tetgen
@@ -116,7 +116,7 @@ refuses 3 "knead mesh: /nowhere/x.msh: No such file or directory, expected a fil
     --size 2cm -o /nowhere/x.msh
 [ -e x.msh ] && fail "a mesh of a surface that crosses itself"
 
-# stopped: nothing is left, neither files nor the program
+# Stopped by a signal: neither files nor the program are left.
 knead mesh "$surface" --size 1mm -o stopped.msh >out 2>err &
 child=$!
 for _ in $(seq 200); do

@@ -1,4 +1,4 @@
-// The comparison of models on curves whose model is known.
+// The comparison of models on curves of known models.
 #include "clients/identify/fractional.h"
 #include "clients/identify/models.h"
 #include "core/network.h"
@@ -109,7 +109,7 @@ TEST("the hold of a Burgers element is two Maxwell units, and its numbers are fo
     AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
     const kn_models_row *row = row_of(&m, "two Maxwell units");
     CHECK(&m.row[kn_models_best(&m)] == row);
-    CHECK_NEAR(number(row, "k1") + number(row, "k2"), 2e4, 300); // at once both springs answer
+    CHECK_NEAR(number(row, "k1") + number(row, "k2"), 2e4, 300); // both springs respond to the step at once
     CHECK(row->held < 0.01 && row->runs < 3);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k)") && !strstr(verdict(&m), "yardstick"));
     CHECK(row_of(&m, "Maxwell unit")->held > 0.1 && row_of(&m, "a - b ln t")->held > 0.1);
@@ -152,7 +152,8 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
     CHECK(strstr(verdict(&m), "thinning") && !strstr(verdict(&m), "yardstick"));
 }
 
-// A relaxation like fish muscle's: five decades, three to four fold in each three of them, as fractional Maxwell.
+// A relaxation like fish muscle's, made as fractional Maxwell. It spans five decades and falls three to four fold in
+// each three of them.
 static void muscle(made *m, double noise)
 {
     const kn_fractional f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};

@@ -1,4 +1,4 @@
-// Where OpenGL comes from: the same picture by every way there is.
+// The sources of OpenGL: every available source draws the same picture.
 #include "clients/viewer/offscreen.h"
 #include "tests/clients/pictured.h"
 #include <dlfcn.h>
@@ -12,7 +12,7 @@ static kn_view_scene pressed(void)
     return scene;
 }
 
-// NULL and why in error: not there.
+// Draw by this source. Return NULL and the reason in `error` if the source is not available.
 static uint8_t *drawn_by(const char *way, const block *b, char *error, size_t error_size)
 {
     setenv("KNEAD_GL", way, 1);
@@ -49,7 +49,7 @@ TEST("OSMesa and EGL draw the same picture, each from its own library, one after
     CHECK(dlopen("libEGL.so.1", RTLD_NOW | RTLD_NOLOAD) != NULL);
     long sum = 0;
     for (int i = 0; i < PIXELS * 4; i++) sum += labs((long)osmesa[i] - egl[i]);
-    CHECK((double)sum / (PIXELS * 4) < 0.2); // 0 with one Mesa for both
+    CHECK((double)sum / (PIXELS * 4) < 0.2); // 0 if both come from one Mesa
     CHECK(changed(osmesa, egl, 0, 0, WIDTH, HEIGHT) < PIXELS / 500);
     CHECK(count(egl, is_dough) > PIXELS / 20 && count(egl, is_arrow) > 50);
     uint8_t *back = drawn_by("osmesa", &b, error, sizeof error);

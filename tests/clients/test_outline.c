@@ -26,7 +26,8 @@ static void check_outline(int samples)
     uint8_t *at_it = draw(r, with, b.rest), *none = draw(r, without, b.rest), *through = draw(r, inside, b.rest);
     CHECK(memcmp(at_it, none, PIXELS * 4) == 0);
     CHECK(count(none, is_outline) == 0);
-    // a ring of 1 cm on a block of 5 cm, through the dough: as long as the circle, some pixels wide
+    // A ring of 1 cm across on a block of 5 cm, visible through the dough. The ring is as long as the circle and some
+    // pixels wide.
     int left = WIDTH, right = 0, ring = 0, within = 0;
     for (int i = 0; i < PIXELS; i++) {
         if (!is_outline(through + 4 * i)) continue;
@@ -44,7 +45,7 @@ static void check_outline(int samples)
     CHECK(within == 0);
     CHECK(abs(middle - WIDTH / 2) <= 1);
     uint8_t *again = draw(r, with, b.rest);
-    CHECK(memcmp(at_it, again, PIXELS * 4) == 0); // nothing stays behind
+    CHECK(memcmp(at_it, again, PIXELS * 4) == 0); // no outline is left from the picture before
     free(at_it), free(none), free(through), free(again);
 }
 

@@ -1,4 +1,4 @@
-// A virtual hand moves smoothly, as fast as it says, through the phases it names.
+// A virtual hand moves smoothly, at the speed it states, through the phases it names.
 #include "clients/knead/path.h"
 #include "tests/check.h"
 #include <unistd.h>
@@ -13,7 +13,7 @@ static double speed(const kn_path_point *p)
                 p->velocity_m_s[2] * p->velocity_m_s[2]);
 }
 
-// Walks in steps of 1 ms: no jump of position or velocity at any joint, and v is dx/dt by the central difference.
+// Walk in steps of 1 ms. Check that position and velocity never jump, and that v is dx/dt by the central difference.
 static void check_smooth(const kn_path *path, double speed_limit_m_s, double acceleration_limit_m_s2)
 {
     const double ms = 1e-3, tiny = 1e-6;
@@ -120,7 +120,7 @@ TEST("a sine swings whole periods between the surface and its depth")
     double lowest = 1, highest = 0, w = 2 * M_PI * 4;
     kn_path_point p;
     check_smooth(path, KN_PATH_AIR_M_S, 0.001 * w * w);
-    CHECK_NEAR(swing->duration_s, 1, 1e-12); // 4.4 periods asked
+    CHECK_NEAR(swing->duration_s, 1, 1e-12); // 4.4 periods were asked for
     for (double t = swing->start_s; t < swing->start_s + swing->duration_s; t += 1e-3) {
         kn_path_at(path, t, &p);
         lowest = fmin(lowest, p.position_m[2]);

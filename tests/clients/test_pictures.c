@@ -1,20 +1,21 @@
-// Pictures held against pictures: tests/clients/pictures/NAME.png, 176 x 99, which were looked at. Another Mesa may
-// draw other pixels along an outline; what is missing, mirrored or of another colour is told, and the mutations below
-// prove it.
+// Compare pictures with reference pictures, tests/clients/pictures/NAME.png, 176 x 99, which were inspected by eye.
+// Another Mesa may draw other pixels along an outline. Missing, mirrored or wrongly coloured parts are detected, as
+// the mutations below prove.
 //
 //     KN_PICTURES=write tests/one clients.pictures       draws the references anew: look at them
 //
-// A pixel is wrong when nothing like it is within one pixel in the other picture. Equal are two pictures with less than
-// WRONG_SHARE of such pixels, either way, and less than APART on the mean of what is left when both are blurred.
+// A pixel is wrong if the other picture has no similar pixel within one pixel of the place. Two pictures are equal if
+// fewer than WRONG_SHARE of the pixels are wrong, in either direction, and if their blurred copies differ by less
+// than APART on average.
 #include "clients/viewer/image.h"
 #include "tests/clients/pictured.h"
 #include <png.h>
 
-enum { W = 176, H = 99, LIKE = 24 }; // LIKE: of 255, in each channel
+enum { W = 176, H = 99, LIKE = 24 }; // LIKE: largest difference of similar pixels in each channel, of 255
 #define WRONG_SHARE 0.001
 #define APART 1.0
 
-typedef struct look { // what is drawn; a mutation changes one of these
+typedef struct look { // parameters of a picture; a mutation changes one of them
     const char *name;
     int tool; // kn_probe_shape, or NO_TOOL
     double force_n, azimuth_deg, elevation_deg, zoom, hand_z_m;
@@ -79,7 +80,7 @@ static uint8_t *drawn(const look *l)
     return rgba;
 }
 
-static bool like(const uint8_t *a, const uint8_t *b, int x, int y) // a's pixel, and one of b's around it
+static bool like(const uint8_t *a, const uint8_t *b, int x, int y) // a's pixel, and any of b's pixels around it
 {
     for (int v = y > 0 ? y - 1 : 0; v <= y + 1 && v < H; v++)
         for (int u = x > 0 ? x - 1 : 0; u <= x + 1 && u < W; u++) {
@@ -97,7 +98,7 @@ static double wrong_share(const uint8_t *a, const uint8_t *b)
     return (double)wrong / (W * H);
 }
 
-static double apart(const uint8_t *a, const uint8_t *b) // of squares of 5 x 5 pixels
+static double apart(const uint8_t *a, const uint8_t *b) // mean difference of squares of 5 x 5 pixels
 {
     double sum = 0;
     for (int y = 0; y + 5 <= H; y += 5)

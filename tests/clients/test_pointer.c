@@ -1,5 +1,5 @@
-// The hand behind a pointer, played against kneadd's own servo on dough: what a visitor may do with a mouse must
-// neither trip a guard nor jump.
+// The hand behind a pointer, with kneadd's own servo on dough. No action of a visitor's mouse may trip a guard or
+// make the pose jump.
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/knead/dent.h"
 #include "clients/knead/pointer.h"
@@ -21,7 +21,7 @@ typedef struct bench {
     kn_pointer pointer;
     kn_pointer_wish wish;
     kn_hand_force force;
-    bool answered, deaf; // force is on its way; kneadd hears nothing
+    bool answered, deaf; // answered: force is on its way; deaf: kneadd hears nothing
     kn_tick_out out;
     int64_t tick;
     double peak_n, lowest_m, slip_m, fastest_m_s;
@@ -69,7 +69,7 @@ static void teardown(bench *b)
 
 static void run(bench *b, int ms)
 {
-    static kn_pose pose; // the session's last
+    static kn_pose pose; // the last pose of the session
     for (int i = 0; i < ms; i++) {
         kn_path_point before = b->pointer.point;
         bool moved = b->sent > 0;
@@ -120,7 +120,7 @@ static void press(bench *b, double x_m, double y_m, double depth_m, int ms)
     run(b, ms);
 }
 
-static void stroke(bench *b, double x_m, double y_m, int ms) // as a page does it: once the object was met
+static void stroke(bench *b, double x_m, double y_m, int ms) // as a page does, only after the object was met
 {
     if (!(b->pointer.news.depth_m > 0)) return;
     b->wish.at_m[0] = x_m;
@@ -134,7 +134,7 @@ static void let_go(bench *b, int ms)
     run(b, ms);
 }
 
-static double dent(const bench *b) // m below the rest height, in the middle
+static double dent(const bench *b) // depth in the middle below the rest height, m
 {
     double z_m = NAN;
     kn_dent_height(&b->mesh, 0, 0, &z_m);
@@ -177,7 +177,7 @@ TEST("dragged in a press the tool strokes: there at the depth that it had, at pr
     let_go(&b, 600);
     CHECK(!b.pointer.news.contact);
     look(&b);
-    CHECK(dent(&b) > 0.002); // half the way
+    CHECK(dent(&b) > 0.002); // half the way remains
     CHECK(b.faults == 0);
     CHECK(b.servo.safety[FINGER].guards == 0);
     teardown(&b);
@@ -194,7 +194,7 @@ TEST("a button that came up and went down again between two ticks lifts the tool
     b.wish.press++;
     press(&b, 0.01, 0, 0.005, 1);
     for (int i = 0; i < 2000 && b.pointer.point.position_m[2] < b.wish.hover_z_m - 0.001; i++) {
-        CHECK(fabs(b.pointer.point.position_m[0] - there_m) < 1e-4); // it draws no furrow on its way
+        CHECK(fabs(b.pointer.point.position_m[0] - there_m) < 1e-4); // the tool draws no furrow on its way
         run(&b, 1);
     }
     run(&b, 1200);
@@ -225,7 +225,7 @@ TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay
                 if (i % 3 == 0) x_m = y_m = 0; // again and again into the same dent
                 press(&b, x_m, y_m, 0.001 + 0.00003 * (random >> 24),
                       i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
-                if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel, back and forth
+                if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel turns back and forth
                 if (i % 2) b.wish.depth_m *= 2, run(&b, 100);
                 stroke(&b, 0.02 * ((random >> 4 & 255) / 127.5 - 1), y_m, (int)(random >> 14) % 700);
                 let_go(&b, (int)(random >> 12) % 400);
@@ -252,7 +252,7 @@ TEST("without a page it lifts, and then kneadd hears no more of it; the next pag
     run(&b, 600);
     press(&b, 0, 0, 0.003, 2500);
     CHECK(b.pointer.news.contact);
-    b.wish.held = false; // its tab was closed, the button still down
+    b.wish.held = false; // the tab was closed while the button was down
     run(&b, 800);
     CHECK(b.pointer.mode == KN_POINTER_ABSENT && b.pointer.news.force_n == 0);
     int sent = b.sent;
@@ -285,7 +285,7 @@ TEST(
     run(&b, 2500);
     CHECK(b.pointer.session > session);
     CHECK(b.pointer.mode == KN_POINTER_FOLLOW && (b.pointer.news.flags & KN_FLAG_ENGAGED));
-    CHECK(!b.pointer.news.contact); // the button is down, and it keeps clear
+    CHECK(!b.pointer.news.contact); // the button is still down, so the tool keeps clear
     let_go(&b, 50);
     press(&b, 0, 0, 0.005, 600);
     CHECK(b.pointer.news.contact);

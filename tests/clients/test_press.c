@@ -1,4 +1,4 @@
-// clients/identify/press.h: what a hand did, by a path and by a log whose server missed cycles, done again to a model.
+// clients/identify/press.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
 #include "clients/identify/press.h"
 #include "clients/identify/candidate.h"
 #include "server/replay.h"
@@ -17,8 +17,8 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
     const double end_n = pressed.force_n[pressed.ticks - 1], before_n = pressed.force_n[pressed.ticks - 51];
     CHECK(end_n > 0.3);
-    CHECK_NEAR(end_n / before_n, 1, 0.02);        // it relaxes still, and by no more in 50 ms
-    CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s, 50 ms to begin and to end it, of which half count
+    CHECK_NEAR(end_n / before_n, 1, 0.02);        // the force still relaxes, by no more in 50 ms
+    CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s; the 50 ms at the beginning and at the end count half
     kn_press_free(&press);
     const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};
     must(kn_press_path(&press, c->scene, &slow, error, sizeof error), error);
@@ -40,7 +40,7 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
     kn_candidate c[KN_CANDIDATES];
     AT_END(kn_press_free) kn_press press = {0};
     AT_END(kn_pressed_free) kn_pressed pressed = {0};
-    const double at_s = record_press() - 0.55; // on its way down, 21 ms of it missed
+    const double at_s = record_press() - 0.55; // on the way down, after 21 ms of missed cycles
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
     const kn_press_play play = {c->first, c->best.surface, 1, &at_s, press.end_s, NULL, NULL};

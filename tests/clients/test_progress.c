@@ -22,8 +22,7 @@ TEST("the bar is as long as the share that is done, and what is left is told onc
     CHECK_STR(line(1e9, 10), "film  [####################] 100 %  0 s left");
 }
 
-// All that comes, until nothing has for half a second: a terminal hands over what was written to it when the kernel
-// finds time for it.
+// Read until nothing arrives for half a second. The kernel delivers output to a terminal with a delay.
 static size_t hear(int from, char *text, size_t size)
 {
     size_t n = 0;
@@ -37,7 +36,7 @@ static size_t hear(int from, char *text, size_t size)
     return n;
 }
 
-// What a terminal, or a file, gets of a thousand steps.
+// Return the output of a thousand steps, written to a terminal or a file.
 static size_t shown(int fd, int from, char *text, size_t size)
 {
     fflush(stderr);

@@ -55,7 +55,7 @@ static kn_range draw(block *b, const float (*now)[3])
     return r;
 }
 
-static double height_m(const block *b, const kn_range *r, double x_m, double y_m) // -1: nothing there
+static double height_m(const block *b, const kn_range *r, double x_m, double y_m) // -1: no surface there
 {
     const int x = (int)lround((x_m - r->left_m) / r->pixel_m), y = (int)lround((r->top_m - y_m) / r->pixel_m);
     const uint16_t level = b->level[y * WIDTH + x];
@@ -89,7 +89,7 @@ TEST("a dent is as deep as the mesh has it: at its vertices, and half way betwee
     for (int v = 0; v < b->surface->vertex_count; v++) {
         const float *x = b->rest[v];
         if (x[2] < 0.0299f || fabsf(x[0]) > 0.0249f || fabsf(x[1]) > 0.0249f) continue; // an outline may be a pixel off
-        const double slope = fabs(dent_m(x[0] + 0.005) - dent_m(x[0] - 0.005)) / 0.005; // of one side, at most
+        const double slope = fabs(dent_m(x[0] + 0.005) - dent_m(x[0] - 0.005)) / 0.005; // largest slope on either side
         CHECK_NEAR(height_m(b, &r, x[0], x[1]), b->dented[v][2], 0.5 * r.pixel_m * slope + r.step_m);
     }
     CHECK_NEAR(height_m(b, &r, 0, 0.011), 0.02, r.step_m);
@@ -107,8 +107,9 @@ TEST("x is to the right and y up the picture; what is above hides what is below;
     static uint16_t level[100 * 100];
     kn_range r = kn_range_frame(100, 100, 6, now, now);
     kn_range_draw(&r, now, 3, triangle, level);
-    CHECK(level[70 * 100 + 30] > 0 && level[30 * 100 + 70] == 0);       // below left, above right
-    CHECK_NEAR((level[70 * 100 + 30] - 1) * r.step_m, 0.001, r.step_m); // above the lower one, which is the table
+    CHECK(level[70 * 100 + 30] > 0 && level[30 * 100 + 70] == 0); // below left, above right
+    // height above the lower triangle, which is the table
+    CHECK_NEAR((level[70 * 100 + 30] - 1) * r.step_m, 0.001, r.step_m);
 }
 
 TEST("a file holds the levels to the bit, how large a pixel is, and the words")

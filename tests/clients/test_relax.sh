@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# knead relax, sweep and tpa against what is known in closed form, and the one line each for what they refuse.
+# knead relax, sweep and tpa compared with closed forms, and one line for each refusal.
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 
 near() { awk -v a="$1" -v b="$2" -v bound="${3:-1e-4}" 'BEGIN { d = a / b - 1; exit !(d < bound && d > -bound) }'; }
 
-# a Maxwell unit: E e^(-t/tau), tau = 2 s; half of it after 1.386 s, and tan = 1/(omega tau)
+# A Maxwell unit: E e^(-t/tau), tau = 2 s. Half remains after 1.386 s, and tan = 1/(omega tau).
 maxwell=(maxwell --param s1='10 kPa' --param d1='20 kPa*s')
 knead relax "${maxwell[@]}" --strain 10% --hold 20 --csv relax.csv --png relax.png >out || fail "relax maxwell: exit $?"
 read -r _ peak held last half e tenth < <(grep '^element' out)
@@ -20,9 +20,9 @@ for file in sweep.csv swung.csv; do
 done
 for png in relax.png sweep.png; do head -c 8 $png | od -An -c | grep -q 'P   N   G' || fail "$png"; done
 
-# dough: small swings are linear, larger ones thin it
+# Dough: small oscillations are linear, larger ones thin the dough.
 knead sweep dough --freq 0.01:1:3 --amplitude 1e-4 >small && knead sweep dough --freq 0.01:1:3 >linear || fail "sweep dough"
-paste <(grep '^ *[0-9]' small) <(grep '^ *[0-9]' linear) >both # side by side: 5 columns of each
+paste <(grep '^ *[0-9]' small) <(grep '^ *[0-9]' linear) >both # 5 columns of each table, side by side
 [ "$(wc -l <both)" = 3 ] && awk '{ a = $2 / $7 - 1; b = $3 / $8 - 1; if (a * a > 1e-6 || b * b > 1e-6) exit 1 }' both || fail "small swings are not linear: $(cat both)"
 knead sweep dough --freq 1:2:2 --amplitude 1% >out
 awk '$1 == "1" { thin = $3 } END { exit !(thin < 1e6) }' out || fail "dough does not thin: $(cat out)"
@@ -36,7 +36,7 @@ refuses 2 "knead sweep: --lattice: unknown option; --help lists them" sweep doug
 knead relax dough --strain 5% --ramp 5%/s --hold 5 --lattice 2x2x2 >out || fail "relax on a lattice: exit $?"
 near "$(awk '$1 == "lattice" { print $3 }' out)" "$(awk '$1 == "element" { print $3 }' out)" 0.06 || fail "lattice: $(cat out)"
 
-# texture: a spring gives everything back, clay nothing, dough a little
+# Texture: a spring returns all energy, clay none, dough a little.
 says() { grep -q "^$1 *$2" out || fail "$3: $1 is not $2: $(grep "^$1" out)"; }
 knead tpa s --param s1='10 kPa' --area constant >out || fail "tpa of a spring"
 says hardness '0.5 N' spring
@@ -48,7 +48,7 @@ knead tpa clay --png tpa.png --csv tpa.csv >out || fail "tpa of clay"
 says cohesiveness 0.0000 clay
 says springiness 0.0000 clay
 says resilience 0.0000 clay
-says hardness '0.3 N' clay # 15 kPa s, 0.1 /s, on 1 cm^2 that has become 2
+says hardness '0.3 N' clay # 15 kPa s at 0.1 /s, on 1 cm^2 that has become 2 cm^2
 knead tpa dough --strain 50% --speed 1mm/s --wait 5 >out || fail "tpa of dough"
 awk '/^cohesiveness/ { c = $2 + 0 } /^springiness/ { s = $2 + 0 } END { exit !(c > 0.1 && c < 0.3 && s > 0.1 && s < 0.2) }' out || fail "dough: $(cat out)"
 [ "$(head -n 1 tpa.csv)" = bite,time_s,plate_m,strain,force_n,stress_pa ] || fail "columns of tpa"

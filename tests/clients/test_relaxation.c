@@ -1,4 +1,4 @@
-// The papers' element fitted to relaxations that the network has made.
+// Fits of the papers' element to relaxations computed by the network.
 #include "clients/identify/relaxation.h"
 #include "core/network.h"
 #include "tests/check.h"
@@ -10,7 +10,7 @@
 
 static uint64_t seed = 1;
 
-// A rise to a strain of 0.3 at a rate, then 300 s, every step_s.
+// Rise to a strain of 0.3 at a rate, then hold for 300 s, with a reading every step_s.
 static void ramp_and_hold(made *m, const kn_material *mat, double rate, double step_s)
 {
     const double end_s = 0.3 / rate;
@@ -34,7 +34,7 @@ static void ramp_and_hold(made *m, const kn_material *mat, double rate, double s
     }
 }
 
-// What a hold alone is, from a rise of 15 s on: the same number of readings in each decade from 10 ms to 300 s.
+// A hold alone, after a rise of 15 s: equally many readings in each decade from 10 ms to 300 s.
 static void hold(made *m, const kn_material *mat)
 {
     kn_network net = kn_network_of(mat);
@@ -87,12 +87,13 @@ TEST("a slow rise and a hold without noise give every number back but P1, of whi
     CHECK(n[KN_RELAXATION_P1].known == KN_AT_LEAST && n[KN_RELAXATION_P1].interval.low > 4000 &&
           n[KN_RELAXATION_P1].interval.low < dough.p1_pa);
     CHECK(!kn_material_check(&r.material));
-    for (int i = 0; i < r.curve[0].hold.count; i++) // of the best, not of the last place where an interval was sought
+    // the fit stored is the best one, not the last one tried for an interval
+    for (int i = 0; i < r.curve[0].hold.count; i++)
         CHECK_NEAR(r.curve[0].fit_pa[r.curve[0].rise.count + i] / r.curve[0].hold.value[i], 1, 5e-4);
 }
 
-// Profile likelihood of noise-free data at that noise gives these as intervals (458 .. 483, 2468 .. 2533, 7.7e4 ..
-// 8.6e4, .0799 .. .0831, 8.77 .. 9.23 in the first paper's units): no seed may be outside of twice that.
+// The profile likelihood of noise-free data at that noise gives these intervals: 458 .. 483, 2468 .. 2533, 7.7e4 ..
+// 8.6e4, .0799 .. .0831, 8.77 .. 9.23 in the first paper's units. No seed may give values outside of twice that.
 TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their likelihood says")
 {
     static const double half[] = {0.027, 0.013, 0.057, 0.02, 0.026};
@@ -166,7 +167,7 @@ TEST("two holds of one material share its numbers and know them better than one"
 {
     static made a, b;
     hold(&a, &dough);
-    hold(&b, &dough); // its times; another strain
+    hold(&b, &dough); // the same reading times; another strain
     kn_network net = kn_network_of(&dough);
     kn_network_state at = {0};
     kn_drive rise = {.kind = KN_DRIVE_STRAIN, .rate_per_s = 0.05};
@@ -201,7 +202,8 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
     CHECK(!kn_material_check(&r.material));
 }
 
-// exp(-(t/50 s)^0.5), 61 readings from 0.1 to 100 s: not the element's, so what it leaves is no noise
+// exp(-(t/50 s)^0.5), 61 readings from 0.1 to 100 s. The element cannot follow this curve, so the residual is not
+// noise.
 static void stretched(made *m, double size_pa)
 {
     made_begin(m, KN_CURVE_RELAX, 0.1);
@@ -211,8 +213,9 @@ static void stretched(made *m, double size_pa)
     }
 }
 
-// From a place far beyond the interval P0 comes back below all stresses, where nothing pulls it up again: the sides
-// towards it were then 0.9999 and 0.9998 of the value. The numbers are of profiles walked in small steps from the best.
+// From a place far beyond the interval, P0 used to come back below all stresses, where nothing pulls it up again. The
+// sides towards that place were then 0.9999 and 0.9998 of the value. The expected numbers come from profiles walked
+// in small steps from the best fit.
 TEST("a profile closes where the others are at their best, on both sides and in any unit of stress")
 {
     static made m;

@@ -18,7 +18,7 @@ static void begin(const kn_render_def *more)
     seq = 0;
 }
 
-// A ms with a force upwards; what the motors are given.
+// Run one ms with a force upwards. Return the force given to the motors.
 static double ms(double force_n)
 {
     kn_render_force(&render, (double[]){0, 0, force_n}, 1e-3);
@@ -90,7 +90,7 @@ TEST("however often it is asked, the guard gives 4 N in a ms: in between there i
     CHECK_NEAR(after_ms(0.05, 7.9), 4.2, 1e-12);
     CHECK_NEAR(after_ms(0.05, 7.9), 4.4, 1e-12);
     CHECK(render.guards == 1 && !render.stop);
-    CHECK_NEAR(after_ms(0.875, 7.9), 7.9, 1e-12); // then the ms is over
+    CHECK_NEAR(after_ms(0.875, 7.9), 7.9, 1e-12); // the ms is over then
     CHECK(!render.stop);
     begin(NULL);
     rest(50, 0.0);
@@ -153,7 +153,7 @@ static const kn_contact_unit wall = {.utime = 1,
                                      .b_vc_n_s_per_m = 1.5,
                                      .valid_ms = 100};
 
-// The device 1 mm deep in a wall at z = 0, told by messages of 1 kHz.
+// Hold the device 1 mm deep in a wall at z = 0, with messages at 1 kHz.
 static void press(double turned_z, int count)
 {
     const double x[3] = {0, 0, -1e-3 * turned_z};

@@ -41,7 +41,7 @@ static void tick(recorder *r)
     kn_recorder_tick(r);
 }
 
-// ms of a hand that goes to z at most at 1 cm/s (2 cm/s in air), with a share of poses lost and of cycles missed.
+// Move the hand towards z for so many ms, at 2 cm/s at most. `trouble`: share of poses lost, and of cycles missed.
 static void move(recorder *r, int p, double z_m, int ms, double trouble)
 {
     double v = 0.0;
@@ -55,7 +55,7 @@ static void move(recorder *r, int p, double z_m, int ms, double trouble)
         if (kn_dice(&seed) < trouble) r->in.missed = 1 + (int)(3.0 * kn_dice(&seed));
         if (kn_dice(&seed) < trouble) hand->seq++; // lost on its way
         else kn_recorder_pose(r, p);
-        if (kn_dice(&seed) < trouble) kn_recorder_pose(r, p); // two in one tick: the later one counts
+        if (kn_dice(&seed) < trouble) kn_recorder_pose(r, p); // two poses in one tick: the later one counts
         tick(r);
     }
 }
@@ -67,21 +67,22 @@ static void quiet(recorder *r, int ms)
 
 static void end_session(recorder *r, int p) { r->in.pose[p] = NULL; }
 
-// The story all tests tell. Plate presses, loses its poses, comes back as another session; finger, too; reset; stop.
+// The common story of the tests. The plate presses, loses its poses and comes back as another session. The finger
+// joins. Then a reset and a stop.
 static void story(recorder *r, double trouble)
 {
     r->hand[0].session = 11;
     r->hand[1].session = 22;
-    move(r, 0, 0.030, 2700, trouble); // touch at rest
+    move(r, 0, 0.030, 2700, trouble); // rests on the surface
     move(r, 0, 0.0295, 600, trouble);
     move(r, 0, 0.028, 300, trouble);
-    quiet(r, 30); // a trip
+    quiet(r, 30); // long enough for a trip
     move(r, 0, 0.036, 800, trouble);
     move(r, 0, 0.029, 500, trouble);
     quiet(r, 1000);
     end_session(r, 0);
     quiet(r, 321);
-    r->in.missed = 7; // nobody is there to be told
+    r->in.missed = 7; // no hand is attached to be told
     quiet(r, 200);
     r->hand[0].session = 12;
     r->hand[0].position_m[2] = 0.04;
@@ -110,7 +111,8 @@ static void story(recorder *r, double trouble)
     quiet(r, 30);
 }
 
-// knead replay with these arguments in a process of its own; its exit code, what it said in out[] and err[].
+// Run knead replay with these arguments in a process of its own. Return its exit code, with its output in out[] and
+// err[].
 static char out[4096], err[4096];
 
 static void slurp(const char *path, char *text, size_t size)
@@ -157,9 +159,9 @@ static void remove_folder(void)
     if (system(command) != 0) fprintf(stderr, "%s stays behind\n", folder);
 }
 
-static void scratch(void) // tests write files: in a folder of their own
+static void scratch(void) // work in a temporary folder, since the tests write files
 {
-    static bool made; // its name may end with an X, too
+    static bool made; // a flag, because the folder's name may itself end with an X
     if (made) return;
     if (!mkdtemp(folder) || chdir(folder) != 0) SKIP("no scratch folder");
     made = true;
@@ -283,7 +285,7 @@ static void put_checkpoint(recorder *r, int64_t tick, double missed)
     kn_recorder_put(r, "KNEAD_EVENT", bytes, knead_event_t_encode(bytes, 0, sizeof bytes, &m));
 }
 
-// Ends the log; the ticks it replays to. err is its damage.
+// End the log. Return the number of ticks that it replays to. err: damage of the log.
 static int64_t ticks_of(recorder *r)
 {
     int64_t ticks = 0;
@@ -298,7 +300,8 @@ TEST("a replay runs no more ticks than the log has records for, however far a ti
 {
     enum { HAND_MS = 50, HOUR_MS = 3600000, IDLE_S = 70 };
     static const struct {
-        int64_t tick, ms; // of a checkpoint behind the last good tick; tick 0: of a pose in a log without forces
+        // ticks and time from the last good tick to a checkpoint; tick 0: to a pose in a log without forces
+        int64_t tick, ms;
         double missed;
         int64_t ticks;
         const char *damage;
@@ -306,8 +309,8 @@ TEST("a replay runs no more ticks than the log has records for, however far a ti
                {1000000000, 0, 1e308, HAND_MS, "more than an hour without records"},
                {HOUR_MS - 1, 0, 0, HAND_MS, "ticks without a record up to tick 36000"},
                {HOUR_MS - 1, 0, -1, HAND_MS, "ticks without a record"},
-               {HOUR_MS - 1, 0, HOUR_MS - 2, HAND_MS + 1, ""}, // its server stood still for an hour
-               {1, 8 * HOUR_MS, 0, HAND_MS + 1, ""},           // its machine slept for a night
+               {HOUR_MS - 1, 0, HOUR_MS - 2, HAND_MS + 1, ""}, // the server stood still for an hour
+               {1, 8 * HOUR_MS, 0, HAND_MS + 1, ""},           // the machine slept for a night
                {0, HOUR_MS - 1, 0, HAND_MS, "ticks without a record"},
                {0, 2 * HOUR_MS, 0, HAND_MS, "more than an hour without records"}};
     scratch();
@@ -322,12 +325,12 @@ TEST("a replay runs no more ticks than the log has records for, however far a ti
         else kn_recorder_pose(r, 0);
         CHECK(ticks_of(r) == far[i].ticks && (far[i].damage[0] ? strstr(err, far[i].damage) != NULL : !err[0]));
     }
-    recorder *r = record("far.lcmlog"); // and the server's first ticks after a far one
+    recorder *r = record("far.lcmlog"); // first ticks of a second server after a checkpoint far ahead
     put_checkpoint(r, 1000000000, 0);
     kn_recorder_pose(r, 0);
     kn_recorder_tick(r);
     CHECK(ticks_of(r) == 1 && strstr(err, "a second run of the server"));
-    r = record("far.lcmlog"); // nobody is there for longer than a minute, on a touched object
+    r = record("far.lcmlog"); // no hand for longer than a minute, on a touched object
     kn_recorder_pose(r, 0);
     kn_recorder_tick(r);
     for (int64_t s = 1; s <= IDLE_S; s++) put_checkpoint(r, 1000 * s, 0);
@@ -358,7 +361,7 @@ TEST("one flipped bit of a force is found and named")
 
 TEST("a log that begins on an untouched object replays; one of an object already kneaded is refused in plain words")
 {
-    for (int late = 0; late < 3; late++) { // 2: and is as new from the log's first tick on
+    for (int late = 0; late < 3; late++) { // 2: the object is reset at the log's first tick
         scratch();
         seed = 8;
         recorder *r = record("late.lcmlog");
@@ -380,7 +383,7 @@ TEST("a log that begins on an untouched object replays; one of an object already
         record_end(r);
         CHECK(REPLAY("late.lcmlog", "--verify") == (late == 1 ? KN_EXIT_USAGE : KN_EXIT_OK));
         CHECK(late != 1 || strstr(err, "had been kneaded before this log begins"));
-        char why[300]; // what needs the hand alone can have it
+        char why[300]; // a replay that needs only the hand's poses is possible
         kn_replay_def def = {.log_path = "late.lcmlog",
                              .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
                              .sets = (const char *const[]){"quality=own"},
@@ -391,7 +394,7 @@ TEST("a log that begins on an untouched object replays; one of an object already
     }
 }
 
-// What a keeper would write of the object now.
+// Save the object as a keeper would do now.
 static kn_saved keep(recorder *r, kn_store *store)
 {
     char why[200];
@@ -401,7 +404,7 @@ static kn_saved keep(recorder *r, kn_store *store)
     return saved;
 }
 
-static char state[16]; // the directory of the test, below folder
+static char state[16]; // directory of the test, inside `folder`
 static kn_store new_store(recorder *r)
 {
     static int made;
@@ -415,7 +418,8 @@ static kn_store new_store(recorder *r)
 
 TEST("a log that begins on a kneaded object goes on from a snapshot of that run, to the bit of the straight one")
 {
-    for (int mid = 0; mid < 3; mid++) { // with the tool in the air, under load, latched; and troubles before and after
+    // tool in the air, under load, latched; with lost poses and cycles before and after
+    for (int mid = 0; mid < 3; mid++) {
         scratch();
         seed = 8u + (unsigned)mid;
         recorder *r = record("late.lcmlog");
@@ -435,7 +439,7 @@ TEST("a log that begins on a kneaded object goes on from a snapshot of that run,
         if (mid != 1) move(r, 1, 0.050, 30, 0.0);
         kn_saved saved = keep(r, &store);
         story(r, 0.01);
-        kn_saved late = keep(r, &store); // of the last tick: nothing comes after it
+        kn_saved late = keep(r, &store); // of the last tick: nothing follows
         record_end(r);
         kn_store_close(&store);
         CHECK(REPLAY("late.lcmlog", "--verify") == KN_EXIT_USAGE);
@@ -473,7 +477,7 @@ TEST("a snapshot of a straight run at any tick and the log from there on give th
 
 TEST("a log that begins with missed cycles goes on from the snapshot of the tick before them")
 {
-    for (int told = 0; told < 2; told++) { // by a checkpoint, by a force
+    for (int told = 0; told < 2; told++) { // missed cycles told by a checkpoint, by a force
         scratch();
         seed = 8;
         recorder *r = record("behind.lcmlog");
@@ -515,7 +519,7 @@ TEST("restores replay with their snapshots, undos without; without them, or with
     r->in.restore = NULL;
     move(r, 1, 0.055, 700, 0.0);
     move(r, 1, 0.041, 1500, 0.0);
-    for (int i = 0; i < 3; i++) { // the press, the restore, the first press
+    for (int i = 0; i < 3; i++) { // undo the second press, the restore, the first press
         r->in.undo = true;
         quiet(r, 1);
         r->in.undo = false;
@@ -561,11 +565,12 @@ TEST("another scene is refused by name, another computation may be asked for, bu
         for (int k = 0; k < i; k++) CHECK(hashes[i] != hashes[k]);
     CHECK(REPLAY("story.lcmlog", "--dt", "0.7 ms") == KN_EXIT_USAGE);
     CHECK(strstr(err, "1 ms divided by a whole number"));
-    CHECK(REPLAY("story.lcmlog", "--solver", "rk4") == KN_EXIT_USAGE); // its limit is named, not walked into
+    // refused because of the stability limit, without a step
+    CHECK(REPLAY("story.lcmlog", "--solver", "rk4") == KN_EXIT_USAGE);
     CHECK(strstr(err, "rk4 is stable up to"));
 }
 
-// A machine that was too slow for the chosen point, twice, and an operator who did not mind.
+// Record a machine that is too slow for the chosen point, twice. Then an operator chooses a point despite that.
 static void tell_slow_story(const char *path)
 {
     scratch();
@@ -603,10 +608,11 @@ TEST("points of quality are taken at the log's ticks and never by the time of th
             taken += r->tick.out.event[i].kind == KNEAD_EVENT_T_KIND_QUALITY;
         reduced += (r->tick.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED) != 0;
     }
-    CHECK(taken == 4 && reduced > 500 && r->tally.checkpoints > 4 && r->tally.mismatches == 0); // the third: none below
+    // the third step down finds no lower point
+    CHECK(taken == 4 && reduced > 500 && r->tally.checkpoints > 4 && r->tally.mismatches == 0);
 }
 
-// A hand that strikes under a deadline that most of its ticks end by; the logger runs from `from` ms on.
+// Record a hand that strikes while a deadline ends most ticks. The logger starts after `from` ms.
 static void tell_hurried_story(const char *path, int from)
 {
     scratch();
@@ -715,7 +721,7 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
     fclose(f);
     CHECK(size > 4000 && size < sizeof bytes);
     int64_t records = 0;
-    for (size_t i = 0; i < size; i += 11) { // every one is fuzz_log's affair
+    for (size_t i = 0; i < size; i += 11) { // fuzz_log tries every byte
         uint8_t was = bytes[i];
         bytes[i] = (uint8_t)(kn_dice(&seed) * 256.0);
         f = fopen("bad.lcmlog", "wb");
@@ -725,7 +731,7 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
         kn_log_record record;
         CHECK(kn_log_open(&log, "bad.lcmlog", err, sizeof err));
         while (kn_log_read(&log, &record) != KN_LOG_END) records++;
-        if (i % 5 == 0) { // all the way through
+        if (i % 5 == 0) { // replay to the end
             kn_replay_def def = {.log_path = "bad.lcmlog"};
             OWN(kn_replay) *replay_ = kn_replay_create(&def, err, sizeof err);
             int64_t ticks = 0;

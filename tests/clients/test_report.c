@@ -1,4 +1,4 @@
-// The force table and the CSV of a session, from messages made here.
+// The force table and the CSV of a session, from messages made by the test.
 #include "clients/knead/report.h"
 #include "tests/check.h"
 
@@ -6,7 +6,7 @@ static kn_hand hand;
 static kn_record record;
 static kn_path *path;
 
-// A press of 100 poses before the path and its whole length after, one force per pose, as a server would send them.
+// Make a press with 100 poses before the path, the whole path, and one force for each pose, as a server sends them.
 static void play(void)
 {
     memset(&record, 0, sizeof record);
@@ -54,7 +54,8 @@ TEST("a press: contact from touch to withdrawal, its peak, the end of the hold, 
     CHECK_NEAR(r.peak_n, 10, 1e-9);
     CHECK_NEAR(r.hold_end_n, 10, 1e-9);
     CHECK_NEAR(r.given_peak_n, 3.3, 1e-9);
-    CHECK_NEAR(r.contact_s, 2.575, 0.005); // 1.05 s down, 0.5 s there, 1.025 s up: it does not stop at the surface
+    // 1.05 s down, 0.5 s there, 1.025 s up: the withdrawal does not stop at the surface
+    CHECK_NEAR(r.contact_s, 2.575, 0.005);
     CHECK(r.peak_s > r.contact_from_s && r.peak_s < r.contact_from_s + r.contact_s);
     CHECK(r.gain_min == 1);
     forget();
@@ -68,13 +69,13 @@ TEST("every force that echoes a pose counts; a lost one, a strange one and an ol
     int64_t all = hand.attempt[0].sent;
     CHECK(r.sent == all && r.forces == all && r.matched == all && r.strange == 0 && r.stale == 0 && r.lost == 0);
     CHECK_NEAR(r.round_trip_p50_ms, 0.5, 1e-9);
-    CHECK_NEAR(r.round_trip_p99_ms, 0.5, 1e-9); // one of 1000s was late
+    CHECK_NEAR(r.round_trip_p99_ms, 0.5, 1e-9); // only one of thousands was late
 
     drop(50);
     record.force[60].force.session = 39;
     record.force[70].force.seq--;
     record.force[70].force.flags = KN_FLAG_STALE;
-    record.force[80].force.missed_cycles = 2; // two cycles skipped: their numbers are gone, no record is
+    record.force[80].force.missed_cycles = 2; // two cycles skipped: their tick numbers are missing, but no record is
     for (int i = 80; i < record.force_count; i++) record.force[i].force.tick += 2;
     kn_report_make(&r, &hand, &record);
     CHECK(r.forces == all - 1 && r.matched == all - 2 && r.strange == 1 && r.stale == 1 && r.missed == 2);
@@ -87,7 +88,7 @@ TEST("what follows the last pose is no longer the press")
     kn_report r;
     play();
     record.force = realloc(record.force, sizeof *record.force * (size_t)(record.force_count + 20));
-    for (int i = 0; i < 20; i++) { // the server fades: no pose comes any more
+    for (int i = 0; i < 20; i++) { // the server fades because no pose comes any more
         kn_heard_force *f = &record.force[record.force_count], *last = f - 1;
         *f = *last;
         f->force.tick++;

@@ -1,4 +1,4 @@
-// What a page may ask for in words.
+// The text requests that a page may make.
 #include "clients/web/request.h"
 #include "tests/check.h"
 

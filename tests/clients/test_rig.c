@@ -26,7 +26,7 @@ static kn_rig_result run(const char *name, int trip_ms, kn_grip grip, kn_rig_mot
     return kn_rig_run(&def, kn_pad_touch, &c);
 }
 
-// Every class, hand, material and motion at a round trip, and nobody's hand on a wall.
+// Run every class, grip, material and motion at a round trip, and a device without a hand on a wall.
 static void grid(int trip_ms)
 {
     for (int d = 0; d < 4; d++) {
@@ -40,7 +40,7 @@ static void grid(int trip_ms)
                         KN_TEST_FAIL("%s, %s on %s, motion %d, %d ms: %.3f N above 10 Hz, %.1f turns, %.2f mJ",
                                      classes[d], kn_grip_name((kn_grip)g), kn_pads[p].name, m, trip_ms, r.force_rms_n,
                                      r.turns, 1e3 * r.returned_j);
-                    CHECK(r.strokes > 0 && r.peak_n > 0.05); // it did touch
+                    CHECK(r.strokes > 0 && r.peak_n > 0.05); // the device did touch
                 }
     }
 }
@@ -80,7 +80,7 @@ static kn_rig_result on_lattice(const char *class, const char *material, kn_grip
 TEST("nor on the lattice itself, under a ball: nobody's hand, and the lightest, as a server closes the loop")
 {
     static const char *const materials[] = {"dough", "clay", "jelly"};
-    for (int c = 0; c < 4; c += 2) // touch, omega; all of them in bench/loop
+    for (int c = 0; c < 4; c += 2) // touch, omega; bench/loop runs all of them
         for (int m = 0; m < 3; m++)
             for (int motion = KN_RIG_LEAN; motion <= KN_RIG_SLIDE; motion++) {
                 kn_grip grip = motion == KN_RIG_LEAN ? KN_GRIP_NONE : KN_GRIP_LIGHT;
@@ -119,10 +119,10 @@ TEST("under a held force the pad's springs and dampers are those of its definiti
     kn_coupling stiff = {1e6, 0.0};
     kn_pad pad;
     kn_pad_init(&pad, &def);
-    double depth = 0.0, dt = 1e-4; // 1 N held: the depth that keeps it
+    double depth = 0.0, dt = 1e-4; // depth that holds the force at 1 N
     for (int n = 0; n < 10000; n++) {
         depth = pad.voigt_m + pad.flow_m + 1e-6;
-        for (int i = 0; i < 20; i++) { // by secants on a copy
+        for (int i = 0; i < 20; i++) { // by secants on a copy of the pad
             kn_pad trial = pad;
             double force = kn_pad_tick(&trial, &stiff, dt, depth, 0.0);
             depth += (1.0 - force) / 1e6 + (1.0 - force) * dt * (1 / 20.0 + 1 / 5000.0);
@@ -134,8 +134,8 @@ TEST("under a held force the pad's springs and dampers are those of its definiti
     CHECK_NEAR(pad.flow_m, 1.0 / 5000.0, 1e-7);
     CHECK_NEAR(kn_pad_stored_j(&pad), 0.5 * 200.0 * pad.voigt_m * pad.voigt_m, 1e-15);
     for (int n = 0; n < 20000; n++) kn_pad_tick(&pad, &stiff, dt, -0.01, 0.0);
-    CHECK_NEAR(pad.voigt_m, 0.0, 1e-6); // comes back
-    CHECK_NEAR(pad.flow_m, 2e-4, 1e-7); // stays
+    CHECK_NEAR(pad.voigt_m, 0.0, 1e-6); // the elastic part returns
+    CHECK_NEAR(pad.flow_m, 2e-4, 1e-7); // the plastic part stays
 }
 
 TEST("a pad pushes and never pulls, and a wall does not give way")

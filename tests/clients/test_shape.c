@@ -1,11 +1,13 @@
-// knead identify shape: structures and inside pressures found again from range images and forces that were made by
-// others, with noise on both.
+// knead identify shape: find structures and inside pressures again from range images and forces. The measurements are
+// synthetic, with noise on both.
 //
-// The blind cases: structure, P0 (0.2 .. 3 atm) and gamma (0.7 .. 1.4 of its own) drawn at random; the block of
-// dough-small.yaml is pressed as in the first paper; at the end of the hold its range image gets noise of 1 % of its
-// height on every pixel, and the force noise of 1 % of its largest. The command is given these two files and the scene
-// as it is. By default one of them, at night two, held for 1 s; KN_CASES=10: as many as that, held for 30 s; KN_HOLD another time;
-// KN_SCENE another scene; KN_NOISE another noise.
+// The blind cases draw structure, P0 (0.2 .. 3 atm) and gamma (0.7 .. 1.4 of its own) at random. The block of
+// dough-small.yaml is pressed as in the first paper. At the end of the hold its range image gets noise of 1 % of its
+// height on every pixel, and the force noise of 1 % of its largest. The command gets these two files and the scene as
+// it is.
+//
+// By default one case is run, at night two, held for 1 s. KN_CASES=10 runs that many, held for 30 s. KN_HOLD sets
+// another time, KN_SCENE another scene, KN_NOISE another noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/identify/candidate.h"
 #include "clients/identify/experiments.h"
@@ -26,14 +28,15 @@
 
 enum { PIXELS = 320 };
 
-static uint64_t seed = 20261123; // of the blind cases
+static uint64_t seed = 20261123; // seed of the blind cases
 
-typedef struct lump { // how something was made and measured
+typedef struct lump { // construction and measurement of an object
     const char *scene, *structure, *set;
     double pressure_pa, area_factor, noise, shift_m[2];
-    double lost;      // share of the pixels that see nothing, and a twentieth of it that see something where nothing is
-    const char *hold; // "30" or less
-    bool at_end;      // image after the withdrawal
+    // share of the pixels without a reading; a twentieth of that share are stray readings beside the object
+    double lost;
+    const char *hold; // hold time, "30" or less
+    bool at_end;      // the image is taken after the withdrawal
 } lump;
 
 static void write_force(const kn_press *press, const kn_pressed *pressed, double noise)
@@ -62,12 +65,12 @@ static void write_image(const kn_surface *s, const float (*rest_m)[3], const flo
         else if (l->lost > 0 && kn_dice(&seed) < l->lost / 20) level[i] = 15000;
         if (l->lost > 0 && kn_dice(&seed) < l->lost) level[i] = 0;
     }
-    r.left_m -= l->shift_m[0]; // it says it lies elsewhere
+    r.left_m -= l->shift_m[0]; // the image states another position
     r.top_m -= l->shift_m[1];
     must(kn_range_save("depth.png", &r, "measured", level, error, sizeof error), error);
 }
 
-// Every vertex of the surface, to a tenth of a millimetre.
+// Write every vertex of the surface, with noise of a tenth of a millimetre.
 static void write_points(const kn_surface *s, const float (*now_m)[3])
 {
     FILE *f = fopen("points.csv", "w");
@@ -79,7 +82,7 @@ static void write_points(const kn_surface *s, const float (*now_m)[3])
     fclose(f);
 }
 
-// Files depth.png, points.csv and force.csv of it.
+// Press the object and write depth.png, points.csv and force.csv.
 static void measure(const lump *l)
 {
     char error[600];
@@ -103,7 +106,7 @@ static void measure(const lump *l)
     kn_candidate_free(c);
 }
 
-// The command, in a process of its own; its exit code.
+// Run the command in a process of its own. Return its exit code.
 static int command(int count, const char *const *argument, const char *out, const char *err)
 {
     char *argv[40] = {(char *)(uintptr_t) "knead identify shape"};
@@ -234,7 +237,7 @@ TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and 
 NIGHT_TEST(
     "a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
 {
-    seed = 20261123; // the same lump after any number of blind cases
+    seed = 20261123; // the same object after any number of blind cases
     const lump l = {.scene = SMALL,
                     .structure = "both",
                     .set = "object.spacing=5 mm",
@@ -263,7 +266,7 @@ NIGHT_TEST(
     json_decref(root);
 }
 
-// Of two range images' heights where both see something.
+// Return the rms difference of the heights where both range images have a reading.
 static double apart_m(const char *one, const char *other, int *both)
 {
     char error[300];
@@ -282,7 +285,7 @@ static double apart_m(const char *one, const char *other, int *both)
     return sqrt(squares / *both);
 }
 
-// Mean place of what a range image sees.
+// Return the mean position of the readings in a range image.
 static void middle_of(const char *path, double middle_m[2])
 {
     char error[300];
@@ -318,7 +321,7 @@ TEST("an image that lies beside where it says, with lost and stray pixels, is al
     double measured_m[2], model_m[2];
     middle_of("depth.png", measured_m);
     middle_of("model.png", model_m);
-    for (int k = 0; k < 2; k++) CHECK_NEAR(model_m[k], measured_m[k], 6e-5); // pixel on pixel, as they were seen
+    for (int k = 0; k < 2; k++) CHECK_NEAR(model_m[k], measured_m[k], 6e-5); // pixel on pixel, as in the measured image
     CHECK_NEAR(json_number_value(json_object_get(best, "shift_x_m")), 0.00013, 4e-5);
     CHECK_NEAR(json_number_value(json_object_get(best, "shift_y_m")), -0.00031, 4e-5);
     CHECK_NEAR(pressure_of(best), 5e4, 2.5e3);
@@ -382,7 +385,7 @@ TEST("what is found is written: a scene that loads with its numbers, and the ran
     CHECK(scene->model.pressure == KN_PRESSURE_CELLS);
     CHECK_NEAR(scene->model.material.p1_pa, 1.2 * 80 * 98.0665, 0.03 * 80 * 98.0665);
     int both;
-    CHECK_NEAR(apart_m("depth.png", "model.png", &both), 0.01 * 0.03, 0.00005); // the noise alone
+    CHECK_NEAR(apart_m("depth.png", "model.png", &both), 0.01 * 0.03, 0.00005); // only the noise remains
     CHECK(both > 5000);
 }
 
@@ -429,12 +432,12 @@ TEST("where nothing explains it the least off is nearest, and none that is less 
           strstr(v.words, "diagonals is nearly as near, 10.5"));
     for (int i = 0; i < 3; i++) c[i].sum = 0.01 * off[i] * off[i] * e.readings;
     kn_verdict_make(&v, 3, c, &e);
-    CHECK(v.best == 0 && v.rival == 2 && v.explained); // the fewest numbers that explain it
+    CHECK(v.best == 0 && v.rival == 2 && v.explained); // the fewest numbers that explain the data
 }
 
 // ---- forces
 
-// A press of 2 s at 500 Hz, up to 4 N, and what is made of one spoilt reading of it.
+// Make a press of 2 s at 500 Hz, up to 4 N, with some spoilt readings, and read its force curve.
 static kn_pull spoilt(const kn_press *press, double from_s, double spike_n, int spikes)
 {
     enum { READINGS = 1000 };

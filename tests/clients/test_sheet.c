@@ -1,4 +1,4 @@
-// Tables as instruments and spreadsheets write them.
+// Tables in the formats of instruments and spreadsheets.
 #include "clients/identify/sheet.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
@@ -7,7 +7,7 @@
 
 static kn_sheet s;
 
-// Opens and reads the first `columns` columns of a text.
+// Open a text and read its first `columns` columns.
 static int read_bytes(const void *text, size_t size, const char *units, int columns)
 {
     int wanted[8] = {0, 1, 2, 3, 4, 5, 6, 7};
@@ -24,7 +24,7 @@ static int read_text(const char *text, int columns) { return read_bytes(text, st
 
 static double at(int column, int row) { return row < s.rows ? s.column[column].value[row] : -999; }
 
-// Whether what was heard is one line that begins with the file and this place, and has these words.
+// Return whether the message is one line that begins with the file and this place, and contains these words.
 static bool complained(const char *place, const char *words)
 {
     char begin[200];
@@ -196,7 +196,7 @@ TEST("a doubled quote in quotes is one")
     CHECK(at(2, 0) == 3);
 }
 
-// ---- where the table is
+// ---- position of the table
 
 TEST("units may stand in a row of their own, in brackets or not")
 {
@@ -345,7 +345,7 @@ TEST("--units gives units to names that have none")
     CHECK(read_bytes(text, strlen(text), "time", 2) == KN_EXIT_USAGE && strstr(kn_heard, "time=s"));
 }
 
-// ---- what is no table
+// ---- files without a table
 
 TEST("what is no table is told in one line")
 {

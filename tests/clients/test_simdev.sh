@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# The command line of knead-simdev: help, one line for every mistake, exit codes, a name that is taken.
+# The command line of knead-simdev: help, one line for every mistake, exit codes, a name in use.
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 program="timeout 5 knead-simdev"
 
-serves() { # serves ARGUMENT...: $pid, $uri
-    rm -f served # or the loop reads what the last one wrote
+serves() { # serves ARGUMENT...: start the device; set $pid and $uri
+    rm -f served # otherwise the loop reads the output of the run before
     knead-simdev "$@" >served 2>served.err &
     pid=$!
     for _ in {1..100}; do

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# knead stability: two families in their quick form, everything right; the same text whatever the number of processes;
-# files; one line for whatever is not an option. The whole of it takes minutes and is run by hand.
+# knead stability: two families in their quick form, with the right results. The text does not depend on the number of
+# processes. Files are written. A wrong option gives one line. The full survey takes minutes and is run by hand.
 # gate in release: arithmetic, ten times slower with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -13,14 +13,14 @@ grep -q 'the default solver is right, or refuses with a reason, in 80 of 80 cell
 head -c 8 bar.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
 grep -q ',rk4,refused,.*rk4 is stable up to' bar.csv || fail "a refusal has no reason"
 
-# the alternatives' failures stand beside it: at rest to flow the tangent goes up and down
+# The table also shows the failures of the alternatives: from rest to flow the tangent oscillates.
 knead stability --quick --family mass >mass || fail "mass: exit $?"
 awk '$1 == "mass" && $2 == "default" && $4 + $5 == $3 { ok = 1 } END { exit !ok }' mass || fail "mass: $(sed -n 2p mass)"
 awk '$1 == "tangent" && $5 + $6 > 0 { ok = 1 } END { exit !ok }' mass || fail "the tangent does not chatter: $(grep tangent mass)"
 
-# a process that is killed leaves its cell behind, and the others go on
+# A killed process leaves its cell unfinished, and the other processes go on.
 children() { cat "/proc/$1/task/$1/children"; }
-if [ -e /proc/$$/task/$$/children ]; then # not every kernel tells
+if [ -e /proc/$$/task/$$/children ]; then # not every kernel has this file
     knead stability --quick --family mass --jobs 2 >killed 2>/dev/null &
     survey=$!
     while [ -z "$(children $survey)" ]; do sleep 0.05; done

@@ -11,7 +11,7 @@
 
 #define SCENE KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
 
-// A hand whose poses are all that was recorded: half a second above the block (for the gain), 3 mm into it, out again.
+// Record only the poses of a hand: half a second above the block (for the gain), then depth_m into it, and out again.
 static void record(const char *path, double depth_m)
 {
     lcm_eventlog_t *log = lcm_eventlog_create(path, "w");
@@ -29,7 +29,7 @@ static void record(const char *path, double depth_m)
     lcm_eventlog_destroy(log);
 }
 
-// The command on a block of 3 x 3 x 4 nodes; arguments end with NULL. Its words go into the file `said`.
+// Run the command on a block of 3 x 3 x 4 nodes. The arguments end with NULL. The output goes into the file `said`.
 static int tradeoff(const char *const *arguments)
 {
     char *argv[40] = {"knead tradeoff", SCENE, "tradeoff.lcmlog"};
@@ -58,7 +58,7 @@ static bool said(const char *what)
     return strstr(text, what);
 }
 
-// A column of the CSV, of row 0, 1, ...; NAN where it is empty.
+// Return an entry of the CSV, rows counted from 0, or NAN if the entry is empty.
 static double cell(const char *path, const char *column, int row)
 {
     char line[2000], *at, *end;
@@ -155,7 +155,7 @@ static void copy_part(const char *from, const char *to, long size)
     fclose(in), fclose(out);
 }
 
-// The log of record, with the scene that it is said to be of.
+// Append a scene to the log: the scene that the log claims to belong to.
 static void record_with(const char *path, const char *name, const char *text)
 {
     lcm_eventlog_t *log = lcm_eventlog_create(path, "a");
@@ -180,7 +180,7 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && !said("runs "));
     CHECK(said("tradeoff.lcmlog: was recorded with another scene, 'jelly.yaml', expected one of dough-small.yaml"));
 
-    // of this one, by another solver, with a point, and for screens: the hand is what counts
+    // The same scene with another solver, a quality point and mesh measures for screens. Only the hand matters.
     const char *const sets[] = {"solver.iterations=9", "quality.fast.iterations=3", "mesh.measures=both"};
     OWN(kn_scene) *dough = load_scene("dough-small.yaml", sets, 3);
     record("tradeoff.lcmlog", 0.003);
@@ -272,7 +272,7 @@ TEST("a trace comes back as it was; damaged, foreign and missing ones are told a
     kn_trace_free(&back);
     CHECK(kn_trace_load(&back, "one.trace", 78) == KN_TRACE_FOREIGN);
     CHECK(kn_trace_load(&back, "no.trace", 77) == KN_TRACE_MISSING);
-    for (long at = 0; at < 600; at += 40) { // no byte of it may change, and no size is believed
+    for (long at = 0; at < 600; at += 40) { // any changed byte is noticed, and no size is trusted
         CHECK(kn_trace_save(&t, "bad.trace", 77));
         FILE *f = fopen("bad.trace", "r+");
         fseek(f, at, SEEK_SET);
@@ -280,7 +280,7 @@ TEST("a trace comes back as it was; damaged, foreign and missing ones are told a
         fclose(f);
         kn_trace_found found = kn_trace_load(&back, "bad.trace", 77);
         kn_trace_free(&back);
-        bool number = at >= 24 && at < 24 + (long)sizeof t; // of the head: a wrong cost cannot be seen
+        bool number = at >= 24 && at < 24 + (long)sizeof t; // numbers in the header: a wrong cost cannot be noticed
         CHECK(number || found == KN_TRACE_DAMAGED || found == KN_TRACE_FOREIGN);
     }
     CHECK(truncate("one.trace", 300) == 0 && kn_trace_load(&back, "one.trace", 77) == KN_TRACE_DAMAGED);
@@ -293,7 +293,7 @@ TEST("of two times of a tick the lesser counts: what disturbed other ticks in th
     for (int i = 5; i < 11; i++) one[i] = 90, two[i + 6] = 80;
     kn_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
     CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
-    one[7] = one[8] = two[7] = 30; // dear in both
+    one[7] = one[8] = two[7] = 30; // expensive in both traces
     one[8] = two[8] = 40;
     CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
 }
@@ -324,7 +324,7 @@ TEST("the budget is the p90's, and what chatters or latches is never picked")
     CHECK(!kn_front_pick(&front, 60));
 }
 
-// Points of the scene's own lattice, step and precision: so many iterations in every step, and at most.
+// Points of the scene's own lattice, step and precision. Each has a number of iterations per step and a maximum.
 typedef struct naming {
     kn_scene scene;
     kn_plan *plan;
@@ -371,11 +371,11 @@ TEST("the named points are the cheapest that are accurate enough, on the scene's
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == four);
     CHECK(kn_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
-    n.scene.budget_s = 2e-4; // none is that accurate: the nearest, and the others less work than that
+    n.scene.budget_s = 2e-4; // no point is accurate enough: take the nearest, and for the other names less work
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == two);
     CHECK(kn_front_excess(two, KN_QUALITY_ACCURATE) == 4);
-    n.front.row[2].force.solver = 0.5; // more work, and worse: nothing for a name
+    n.front.row[2].force.solver = 0.5; // more work and less accurate: no use for a name
     name(&n);
     CHECK(n.named[1] == one && n.named[2] == one);
     n.scene.budget_s = 1e-5;
@@ -409,7 +409,7 @@ TEST("a server that is late can go down from a name to the one before: it takes 
     static naming n;
     begin(&n);
     const kn_row *loose = add(&n, 2, 24, 20, 0.02);
-    add(&n, 4, 4, 30, 0.003); // is nearer than loose, but may take fewer at most
+    add(&n, 4, 4, 30, 0.003); // more accurate than loose, but its maximum of iterations is lower
     const kn_row *tight = add(&n, 4, 24, 90, 0.002);
     name(&n);
     CHECK(n.named[0] == loose && n.named[1] == tight && n.named[2] == tight);
@@ -421,7 +421,7 @@ TEST("a bound that a point meets is met, whatever the names below would rather b
     static naming n;
     begin(&n);
     const kn_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
-    add(&n, 16, 16, 50, 0.002); // more work than one, and nearer; but two is not more work than it
+    add(&n, 16, 16, 50, 0.002); // more work than one, and more accurate; but two is not more work than this point
     name(&n);
     CHECK(n.named[0] == one && n.named[2] == two && kn_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
     free(n.plan);

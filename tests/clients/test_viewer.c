@@ -118,7 +118,7 @@ TEST("with one sample per pixel nothing but outlines differs, shadows and table 
     kn_view_scene scene = kn_view_scene_default();
     scene.probe_count = 1;
     scene.probe[0] = (kn_view_probe){.def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.015}, .force_n = {0, 0, 8}};
-    for (int i = 0; i < 4; i++) { // what an earlier picture left must not show
+    for (int i = 0; i < 4; i++) { // nothing of an earlier picture may remain
         scene.probe[0].position_m[0] = 0.02 * (i - 1.5);
         scene.probe[0].position_m[2] = 0.045 + 0.01 * (i % 2);
         uint8_t *a = draw(fine, scene, i % 2 ? b.dented : b.rest), *z = draw(coarse, scene, i % 2 ? b.dented : b.rest);
@@ -129,9 +129,9 @@ TEST("with one sample per pixel nothing but outlines differs, shadows and table 
 }
 
 static bool is_low(const uint8_t *p) { return p[2] > p[1] + 30 && p[0] > p[1] + 20; }   // the scale's violet, lit
-static bool is_high(const uint8_t *p) { return p[0] > p[2] + 110 && p[1] > p[2] + 90; } // and its yellow
+static bool is_high(const uint8_t *p) { return p[0] > p[2] + 110 && p[1] > p[2] + 90; } // the scale's yellow
 
-// How many pixels are of the scale's low end and of its high one, with all numbers the same.
+// Count the pixels of the scale's low end and of its high end, with the same value at all vertices.
 static void paint(kn_renderer *r, const block *b, kn_view_style style, float all, int *low, int *high)
 {
     const int edges = b->surface->triangle_count, vertices = b->surface->vertex_count;
@@ -196,7 +196,7 @@ static void check_scale(double most, const char *unit, double top, const char *t
 
 TEST("a scale ends at 1, 2 or 5 of a power of ten and is told in the unit that suits it")
 {
-    for (double most = 1e-6; most < 1e7; most *= 1.07) { // as small as it can be told in
+    for (double most = 1e-6; most < 1e7; most *= 1.07) { // the text is as short as possible
         const kn_scale scale = {"stress", "Pa", kn_scale_top(most)};
         char text[64];
         CHECK(scale.top >= most && scale.top <= 5.0 / 3 * most);
@@ -228,7 +228,7 @@ TEST("a dent across the top shows, and only there; its profile shows from the fr
     free(rest);
     free(dented);
 
-    // straight from the front the groove takes dough out of the silhouette: 1 cm deep, between 1 and 2 cm wide
+    // In the level front view the groove removes dough from the silhouette: 1 cm deep, between 1 and 2 cm wide.
     scene.azimuth_deg = scene.elevation_deg = 0;
     rest = draw(r, scene, b.rest), dented = draw(r, scene, b.dented);
     double left = (double)count(dented, is_dough) / count(rest, is_dough);
@@ -245,7 +245,7 @@ TEST("the same input gives the same bytes, in the next picture and in the next r
     scene.probe[0] = (kn_view_probe){
         .def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {0, 0, 0.04}, .force_n = {1, 0, 3}};
     OWN(kn_renderer) *r = open_renderer(&b), *other = open_renderer(&b);
-    kn_view_scene elsewhere = kn_view_scene_default(); // another camera, too: the backdrop is drawn anew
+    kn_view_scene elsewhere = kn_view_scene_default(); // another camera as well: the backdrop is drawn anew
     elsewhere.azimuth_deg = -40;
     uint8_t *first = draw(r, scene, b.dented), *between = draw(r, elsewhere, b.rest);
     uint8_t *second = draw(r, scene, b.dented), *third = draw(other, scene, b.dented);
@@ -280,7 +280,7 @@ TEST("a plate hides dough; its arrow grows with the force and is absent without 
     free(bare);
 }
 
-// Straight from the front, level: a tool before the block shows its outline. Area, measured by the block's front.
+// Return the area of a tool in front of the block in a level front view, scaled by the area of the block's front.
 static double shown_m2(kn_renderer *r, const block *b, const kn_probe_def *def, const double turn[4])
 {
     kn_view_scene scene = kn_view_scene_default();
@@ -296,7 +296,7 @@ static double shown_m2(kn_renderer *r, const block *b, const kn_probe_def *def, 
 
 TEST("every shape shows its own outline, and turns with its pose")
 {
-    static const double level[4] = {0}, over[4] = {0.70710678, 0, 0.70710678, 0}; // z to x
+    static const double level[4] = {0}, over[4] = {0.70710678, 0, 0.70710678, 0}; // turns z to x
     static const kn_probe_def capsule = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.004, .length_m = 0.008},
                               cylinder = {.shape = KN_PROBE_CYLINDER, .radius_m = 0.006, .length_m = 0.012},
                               box = {.shape = KN_PROBE_BOX, .size_m = {0.006, 0.002, 0.012}},
@@ -304,7 +304,7 @@ TEST("every shape shows its own outline, and turns with its pose")
     const double ball = 3.14159 * 0.004 * 0.004;
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b);
-    double scale = shown_m2(r, &b, &box, level) / (0.006 * 0.012); // it is 5 mm nearer than the front
+    double scale = shown_m2(r, &b, &box, level) / (0.006 * 0.012); // the tool is 5 mm nearer than the block's front
     CHECK(scale > 1 && scale < 1.2);
     CHECK_NEAR(shown_m2(r, &b, &box, over) / scale, 0.006 * 0.012, 0.1 * 0.006 * 0.012);
     CHECK_NEAR(shown_m2(r, &b, &cylinder, level) / scale, 0.012 * 0.012, 0.1 * 0.012 * 0.012);
@@ -314,7 +314,7 @@ TEST("every shape shows its own outline, and turns with its pose")
     CHECK_NEAR(shown_m2(r, &b, &cross, over) / scale, 0.012 * 0.004, 0.15 * 0.012 * 0.004);
     kn_shape of_parts = {0}, of_file = {0};
     kn_solid lying = kn_solid_capsule(0.004, 0.008), stamp;
-    lying.turned = true, lying.at_m[0] = -0.004; // its z along x
+    lying.turned = true, lying.at_m[0] = -0.004; // z axis along x
     memcpy(lying.turn, (double[3][3]){{0, 0, 1}, {0, 1, 0}, {-1, 0, 0}}, sizeof lying.turn);
     stamp = kn_solid_field(surface_field(surface_box(box.size_m, 0, 2), 0.001));
     CHECK(kn_shape_add(&of_parts, &lying) && kn_shape_add(&of_file, &stamp));
@@ -371,7 +371,7 @@ TEST("what moves far away is drawn whole: only what nothing touches is kept from
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b), *fresh = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
-    for (int v = 0; v < b.surface->vertex_count; v++) b.dented[v][0] += 0.04f; // slid to the right
+    for (int v = 0; v < b.surface->vertex_count; v++) b.dented[v][0] += 0.04f; // moved to the right
     scene.probe_count = 1;
     scene.probe[0] = (kn_view_probe){
         .def = {.shape = KN_PROBE_SPHERE, .radius_m = 0.01}, .position_m = {-0.06, 0, 0.02}, .force_n = {-20, 0, 5}};
@@ -390,7 +390,7 @@ TEST("tools in a flat object do not shine through its sides")
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b);
     kn_view_scene scene = kn_view_scene_default();
-    scene.thickness_m = 0.05; // the block's
+    scene.thickness_m = 0.05; // thickness of the block
     uint8_t *bare = draw(r, scene, b.rest);
     scene.probe_count = 1;
     for (int plate = 0; plate < 2; plate++) {

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# knead zwidth: the same text every time; a delay costs what the delayed bound says it costs; a light hand on jelly bears more than
-# nobody on a wall; files; a coupling that is too stiff is told by the exit code; one line for whatever is not an option.
+# knead zwidth: the text is the same every time. A delay costs as much as the delayed bound states. A light hand on
+# jelly allows more than a device alone on a wall. Files are written. A coupling that is too stiff gives an exit code.
+# A wrong option gives one line.
 # gate in release: arithmetic, ten times slower with the sanitizers
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -16,7 +17,7 @@ head -c 8 z.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
 awk -F, 'NR > 1 && !($3 > 0.6 * $8 && $3 < $8 && $9 < $3) { bad = 1 } END { exit bad }' z.csv || fail "bounds: $(cat z.csv)"
 awk -F, '{ k[$1] = $3 } END { r = k[0] / k[1]; exit !(r > 2.5 && r < 3.5) }' z.csv || fail "a period of delay: $(cat z.csv)"
 
-# a device's own friction is what a coupling without damping lives on, and Colgate knew it
+# Without damping in the coupling, only the device's own friction stabilises it, as Colgate found.
 knead zwidth --quick --device falcon --csv smooth.csv >/dev/null || fail "falcon: exit $?"
 knead zwidth --quick --device falcon --set device.damping='2.5 N*s/m' --csv rough.csv >/dev/null || fail "rough falcon: exit $?"
 paste -d, smooth.csv rough.csv | awk -F, '$1 == 0 && !($15 > 5 * $4 && $18 == 5 * $7) { bad = 1 } END { exit bad }' ||

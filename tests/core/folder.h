@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_CORE_FOLDER_H
 #define KN_TESTS_CORE_FOLDER_H
-// A folder of a test's own; what is in it is removed at the end by name.
+// Create a folder for one test. At the end remove the files in it by name.
 #include "tests/check.h"
 
 #include <unistd.h>

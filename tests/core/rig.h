@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_CORE_RIG_H
 #define KN_TESTS_CORE_RIG_H
-// A lattice in integers, made of chance, and room for its ticks.
+// A random lattice in integers, with memory for its ticks.
 #include "core/fixed.h"
 #include "core/hash.h"
 #include "tests/check.h"
@@ -24,7 +24,7 @@ static inline int32_t within(uint64_t *seed, int32_t least, int32_t most)
     return least + (int32_t)(next(seed) % (uint64_t)((int64_t)most - least + 1));
 }
 
-// Nodes near each other at random, edges between any two of them, a table that falls from 1 to 1/20.
+// Make random nodes, random edges between pairs of nodes, and a table that falls from 1 to 1/20.
 static inline rig *make(int nodes, int edges, uint64_t seed)
 {
     rig *r = calloc(1, sizeof *r);
@@ -75,7 +75,7 @@ OWNS(rig, unmake)
 
 static inline void tick(rig *r, int count) { kn_fixed_tick(&r->fixed, r->bound, count, r->reaction, &r->result); }
 
-// Every node held and moved at random.
+// Hold every node and move it at random.
 static inline void move_all(rig *r, uint64_t *seed, int32_t most)
 {
     for (int n = 0; n < r->image.config.node_count; n++)

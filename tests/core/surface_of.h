@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_CORE_SURFACE_OF_H
 #define KN_TESTS_CORE_SURFACE_OF_H
-// Closed surfaces whose shape is known, as tools of files have them.
+// Closed surfaces of known shape, as they are read from the files of tools.
 #include "core/field.h"
 #include <math.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@ typedef struct surface_of {
     int (*triangle)[3];
 } surface_of;
 
-// The cube's surface in 6 n^2 squares, two triangles each, over [-1, 1]^3; shaped by whoever asks.
+// Make the surface of the cube [-1, 1]^3 from 6 n^2 squares of two triangles each. Callers then deform the cube.
 static inline surface_of surface_cube(int n)
 {
     surface_of s = {.x_m = malloc(6 * (size_t)(n + 1) * (size_t)(n + 1) * sizeof *s.x_m),
@@ -35,11 +35,12 @@ static inline surface_of surface_cube(int n)
     return s;
 }
 
-static inline surface_of surface_box(const double size_m[3], double edge_m, int n) // on its origin, as kn_solid_box
+// stands on its origin, as kn_solid_box does
+static inline surface_of surface_box(const double size_m[3], double edge_m, int n)
 {
     surface_of s = surface_cube(n);
     for (int i = 0; i < s.vertices; i++) {
-        double from[3], length = 0; // from the nearest point of the smaller box
+        double from[3], length = 0; // offset from the nearest point of the smaller box
         for (int k = 0; k < 3; k++) {
             double half = 0.5 * size_m[k], at = half * s.x_m[i][k];
             from[k] = at - fmin(fmax(at, edge_m - half), half - edge_m);
@@ -54,7 +55,7 @@ static inline surface_of surface_box(const double size_m[3], double edge_m, int 
 static inline surface_of surface_ball(double radius_m, int n)
 {
     surface_of s = surface_cube(n);
-    for (int i = 0; i < s.vertices; i++) { // squares of about one size on the ball
+    for (int i = 0; i < s.vertices; i++) { // squares of about equal size on the ball
         double x[3], length = 0;
         for (int k = 0; k < 3; k++) x[k] = tan(0.7853981633974483 * s.x_m[i][k]), length += x[k] * x[k];
         for (int k = 0; k < 3; k++) s.x_m[i][k] = radius_m * x[k] / sqrt(length);
@@ -62,7 +63,7 @@ static inline surface_of surface_ball(double radius_m, int n)
     return s;
 }
 
-static inline kn_field *surface_field(surface_of s, double cell_m) // takes the surface
+static inline kn_field *surface_field(surface_of s, double cell_m) // takes ownership of the surface
 {
     kn_field *f =
         kn_field_build(s.vertices, (const double(*)[3])s.x_m, s.triangles, (const int(*)[3])s.triangle, cell_m);

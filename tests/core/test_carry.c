@@ -26,7 +26,7 @@ static void object_free(object *o)
     kn_scene_destroy(o->scene);
 }
 
-// The last tool comes down by 5 mm within 100 ms, and holds. Returns its force.
+// Press the last tool down by 5 mm within 100 ms, hold it, and return its force.
 static double hold(object *o, int ms)
 {
     kn_input in = {0};
@@ -68,7 +68,7 @@ TEST("a spring twice as stiff stores twice as much of the same stretch, and no n
 {
     AT_END(object_free) object a = object_of("dough-small.yaml", NULL);
     AT_END(object_free) object b = object_of("dough-small.yaml", "material.k1=940 gf/cm^3");
-    hold(&a, 3000); // until what a last step does is little
+    hold(&a, 3000); // until the last steps change little
     kn_carry(a.model, a.state, b.model, b.state);
     for (int i = 0; i < a.model->node_count; i++) {
         double x[3], y[3];

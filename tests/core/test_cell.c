@@ -10,7 +10,7 @@ static kn_grid grid_of(int nx, int ny, int nz, double thickness_m)
     return g;
 }
 
-// Every node of the lattice where it rests, and a little aside.
+// Return the positions of all nodes of the lattice at rest, each moved a little at random.
 static double (*crumpled(const kn_grid *g, double by_m, uint64_t seed))[3]
 {
     double(*x)[3] = calloc((size_t)g->nodes, sizeof *x);
@@ -67,7 +67,7 @@ TEST("a crumpled cell's gradient is the derivative of its volume, and adds up to
                 corner[i][k] -= 2 * step;
                 double less = kn_cell_volume(&g, (const double(*)[3])corner, ignored);
                 corner[i][k] += step;
-                // of first degree in every coordinate: the difference is exact
+                // The volume is linear in every single coordinate, so the difference quotient is exact.
                 CHECK_NEAR((more - less) / (2 * step), gradient[i][k], 1e-14);
                 sum += gradient[i][k];
             }
@@ -103,7 +103,7 @@ TEST("turned inside out a cell has a negative volume; turned about and carried a
     double(*x)[3] = crumpled(&g, 0.002, 9), corner[8][3], turned[8][3], gradient[8][3];
     gather(&cell, (const double(*)[3])x, corner);
     double volume = kn_cell_volume(&g, (const double(*)[3])corner, gradient);
-    for (int i = 0; i < 8; i++) { // x -> y -> z -> x, then 10 m away
+    for (int i = 0; i < 8; i++) { // swap axes x -> y -> z -> x, then move 10 m away
         for (int k = 0; k < 3; k++) turned[i][(k + 1) % 3] = corner[i][k];
         turned[i][0] += 10;
     }

@@ -6,7 +6,7 @@
 
 static const double level[4] = {1, 0, 0, 0};
 
-typedef struct bench { // dough, 5 x 5 x 3 cm at 5 mm, with a plate and a sphere
+typedef struct bench { // dough, 5 x 5 x 3 cm, 5 mm spacing, with a plate and a sphere
     kn_model *model;
     kn_state *state;
     kn_input input;
@@ -53,10 +53,10 @@ TEST("clearance is the distance above the object, and falls below zero inside it
     double high[3] = {0.001, 0.002, 0.034}, low[3] = {0.001, 0.002, 0.028}, aside[3] = {0.05, 0, 0.01};
     CHECK_NEAR(kn_clearance(b.model, b.state, 0, high, level), 0.004, 1e-12);
     CHECK_NEAR(kn_clearance(b.model, b.state, 0, low, level), -0.002, 1e-12);
-    CHECK(kn_clearance(b.model, b.state, 0, aside, level) > 1); // nothing under the plate
+    CHECK(kn_clearance(b.model, b.state, 0, aside, level) > 1); // no object under the plate
     high[2] += 0.012;
-    CHECK_NEAR(kn_clearance(b.model, b.state, 1, high, level), 0.004, 2e-4); // the skin is looked at every half spacing
-    CHECK(kn_clearance(b.model, b.state, 1, low, level) < -0.012);           // its centre is under the skin
+    CHECK_NEAR(kn_clearance(b.model, b.state, 1, high, level), 0.004, 2e-4); // the skin is sampled every half spacing
+    CHECK(kn_clearance(b.model, b.state, 1, low, level) < -0.012);           // the centre is under the skin
     CHECK_NEAR(kn_clearance(b.model, b.state, 1, aside, level), 0.05 - 0.025 - 0.012, 2e-4);
 }
 
@@ -65,7 +65,7 @@ TEST("the model's probe moves with the reported velocity and makes up a gap in 2
     AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.05, -0.01);
     find(&b);
-    CHECK_NEAR(b.state->probe[0].velocity_m_s[2], -0.01, 1e-15); // no gap when it enters
+    CHECK_NEAR(b.state->probe[0].velocity_m_s[2], -0.01, 1e-15); // the probe enters without a gap
     b.input.probe[0].position_m[2] -= 0.001;
     find(&b);
     CHECK_NEAR(b.state->probe[0].velocity_m_s[2], -0.01 - 0.001 / KN_FOLLOW_S, 1e-12);
@@ -83,7 +83,7 @@ TEST("a plate holds the top nodes it reaches, and no others")
     find(&b);
     put(&b, 0, 0, 0, 0.0299, 0);
     kn_contact *contact = find(&b);
-    CHECK(contact->hold_count == 3 * 11); // 1 cm of 5 mm cells, across the whole block
+    CHECK(contact->hold_count == 3 * 11); // a strip 1 cm wide of 5 mm cells, across the whole block
     for (int i = 0; i < contact->hold_count; i++) {
         double x[3];
         kn_grid_rest(&b.model->grid, contact->hold[i].node, x);
@@ -130,7 +130,7 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
 TEST("a node touched in mid-step moves by what is left of the step")
 {
     AT_END(bench_close) bench b = bench_open();
-    put(&b, 0, 0, 0, 0.030004, -0.01); // 4 um above, 10 um to go
+    put(&b, 0, 0, 0, 0.030004, -0.01); // 4 um above the top, moving by 10 um in this step
     kn_contact *contact = find(&b);
     CHECK(contact->hold_count == 33);
     CHECK_NEAR(contact->hold[0].velocity_m_s[2], -0.006, 1e-9);
@@ -158,7 +158,8 @@ static void check_flat(kn_skin_form skin)
         CHECK_NEAR(s->depth_m, 0.012 - sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]), 1e-12);
         if (s->depth_m > 0) inside += s->foundation_n_m / KN_FOUNDATION_N_M3; // area of the sample
     }
-    double cap = 3.14159265 * (2 * 0.012 * 0.001 - 0.001 * 0.001); // circle in which the ball cuts the plane
+    // area of the circle in which the plane cuts the ball
+    double cap = 3.14159265 * (2 * 0.012 * 0.001 - 0.001 * 0.001);
     CHECK_NEAR(inside, cap, 0.1 * cap);
 }
 

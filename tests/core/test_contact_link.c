@@ -4,13 +4,14 @@
 #include "tests/check.h"
 #include "tests/dice.h"
 
-// A server and a client in simulated time: the server holds one three-element unit under a surface and a proxy in its
-// solve; poses go to it and answers come back through a link with delay, jitter and loss. The server's arithmetic is
-// its own, on purpose: nothing of core/contact_model.c.
+// A server and a client in simulated time. The server holds one three-element unit under a surface, with a proxy in
+// its solve. Poses and answers travel through a link with delay, jitter and loss. The server's arithmetic is
+// deliberately independent: it uses nothing of core/contact_model.c.
 
 #define DT 1e-3
 
-typedef struct material { // N s/m, N/m; c2 falls from rest to flow between two forces (dough: paper 1, eq. 6)
+// units N s/m and N/m; c2 falls from its rest value to its flow value between two forces (dough: paper 1, eq. 6)
+typedef struct material {
     const char *name;
     double c1, k1, c2_rest, c2_flow, f0, f1;
 } material;
@@ -33,9 +34,9 @@ static double c2_of(const material *m, double t)
 
 typedef struct server {
     const material *m;
-    bool rigid;            // no coupling: what the material itself answers
-    double wave_m, mu;     // amplitude of a surface that waves along x with 20 mm
-    double p[3], depth, h; // proxy; of the surface below its rest; back stress
+    bool rigid;            // no coupling: the force of the material itself
+    double wave_m, mu;     // amplitude of a surface that waves along x with a period of 20 mm; friction
+    double p[3], depth, h; // proxy; depth of the surface below its rest height; back stress
     double shear[3], anchor_m[3], t, force_n[3], normal[3], v_n;
 } server;
 
@@ -44,7 +45,8 @@ static double slope(const server *s, double x) { return s->wave_m * 6.2831853 / 
 
 static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-static double load(double rest, double g, double a, const material *m) // t (1/g + 1/a + 1/c2(t)) = rest, by bisection
+// solve t (1/g + 1/a + 1/c2(t)) = rest by bisection
+static double load(double rest, double g, double a, const material *m)
 {
     double low = 0, high = fmax(0, rest * g);
     for (int i = 0; i < 60; i++) {
@@ -111,7 +113,7 @@ static kn_contact_unit tell(const server *s, int64_t utime, int64_t seq, const d
 // --- the link -------------------------------------------------------------------------------------------------------
 
 #define QUEUE 512
-typedef struct link { // one way; bursts of loss of three on the average
+typedef struct link { // one direction; losses come in bursts of three on average
     int delay_ms, jitter_ms;
     double loss;
     bool bad;
@@ -138,11 +140,11 @@ static void put(link *l, int now, const kn_contact_unit *unit, const double x[3]
     l->count++;
 }
 
-static int due(link *l, int now) // an item that has arrived, last of the list; -1 none
+static int due(link *l, int now) // return an arrived item, moved behind the end of the list; -1 if none
 {
     for (int i = 0; i < l->count; i++)
         if (l->item[i].at <= now) {
-            l->item[l->count] = l->item[i]; // the slot behind the list keeps it until the next put
+            l->item[l->count] = l->item[i]; // the slot behind the list keeps the item until the next put
             memmove(&l->item[i], &l->item[i + 1], (size_t)(l->count - i) * sizeof l->item[0]);
             return --l->count;
         }
@@ -153,34 +155,35 @@ static int due(link *l, int now) // an item that has arrived, last of the list; 
 
 typedef enum gesture { PRESS, TAP, SLIDE } gesture;
 static const char *const gestures[] = {"press", "tap", "slide"};
-typedef enum method { DIRECT, HOLD, MODEL } method; // no link at all; the last force that came; the local model
+typedef enum method { DIRECT, HOLD, MODEL } method; // no link at all; the last force that arrived; the local model
 
 typedef struct trial {
     const material *m;
     gesture what;
     method how;
-    int rtt_ms, jitter_ms, outage_ms; // outage: of every second from 1.5 s on
-    double depth_m;                   // of the hand's press; 0: 10 mm
-    double loss, wrong[3];            // factors on A, k1, c2 of the messages; 0: right
+    int rtt_ms, jitter_ms, outage_ms; // outage: the first so many ms of every second from 1.5 s on
+    double depth_m;                   // depth of the hand's press; 0: 10 mm
+    double loss, wrong[3];            // loss rate; factors on A, k1, c2 of the messages, where 0 means unchanged
     int rate;                         // renders per ms, 1 .. 10
 } trial;
 
 typedef struct result {
-    double error;    // of the force against what the material alone would answer to the device's way, relative, rms
+    double error;    // error of the force relative to the material's own force for the device's path, rms
     double buzz_n;   // force above 10 Hz, rms
     double jump_n;   // largest change in 1 ms after 1.2 s
-    double given_mj; // most that the user ever got back beyond what he put in
+    double given_mj; // largest energy returned to the user beyond the energy put in
     int64_t taken;
 } result;
 
 static void follow(gesture what, double depth_m, double t, double path[3], double path_v[3])
 {
-    double down = what == TAP ? 0 : fmin(depth_m, fmax(0, 0.020 * (t - 0.2))); // of the hand: the grip gives
+    // depth of the hand; the device goes less deep, since the grip is compliant
+    double down = what == TAP ? 0 : fmin(depth_m, fmax(0, 0.020 * (t - 0.2)));
     memset(path, 0, 3 * sizeof *path);
     memset(path_v, 0, 3 * sizeof *path_v);
     path[2] = 0.002 - down;
     path_v[2] = down > 0 && down < depth_m ? -0.020 : 0;
-    if (what == TAP) { // 2 Hz, once the gain is up
+    if (what == TAP) { // tap at 2 Hz, once the gain is up
         path[2] = -0.001 + 0.005 * cos(12.566 * fmax(0, t - 0.3));
         path_v[2] = t > 0.3 ? -0.005 * 12.566 * sin(12.566 * (t - 0.3)) : 0;
     }
@@ -215,7 +218,7 @@ static result run(const trial *c)
     for (int now = 0; now < 4000; now++) {
         bool down = c->outage_ms > 0 && now > 1500 && now % 1000 < c->outage_ms;
         int item;
-        // the server: the newest pose that came, its tick, its answer
+        // The server takes the newest pose that arrived, makes a tick and sends its answer.
         put(&there, now, &(kn_contact_unit){.pose_seq = now}, arm.position_m, arm.velocity_m_s, down);
         while ((item = due(&there, now)) >= 0)
             if (there.item[item].unit.pose_seq > seen) {
@@ -231,7 +234,7 @@ static result run(const trial *c)
         if (c->wrong[1] > 0) unit.k1_n_per_m *= c->wrong[1];
         if (c->wrong[2] > 0) unit.c2_n_s_per_m *= c->wrong[2];
         if (seen >= 0) put(&back, now, &unit, far.force_n, v, down);
-        // the client
+        // The client takes the answers that arrived and renders.
         kn_contact_model_pose(&model, now, arm.position_m, arm.velocity_m_s);
         while ((item = due(&back, now)) >= 0) {
             kn_contact_model_take(&model, &back.item[item].unit);
@@ -262,9 +265,10 @@ static result run(const trial *c)
     return r;
 }
 
-// --- what it has to do ----------------------------------------------------------------------------------------------
+// --- requirements
+// ---------------------------------------------------------------------------------------------------
 
-// A fifth of the packets lost in bursts of three, 30 ms from pose to answer.
+// Return a trial with 30 ms from pose to answer, where a fifth of the packets is lost in bursts of three.
 static trial far_away(const material *m, gesture what)
 {
     return (trial){.m = m, .what = what, .how = MODEL, .rtt_ms = 30, .jitter_ms = 3, .loss = 0.2, .rate = 1};
@@ -328,7 +332,7 @@ TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most 
         for (int lossy = 0; lossy < 2; lossy++) {
             trial c = far_away(all[m], PRESS);
             if (!lossy) c.loss = 0, c.jitter_ms = 0;
-            c.depth_m = 0.018; // of the hand: 5 to 6 mm of the device
+            c.depth_m = 0.018; // depth of the hand: 5 to 6 mm of the device
             c.outage_ms = 200;
             result r = run(&c);
             if (!(r.jump_n <= 0.05) || !(r.given_mj <= 1))

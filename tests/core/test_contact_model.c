@@ -3,7 +3,7 @@
 #include "tests/check.h"
 #include <stdbool.h>
 
-// One client in the hands of a test. The server's answers are made up; whole loops are in test_contact_link.c.
+// One client driven by a test, with invented answers of a server. Whole loops are tested in test_contact_link.c.
 
 typedef struct rig {
     kn_contact_model m;
@@ -30,7 +30,7 @@ static void ticks(rig *r, int n)
     for (int i = 0; i < n; i++) tick(r);
 }
 
-// A level plane of stiff jelly at height z that nothing presses, in answer to the newest pose.
+// Return an answer to the newest pose: an unpressed level plane of stiff jelly at height z.
 static kn_contact_unit plane(const rig *r, double z)
 {
     return (kn_contact_unit){.utime = r->seq,
@@ -55,7 +55,7 @@ static void hear(rig *r, double z)
     kn_contact_model_take(&r->m, &u);
 }
 
-// With full gain over a plane at z = 0, news of which comes with every pose.
+// Return a client at full gain over a plane at z = 0. An answer follows every pose.
 static rig rig_over(double x)
 {
     rig r = rig_make();
@@ -82,7 +82,7 @@ TEST("a plane ahead of the tool is felt in the tick that reaches it, whatever th
     tick(&r);
     CHECK(r.force_n[2] > 0.1);
     r.v[2] = 0;
-    ticks(&r, 40); // jelly of 1000 N/m behind a coupling of 800, pressed 1 mm
+    ticks(&r, 40); // jelly of 1000 N/m in series with a coupling of 800 N/m, pressed 1 mm
     CHECK_NEAR(r.force_n[2], 1e-3 / (1.0 / 800 + 1.0 / 1000), 0.02);
     r.x[2] = 0.001;
     tick(&r);
@@ -96,7 +96,8 @@ TEST("what is replayed is what would have been rendered: a message under way for
     for (int i = 0; i < 40; i++) {
         a.x[2] = b.x[2] = 0.001 - 0.0001 * i;
         a.v[2] = b.v[2] = -0.1;
-        if (i == 20) CHECK(kn_contact_model_take(&a.m, &u) == KN_CONTACT_LATE); // it was taken for that pose already
+        // an answer to that pose was taken already
+        if (i == 20) CHECK(kn_contact_model_take(&a.m, &u) == KN_CONTACT_LATE);
         if (i == 21) {
             b.m.taken_seq = 0;
             CHECK(kn_contact_model_take(&b.m, &u) == KN_CONTACT_TAKEN);
@@ -122,14 +123,15 @@ TEST("without news for 100 ms the surface gives way, gently, and comes back at 2
     }
     CHECK(kn_contact_model_stale(&r.m));
     CHECK(r.force_n[2] < 0.1 * pressed_n);
-    kn_contact_unit u = plane(&r, -0.003 + pressed_n / 800); // where the server's surface is
-    for (int i = 0; i < 200; i++) {                          // 3 mm of way
+    kn_contact_unit u = plane(&r, -0.003 + pressed_n / 800); // the height of the server's surface
+    for (int i = 0; i < 200; i++) {                          // the way back of 3 mm takes 150 ms at 20 mm/s
         u.utime = r.seq;
         u.pose_seq = r.seq - 1;
         u.force_n = u.h_n = pressed_n;
         kn_contact_model_take(&r.m, &u);
         tick(&r);
-        double springs = 0.020e-3 / (1.0 / 800 + 1.0 / 1000); // and once, as the way back begins, the dampers
+        // change by the springs; the dampers add once, at the start of the way back
+        double springs = 0.020e-3 / (1.0 / 800 + 1.0 / 1000);
         CHECK(r.force_n[2] - last_n <= 1.1 * springs + (i == 0 ? 0.020 * 2.8 : 0));
         last_n = r.force_n[2];
     }
@@ -147,7 +149,7 @@ TEST("a message that is refused leaves nothing behind")
         u.utime = u.pose_seq = spoilt.seq - 1;
         u.force_n = u.h_n = force_n;
         u.c2_n_s_per_m = 10.0;
-        u.proxy_m[2] = 5.0; // its surface is metres away
+        u.proxy_m[2] = 5.0; // a surface metres away
         CHECK(kn_contact_model_take(&spoilt.m, &u) == KN_CONTACT_BAD);
     }
     CHECK(memcmp(&clean.m.c2, &spoilt.m.c2, sizeof clean.m.c2) == 0);
@@ -163,7 +165,7 @@ TEST("what a message says of c2 at one force is remembered at the others: dough 
     for (int told = 0; told < 2; told++) {
         rig r = rig_over(0.001);
         tick(&r);
-        for (int i = 0; i < 2; i++) { // 1e4 N s/m at 0.1 N; and before, if it is told, 10 at 1 N
+        for (int i = 0; i < 2; i++) { // c2 of 1e4 N s/m at 0.1 N; in the second round, c2 of 10 at 1 N is told before
             kn_contact_unit u = plane(&r, r.x[2] + (i == told ? 0.1 : 1) / 800);
             u.a_n_s_per_m = 1e4;
             u.k1_n_per_m = 0;
@@ -201,7 +203,7 @@ TEST("a message is good for half a radius across the surface, 5 mm at most, and 
     tick(&r);
     CHECK(kn_contact_model_stale(&r.m));
     r = rig_over(-0.008);
-    ticks(&r, 20); // asks for 3.6 N
+    ticks(&r, 20); // the depth would give 3.6 N
     CHECK(kn_contact_model_stale(&r.m));
     ticks(&r, 70);
     CHECK(r.force_n[2] < 2.2);
@@ -210,7 +212,7 @@ TEST("a message is good for half a radius across the surface, 5 mm at most, and 
 TEST("another object under the tool, after a reset, is met as after an outage: without a jump")
 {
     rig r = rig_over(0.001);
-    kn_contact_unit u = plane(&r, 0.003); // the tool is 2 mm deep in the new one
+    kn_contact_unit u = plane(&r, 0.003); // the tool is 2 mm deep in the new object
     u.generation = 2;
     tick(&r);
     u.utime = r.seq;
@@ -227,7 +229,7 @@ TEST("what is felt and then not within reach any more, of a reset object or a se
         ticks(&r, 10);
         double first_n = r.force_n[2], last_n = first_n;
         CHECK(first_n > 0.5);
-        for (int i = 0; i < 20; i++) { // the server's tick goes on saying so
+        for (int i = 0; i < 20; i++) { // the server repeats the same answer each tick
             kn_contact_unit u = plane(&r, 0);
             u.contact_count = 0, u.generation = 2, u.flags = again ? KN_CONTACT_RAMPING : 0;
             kn_contact_model_take(&r.m, &u);
@@ -236,7 +238,7 @@ TEST("what is felt and then not within reach any more, of a reset object or a se
             last_n = r.force_n[2];
         }
         CHECK(last_n == 0);
-        hear(&r, 0); // and is met again as after an outage
+        hear(&r, 0); // the surface comes back, and contact starts as after an outage
         r.m.gain = 1;
         tick(&r);
         CHECK(r.m.returning && r.force_n[2] < 0.05);
@@ -252,7 +254,7 @@ TEST("force is zero 20 ms after a stop, a latch, the last own pose, or the last 
         double last_n = r.force_n[2];
         for (int i = 0; i < 20; i++) {
             kn_contact_unit u = plane(&r, 0);
-            u.pose_seq = r.m.taken_seq; // nothing new of the contact
+            u.pose_seq = r.m.taken_seq; // nothing new about the contact
             if (why == 0) u.flags |= KN_CONTACT_STOPPING;
             if (why == 1) u.flags |= KN_CONTACT_LATCHED;
             if (i == 0) kn_contact_model_take(&r.m, &u);
@@ -285,7 +287,7 @@ TEST("contacts of one tick apply together or not at all")
     a.pose_seq = b.pose_seq = r.seq - 1;
     CHECK(kn_contact_model_take(&r.m, &a) == KN_CONTACT_WAITING);
     tick(&r);
-    a.utime = r.seq; // the second of the last tick was lost
+    a.utime = r.seq; // the second unit of the last tick was lost
     a.pose_seq = r.seq - 1;
     CHECK(kn_contact_model_take(&r.m, &a) == KN_CONTACT_WAITING);
     a.contact_count = 1;
@@ -304,13 +306,13 @@ TEST("two walls of a groove push along both normals; a wall told twice is no sti
             kn_contact_unit u = plane(&r, 0);
             u.contact_count = 2;
             u.contact_index = i;
-            u.a_n_s_per_m = 1e4; // a wall
+            u.a_n_s_per_m = 1e4; // as stiff as a wall
             u.k1_n_per_m = 0;
             if (!same) memcpy(u.normal, (double[]){i ? s : -s, 0, s}, sizeof u.normal);
             kn_contact_model_take(&r.m, &u);
         }
         ticks(&r, 2);
-        CHECK_NEAR(r.force_n[2], 800 * 0.002, 0.05); // the proxy stays at the bottom, the coupling is all there is
+        CHECK_NEAR(r.force_n[2], 800 * 0.002, 0.05); // the proxy stays at the bottom, so only the coupling gives way
         CHECK_NEAR(r.force_n[0], 0, 1e-3);
         r.x[0] = 0.001;
         ticks(&r, 3);
@@ -318,7 +320,8 @@ TEST("two walls of a groove push along both normals; a wall told twice is no sti
     }
 }
 
-// Two walls, or one at +x, 20 mm to either side of the tool's position, that it presses from above.
+// Tell the client two walls, or only the one at +x. They lie 20 mm to either side of the tool, which presses them
+// from above.
 static void hear_walls(rig *r, double z, int walls)
 {
     for (int i = 0; i < walls; i++) {
@@ -344,12 +347,13 @@ TEST("walls on either side bear half each; turned about y the tool is pushed by 
     kn_contact_model_turn(&r.m, (double[]){cos(0.01), 0, sin(0.01), 0}); // the side at +x goes down by 0.4 mm
     ticks(&r, 3);
     CHECK_NEAR(r.force_n[2], 1.6, 0.05);
-    CHECK_NEAR(r.m.torque_n_m[1], -800 * 0.030 * 0.030 * 0.02, 1e-3); // both walls hold it: the coupling's turn
+    // both walls hold the proxy, so the torque is the coupling's
+    CHECK_NEAR(r.m.torque_n_m[1], -800 * 0.030 * 0.030 * 0.02, 1e-3);
     rig one = rig_over(-0.002);
     ticks(&one, 3);
     hear_walls(&one, 0, 1);
     ticks(&one, 3);
-    CHECK_NEAR(one.force_n[2], 1.6 / (1 + 4.0 / 9), 0.02); // it gives way by a turn, too: (20 mm/30 mm)^2
+    CHECK_NEAR(one.force_n[2], 1.6 / (1 + 4.0 / 9), 0.02); // the single wall lets the tool turn too: (20 mm/30 mm)^2
     CHECK_NEAR(one.m.torque_n_m[1], -0.020 * one.force_n[2], 1e-6);
 }
 
@@ -359,7 +363,7 @@ TEST("a message is good for a turn that takes what touches by half a radius, and
     r.m.def.radius_m = 0.004;
     ticks(&r, 3);
     hear_walls(&r, 0, 2);
-    kn_contact_model_turn(&r.m, (double[]){cos(0.04), 0, sin(0.04), 0}); // by 1.6 mm
+    kn_contact_model_turn(&r.m, (double[]){cos(0.04), 0, sin(0.04), 0}); // moves the touching points by 1.6 mm
     ticks(&r, 3);
     CHECK(!kn_contact_model_stale(&r.m) && fabs(r.m.torque_n_m[1]) > 0.01);
     kn_contact_model_turn(&r.m, (double[]){cos(0.06), 0, sin(0.06), 0});
@@ -392,7 +396,7 @@ TEST("friction holds the proxy until it carries mu times the normal force, and n
     r.x[0] = 0.004;
     ticks(&r, 30);
     CHECK_NEAR(r.force_n[0], -0.5 * r.force_n[2], 1e-6);
-    r.x[0] = 0.0035; // back: it sticks at once
+    r.x[0] = 0.0035; // the tool moves back and sticks at once
     ticks(&r, 3);
     CHECK_NEAR(r.force_n[0], -0.5 * r.force_n[2] + 0.4, 0.03);
 }
@@ -455,7 +459,7 @@ TEST("whatever a message says, the force is finite and within the limit")
                 if (!(length(r.force_n) <= 12 * (1 + 1e-12))) KN_TEST_FAIL("%g N", length(r.force_n));
             }
         }
-        if (n == 50) n = 19000; // each starts with 220 ticks: some of them do
+        if (n == 50) n = 19000; // skip most cases: each case starts with 220 ticks
     }
     CHECK(taken > 1000);
 }

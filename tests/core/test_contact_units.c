@@ -7,8 +7,8 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-// Tools that touch in several places, told as several units or as their resultant, against what the lattice answers at
-// once to the same poses: forces and torques.
+// Tools that touch in several places, described by several units or by their resultant. The forces and torques are
+// compared with the lattice's immediate answers to the same poses.
 
 #define LAG 30 // ms between a pose and the units that answer it
 #define TOP_M 0.030
@@ -19,7 +19,7 @@ typedef enum tool { TWO_BALLS, CROSS } tool;
 static const char *const names[] = {"two balls", "cross"};
 static const double radius_m[] = {0.008, 0.005};
 
-typedef struct side { // a lattice, and what becomes of the poses there
+typedef struct side { // one lattice and the poses that reach it
     kn_state *state;
     kn_input in;
     kn_output out;
@@ -28,12 +28,12 @@ typedef struct side { // a lattice, and what becomes of the poses there
 typedef struct rig {
     kn_shape shape;
     kn_model *model;
-    side near, far; // all poses at once; those that are not lost
+    side near, far; // near: receives every pose at once; far: receives the poses that are not lost
     kn_contact_fit *fit;
-    kn_contact_model client[2];                         // of the units, of their resultant
-    kn_contact_unit unit[2][LAG + 1][KN_CONTACT_UNITS]; // under way
+    kn_contact_model client[2];                         // [0]: renders the units; [1]: renders their resultant
+    kn_contact_unit unit[2][LAG + 1][KN_CONTACT_UNITS]; // units on their way to the clients
     int64_t tick, heard;
-    double loss; // of poses and of units, in bursts of three on the average
+    double loss; // loss rate of poses and of units; losses come in bursts of three on average
     bool lost[2];
     uint64_t random;
     double force_n[2][3], torque_n_m[2][3];
@@ -99,7 +99,7 @@ static bool lose(rig *r, int way)
 
 static void serve(const rig *r, side *s) { CHECK(kn_step(r->model, s->state, &s->in, &s->out) == KN_OK); }
 
-// A pose: height of the tool, along x, tilt about y; and its rates.
+// A pose: position of the tool, tilt about y, and the velocity.
 typedef struct pose {
     double x[3], v[3], turn[4];
 } pose;
@@ -143,7 +143,7 @@ static void step(rig *r, const pose *p)
     r->tick++;
 }
 
-// Pressed by 4 mm, then rocked about y 1.5 times a second, and slid along x.
+// Press by 4 mm, then rock about y 1.5 times a second while sliding along x.
 static pose rock(tool what, double t, double angle, double slide_m_s)
 {
     double height_m = what == CROSS ? 0 : radius_m[what], depth_m = 0.007, rate = 6.2831853 * 1.5;
@@ -155,17 +155,17 @@ static pose rock(tool what, double t, double angle, double slide_m_s)
     return p;
 }
 
-#define JUMPS 200 // a bin is 2 mN
+#define JUMPS 200 // bins of 2 mN
 
-typedef struct off { // squares, N and N m; changes of the force in 1 ms
+typedef struct off { // sums of squares in N and N m; histogram of the force's changes in 1 ms
     double force, torque, last_n[3];
     int jump[JUMPS], count;
 } off;
 
 typedef struct played {
-    off off[3];                     // of the units, of their resultant, of the last force held
-    double force, torque;           // of the lattice, squares
-    int sets[KN_CONTACT_UNITS + 1]; // ticks with so many units
+    off off[3];                     // errors of the units, of the resultant, and of the last force held
+    double force, torque;           // sums of squares of the lattice's force and torque
+    int sets[KN_CONTACT_UNITS + 1]; // number of ticks with so many units
 } played;
 
 static void compare(off *o, const double force_n[3], const double torque_n_m[3], const kn_probe_output *now)
@@ -180,7 +180,7 @@ static void compare(off *o, const double force_n[3], const double torque_n_m[3],
     o->jump[(int)fmin(sqrt(jump) / 0.002, JUMPS - 1)] += o->count++ > 0;
 }
 
-static double jump_of(const off *o, double share) // that share of all changes are smaller
+static double jump_of(const off *o, double share) // return the bound below which this share of all changes lies
 {
     double sum = 0;
     int i = 0;
@@ -226,8 +226,10 @@ TEST("two balls rocked on dough, 30 ms away with a fifth lost: as two units a th
         played p = play(TWO_BALLS, 0.1 * i, 0, 0.2);
         const off *units = &p.off[0], *resultant = &p.off[1];
         CHECK(p.sets[2] > 1000);
-        CHECK(units->torque <= 0.33 * resultant->torque && units->torque <= 0.05); // measured: 3.4 beside 26, 22, 18 %
-        CHECK(units->force <= 0.75 * resultant->force && units->force <= 0.06);    // 1.7 beside 4.0, 3.1 6.1, 4.2 7.3 %
+        // measured: 3.4 % beside 26, 22, 18 %
+        CHECK(units->torque <= 0.33 * resultant->torque && units->torque <= 0.05);
+        // measured: 1.7 beside 4.0, 3.1 beside 6.1, 4.2 beside 7.3 %
+        CHECK(units->force <= 0.75 * resultant->force && units->force <= 0.06);
         CHECK(jump_of(units, 0.99) <= 0.1);
     }
 }
@@ -273,7 +275,7 @@ TEST("the units' forces are the tool's, and at their places they have its torque
         several += pressed > 1;
         for (int k = 0; k < 3 && unit->contact_count > 0; k++) {
             CHECK_NEAR(force[k], out->force_n[k], 1e-9);
-            CHECK_NEAR(torque[k], out->torque_n_m[k], 2e-6); // but for what turns about a normal
+            CHECK_NEAR(torque[k], out->torque_n_m[k], 2e-6); // except for torque about a normal
         }
     }
     CHECK(several > 400);
@@ -294,7 +296,7 @@ TEST("a ball that is about to touch beside one that presses is told as a plane w
         CHECK(unit[1].force_n == 0 && unit[1].proxy_m[0] < -0.012 && unit[1].normal[2] > 0.95);
         seen_m = p.x[2] - unit[1].normal[2] * unit[1].proxy_m[2] - unit[1].normal[0] * unit[1].proxy_m[0];
     }
-    CHECK_NEAR(seen_m, 0.003, 0.0012); // of way left
+    CHECK_NEAR(seen_m, 0.003, 0.0012); // distance left until the second ball touches
 }
 
 TEST("a plate over two ridges is told as two units, beside each other")

@@ -13,7 +13,7 @@ TEST("the defaults for a round trip of a period or less are the ceilings of ever
         {0.08, 0.1, {600, 1.5}, 384.0, 91.4}, // Touch
         {0.2, 0.5, {1200, 3}, 840.0, 200.0},  // Falcon
         {0.2, 0.5, {1500, 4}, 1080.0, 257.1}, // omega
-        {0.05, 0.05, {500, 1.5}, 372.0, 88.6} // unknown
+        {0.05, 0.05, {500, 1.5}, 372.0, 88.6} // an unknown device
     };
     for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
         for (int rtt = 0; rtt <= 1; rtt++) {

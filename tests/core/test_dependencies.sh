@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Dependencies run one way: core <- server, clients; proto <- server, clients; everything <- tests, bench.
-# The includes say what the source reaches for, the symbols say what the object code really calls.
+# Dependencies run one way: core <- server, clients; proto <- server, clients; everything <- tests, bench. The
+# includes show the dependencies of the source, the symbols those of the object code.
 set -u
 cd "$KN_SOURCE" || exit 1
 fail=0
 
-# includes FOLDER PATTERN: every project include of the folder's files matches the pattern
+# includes FOLDER PATTERN: check that every project include in the folder's files matches the pattern.
 includes() {
     local found
     found=$(grep -rnE '^ *# *include +"' --include='*.[ch]' "$1" | grep -vE "include +\"($2)")
@@ -16,12 +16,13 @@ includes core 'core/'
 includes server 'core/|proto/|server/|hdl/(registers|knead_hash).h'
 includes clients 'core/|proto/|server/|clients/|hdl/(registers|knead_hash).h'
 
-# C library headers of core: nothing that knows a clock, a thread, a socket or a file. The scene parser alone knows YAML.
+# core may use C library headers without clocks, threads, sockets or files. Only the scene parser uses YAML.
 system='assert|complex|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'
 found=$(grep -rnE '^ *# *include +<' --include='*.[ch]' core | grep -vE "<($system)\.h>" | grep -vE '^core/scene/[^:]*:[0-9]+: *#include <(yaml|ctype|sys/stat)\.h>')
 [ -z "$found" ] && echo "ok   core includes no clock, thread, socket or file header" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
-# What libknead.a calls outside itself: libm, and these of libc; bcmp is clang's memcmp where only equality counts. (Names with __ are the compiler's: assertions, sanitizers.)
+# libknead.a may call libm and these functions of libc. bcmp is clang's memcmp for tests of equality. (Names with __
+# come from the compiler: assertions, sanitizers.)
 libc='abort|aligned_alloc|bcmp|calloc|free|malloc|memcmp|memcpy|memmove|memset|qsort|snprintf|strcmp|strlen|strncmp|strspn|vsnprintf'
 symbols() { nm -g "$@" | awk 'NF == 2 && $1 == "U" || NF == 3 { sub(/@.*/, "", $NF); print $NF }'; }
 lib=$KN_BUILD/core/libknead.a
@@ -30,17 +31,17 @@ foreign=$(comm -23 <(symbols --undefined-only "$lib" | sort -u) <(known | sort -
     grep -vE "^(__|_GLOBAL_OFFSET_TABLE_|($libc)\$)")
 [ -z "$foreign" ] && echo "ok   libknead calls libm, memory and strings" || { printf 'FAIL libknead calls %s\n' $foreign && fail=1; }
 
-# What is shared is named once: a program may link any of the libraries together.
+# A shared function is defined in one library only, so that a program may link any of the libraries together.
 libraries=$(find "$KN_BUILD" -name 'libknead*.a' ! -path '*/hdl/*')
 twice=$(for one in $libraries; do symbols --defined-only "$one" | grep -E '^kn_' | sort -u; done | sort | uniq -d)
 [ -n "$libraries" ] && [ -z "$twice" ] && echo "ok   no name is defined by two libraries" ||
     { printf 'FAIL defined by two libraries: %s\n' "$twice" && fail=1; }
 
-# The servo reaches the lattice through server/backend/backend.h alone.
+# The servo reaches the lattice through server/backend/backend.h only.
 found=$(grep -rnE '\b(kn_step|kn_state_create|kn_state_reset) *\(' --include='*.c' server | grep -v '^server/backend/')
 [ -z "$found" ] && echo "ok   only server/backend steps the lattice" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
-# What clients copy stands alone, in C99.
+# The file that clients copy depends on no other file and is plain C99.
 if grep -qE '^ *# *include +"(core/contact_model.h)"' core/contact_model.c &&
     ! grep -hE '^ *# *include +"' core/contact_model.[ch] | grep -v contact_model.h &&
     cc -std=c99 -pedantic -Wall -Wextra -Wconversion -Werror -I. -fsyntax-only core/contact_model.c; then

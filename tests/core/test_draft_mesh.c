@@ -22,7 +22,7 @@ static void copy(const char *from, const char *to)
     if (out) fclose(out);
 }
 
-// A scene in the folder with that object.
+// Parse a scene in the folder with that object.
 static kn_scene *parse(const char *object, const char *const *sets, int count)
 {
     char text[2048];
@@ -73,9 +73,10 @@ TEST("a text whose mesh has moved finds it beside the log, and is the same scene
     CHECK_STR(error, "scene.yaml:3:9: object.mesh: No such file or directory, expected a Gmsh mesh");
     OWN(kn_scene) *moved =
         kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error, sizeof error);
-    CHECK(same(scene, moved) && strcmp(scene->text, moved->text) != 0); // the text says where it is now
+    CHECK(same(scene, moved) && strcmp(scene->text, moved->text) != 0); // the text names the new place
 
-    // where it was there is another one now: that one is refused, the one beside the log is still the right one
+    // Another mesh now stands in the old place. That mesh is refused, and the mesh beside the log is still the right
+    // one.
     copy(TEXT_CUBE, in_folder("cube.msh"));
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strncmp(error, "scene.yaml:5:14: object.mesh_hash is 050304b91b7c46d9, but the mesh is ", 71) == 0);
@@ -94,7 +95,7 @@ TEST("--set puts a mesh in the place of a block or of another mesh, whose hash i
     CHECK(scene && scene->mesh && scene->mesh->element_count == 6);
     const char *other = "object.mesh=" TEXT_CUBE;
     OWN(kn_scene) *third = kn_scene_parse("x", scene->text, strlen(scene->text), &other, 1, error, sizeof error);
-    CHECK(third && third->text_hash != scene->text_hash); // other bytes, if the same mesh
+    CHECK(third && third->text_hash != scene->text_hash); // the same mesh in other bytes
     CHECK(!parse("mesh: " CUBE ", mesh_unit: mm", (const char *[]){"object.spacing=1 mm"}, 1));
     CHECK_STR(error, "--set object.spacing: object.spacing means nothing with object.mesh, expected it left out");
 }

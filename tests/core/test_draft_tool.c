@@ -1,4 +1,4 @@
-// A tool that is a file: read with its scene, known by its content, refused with one line.
+// A tool given by a file: read with its scene, identified by its content, refused with one line of error.
 #include "core/scene/scene.h"
 #include "core/shape.h"
 #include "tests/check.h"
@@ -10,7 +10,7 @@
 
 static char error[1024];
 
-// A box as STL, in millimetres, without its last `missing` triangles.
+// Write a box as STL, in millimetres, without its last `missing` triangles.
 static void write_box(const char *path, double x, double y, double z, int missing)
 {
     surface_of s = surface_box((double[]){x, y, z}, 0, 2);
@@ -72,7 +72,7 @@ TEST("the text of its scene is the scene from any folder; moved it is the same, 
     rename(in_folder("stamp.stl"), in_folder("moved/stamp.stl"));
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strstr(error, "probes.stamp.mesh: No such file or directory, expected a closed surface"));
-    write_box(in_folder("stamp.stl"), 20, 15, 13, 0); // another one in its place
+    write_box(in_folder("stamp.stl"), 20, 15, 13, 0); // another tool in the same place
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
     CHECK(strstr(error, ": probes.stamp.mesh_hash is ") && strstr(error, "it was changed since"));
     OWN(kn_scene) *moved =

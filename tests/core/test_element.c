@@ -1,5 +1,4 @@
-// Springs and dampers in series and in parallel: how they are read, what the paper's rules say of them, and what can be
-// measured of them.
+// Springs and dampers in series and in parallel: parsing, the paper's rules for them, and their measurable behaviour.
 #include "core/element.h"
 #include "core/oneport.h"
 #include "tests/check.h"
@@ -41,8 +40,9 @@ static void check_refused(const char *text, const char *expected)
     CHECK_STR(error, expected);
 }
 
-// Every element of n primitives, no two of a kind beside each other in a group: all pairs of smaller ones, connected
-// both ways, in normal form, without those that normalising made smaller.
+// List every element of n primitives, where no two equal primitives are neighbours in a group. The elements are all
+// pairs of smaller elements, connected in both ways and brought to normal form. Elements that the normal form made
+// smaller are left out.
 typedef struct list {
     int count;
     char text[400][KN_ELEMENT_TEXT];
@@ -79,13 +79,13 @@ TEST("an expression is written in one way whatever way it was read")
 {
     check_normal("(s|d)-d", "(s|d)-d");
     check_normal(" d - ( d | s ) ", "(s|d)-d");
-    check_normal("s-d|s", "(s-d)|s"); // in a row binds tighter than side by side
+    check_normal("s-d|s", "(s-d)|s"); // series binds tighter than parallel
     check_normal("s|s-d", "(s-d)|s");
     check_normal("s-(s-(s-d))", "s-d");
     check_normal("(s|s)-d-(s-s)", "s-d");
     check_normal("((((d))))", "d");
     check_normal("d|(s-d)|d|s|(d-s)", "(s-d)|(s-d)|s|d");
-    check_normal("voigt-voigt", "(s|d)-(s|d)"); // two Voigts are not one: they have times of their own
+    check_normal("voigt-voigt", "(s|d)-(s|d)"); // two Voigt elements do not merge: each has its own time constant
     check_normal("kelvin-voigt", "s|d");
     check_normal("kelvin - voigt", "(s|d)-(s|d)");
     check_normal("maxwell|damper", "(s-d)|d");
@@ -170,16 +170,17 @@ TEST("the paper's rules give the paper's verdicts on its figure 2, and the small
         CHECK(kn_element_residual(&e, e.root) == c->residual);
         CHECK(kn_element_vibration_dies(&e, e.root) == c->vibration_dies);
         check_normal(c->expression, c->expression);
-        if (i) CHECK(e.leaves >= element(kn_catalogue[i - 1].expression).leaves); // in the paper they grow
+        // the paper's elements are sorted by size
+        if (i) CHECK(e.leaves >= element(kn_catalogue[i - 1].expression).leaves);
     }
-    for (int n = 2; n < 6; n++) // none of two fits
+    for (int n = 2; n < 6; n++) // no element of two primitives fits
         for (int i = 0; i < all(n)->count; i++) {
             kn_element e = element(all(n)->text[i]);
             if (all_three(&e, e.root)) CHECK(n >= 3);
         }
 }
 
-// Elements of n primitives with the verdicts of an entry, and as many parameters as primitives.
+// Count the elements of n primitives that share an entry's verdicts and have as many parameters as primitives.
 static int candidates(const kn_catalogue_entry *c, int n, bool *own)
 {
     int count = 0;
@@ -191,7 +192,7 @@ static int candidates(const kn_catalogue_entry *c, int n, bool *own)
         count++;
         *own |= !strcmp(all(n)->text[i], c->expression);
         if (c->provenance != KN_PROVENANCE_FORCED && strcmp(all(n)->text[i], c->expression))
-            CHECK(strstr(c->because, all(n)->text[i]) != NULL); // the others are named
+            CHECK(strstr(c->because, all(n)->text[i]) != NULL); // the catalogue names the other candidates
     }
     return count;
 }
@@ -203,7 +204,7 @@ TEST("what the catalogue calls forced and what it calls reconstructed is what al
     CHECK(all(4)->count == 12);
     int irreducible = 0;
     for (int i = 0; i < 12; i++) irreducible += oneport(all(4)->text[i]).parameters == 4;
-    CHECK(irreducible == 8); // as Normand and Peleg count the arrangements of two springs and two dashpots
+    CHECK(irreducible == 8); // Normand and Peleg count as many arrangements of two springs and two dashpots
     for (int i = 0; i < KN_CATALOGUE; i++) {
         const kn_catalogue_entry *c = &kn_catalogue[i];
         bool own = false;
@@ -227,7 +228,7 @@ TEST("figure 2 holds six one-ports: c = e, d = f, g = h = j = k")
             CHECK(kn_oneport_equal(&a, &b) == expected);
         }
     kn_oneport guess = oneport(kn_catalogue[8].expression);
-    for (int i = 0; i < all(4)->count; i++) // whichever (i) is, it is this one
+    for (int i = 0; i < all(4)->count; i++) // all candidates for (i) are the same one-port
         if (strstr(kn_catalogue[8].because, all(4)->text[i])) {
             kn_oneport other = oneport(all(4)->text[i]);
             CHECK(kn_oneport_equal(&guess, &other));
@@ -242,9 +243,9 @@ TEST("of every element of up to five primitives: fluid is the paper's residual, 
             kn_oneport o = kn_oneport_of(&e);
             CHECK(o.fluid == kn_element_residual(&e, e.root));
             CHECK(o.degree_n - o.degree_d == !o.elastic);
-            int dimension = !o.fluid + !o.elastic + 2 * o.relaxation; // of Prony's form
+            int dimension = !o.fluid + !o.elastic + 2 * o.relaxation; // dimension of the Prony form
             if (o.parameters != dimension) KN_TEST_FAIL("%s: %d, not %d", all(n)->text[i], o.parameters, dimension);
-            CHECK(dimension == o.elastic + o.fluid + 2 * o.retardation); // and of the row of Voigt units
+            CHECK(dimension == o.elastic + o.fluid + 2 * o.retardation); // dimension of the series of Voigt units
             CHECK(o.parameters <= n);
         }
     printf("     %d elements of five primitives\n", all(5)->count);
@@ -272,7 +273,7 @@ TEST("every element is of the class of its row of Voigt units and of its Maxwell
 TEST("the standard linear solid in both forms, with parameters re-mapped, has one complex modulus")
 {
     kn_element zener = element("s|(s-d)"), kelvin = element("s-(s|d)");
-    double a[3] = {1e4, 3e4, 2e3}, b[3], g = a[0] + a[1]; // g: both at once
+    double a[3] = {1e4, 3e4, 2e3}, b[3], g = a[0] + a[1]; // g: modulus of both springs in parallel
     b[0] = g;
     b[1] = a[0] * g / a[1];
     b[2] = a[2] * g * g / (a[1] * a[1]);

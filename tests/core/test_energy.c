@@ -6,10 +6,10 @@
 
 OWNS(kn_audit, kn_audit_destroy)
 
-typedef struct played { // a press, audited
+typedef struct played { // result of an audited press
     kn_audit_news news;
     double work_j, either_j;
-    double least_lost; // of the work either way, over the worst window
+    double least_lost; // smallest energy lost in any window, J
 } played;
 
 static played play(const kn_model_def *def, const press *p, double seconds)
@@ -97,7 +97,7 @@ static kn_scene *scene_of(const char *name, double damper_pa_s)
     return scene;
 }
 
-// After 0.3 s under the scene's first tool.
+// Return the energy after 0.3 s under the scene's first tool.
 static kn_energy pressed(const kn_scene *scene)
 {
     OWN(kn_model) *model = build(&scene->model);
@@ -177,7 +177,7 @@ TEST("a tool that leaves and comes again takes none of its work with it")
     AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 1};
     double work_j = 0;
-    for (int i = 1; i <= 6000; i++) { // twice, 3 s each, lifted at the end
+    for (int i = 1; i <= 6000; i++) { // two presses of 3 s, each lifted at the end
         kn_input in = press_input(r.model, &p, i % 3000 * 1e-3);
         in.probe[0].attached = i % 3000 > 10;
         rig_step(&r, &in);
@@ -195,7 +195,7 @@ TEST("energy out of nowhere is told, and a reset is not taken for it")
     for (int i = 1; i <= 9000; i++) {
         kn_input in = press_input(r.model, &p, i * 1e-3);
         if (i == 5500) kn_state_reset(r.model, r.state);
-        if (i == 2400) // a tenth further in, by nobody's work
+        if (i == 2400) // stretch the object by a tenth without any work
             for (int n = 0; n < r.model->node_count; n++) {
                 size_t z = r.model->offset[n] + 2 * r.model->stride;
                 kn_real_set(r.model, r.state->displacement, z, 1.1 * kn_real_get(r.model, r.state->displacement, z));
@@ -225,7 +225,7 @@ TEST("an object gone bad has no energy to tell of: none is created by it, and th
         if (i == 6399) windows = news->windows;
     }
     CHECK(kn_audit_read(r.audit)->created == 0);
-    CHECK(windows >= 1 && windows <= 2); // of the ticks before it went bad alone
+    CHECK(windows >= 1 && windows <= 2); // only windows before the object went bad
     CHECK(kn_audit_read(r.audit)->windows > windows);
 }
 

@@ -17,10 +17,10 @@ static kn_shape of(kn_solid part)
     return shape;
 }
 
-typedef struct error {     // in cells
-    double anywhere, near; // within the grid; within a cell of the surface
-    double turned;         // of the gradient near the surface, at most
-    double beyond;         // of the distance, relative, outside of the grid
+typedef struct error {     // distances in cells
+    double anywhere, near; // within the grid; within one cell of the surface
+    double turned;         // largest angle between the gradients near the surface, rad
+    double beyond;         // relative error of the distance outside of the grid
 } error;
 
 static error compare(const kn_field *f, const kn_shape *exact)
@@ -44,7 +44,7 @@ static error compare(const kn_field *f, const kn_shape *exact)
     return e;
 }
 
-// How far the triangles of a ball are within it.
+// Return the largest depth of a ball's triangles below its surface.
 static double chord_of(const kn_field *f, double radius_m)
 {
     double most = 0, u[3], v[3], normal[3];
@@ -85,7 +85,8 @@ TEST("a sharp box of triangles is the box within one cell")
     CHECK(e.anywhere < 1 && e.beyond < 0.15);
     CHECK_NEAR(f->fine_m, 0.005, 0.0005);
     double way[3];
-    CHECK_NEAR(kn_field_distance(f, (double[]){0.003, 0.004, -0.0002}, way), 0.0002, 1e-8); // a face is flat
+    // a face is flat, so the distance is exact
+    CHECK_NEAR(kn_field_distance(f, (double[]){0.003, 0.004, -0.0002}, way), 0.0002, 1e-8);
     CHECK_NEAR(way[2], -1, 1e-6);
     for (int k = 0; k < 3; k++) {
         double axis[3] = {0}, back[3] = {0};
@@ -101,7 +102,7 @@ TEST("value and gradient go on smoothly from cell to cell, and from the grid to 
     for (int i = 0; i < 20000; i++) {
         double p[3], q[3], a[3], b[3];
         for (int k = 0; k < 3; k++) p[k] = q[k] = kn_dice_in(&seed, f->box_m[0][k] - 0.001, f->box_m[1][k] + 0.001);
-        int k = i % 3, line = 1 + (int)((p[k] - f->low_m[k]) / f->cell_m); // across a border of cells
+        int k = i % 3, line = 1 + (int)((p[k] - f->low_m[k]) / f->cell_m); // a border of cells, which p and q straddle
         double border = f->low_m[k] + (line - 0.5) * f->cell_m;
         p[k] = border - 1e-9, q[k] = border + 1e-9;
         double before = kn_field_distance(f, p, a), after = kn_field_distance(f, q, b);
@@ -121,14 +122,14 @@ TEST("what lies in two bodies that pass through each other lies inside; a surfac
     memcpy(both.x_m + a.vertices, b.x_m, (size_t)b.vertices * sizeof *b.x_m);
     both.vertices = a.vertices + b.vertices;
     for (int t = 0; t < a.triangles + b.triangles; t++, both.triangles++)
-        for (int c = 0; c < 3; c++) // inside out
+        for (int c = 0; c < 3; c++) // turn the triangles inside out
             both.triangle[t][2 - c] = t < a.triangles ? a.triangle[t][c] : a.vertices + b.triangle[t - a.triangles][c];
     free(a.x_m), free(a.triangle), free(b.x_m), free(b.triangle);
     OWN(kn_field) *f = surface_field(both, 0.0007);
     double way[3];
-    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.01}, way) < -0.002); // in both
-    CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.01}, way) < -0.001); // in one
-    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.05}, way) < -0.002); // in the other
+    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.01}, way) < -0.002); // inside both bodies
+    CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.01}, way) < -0.001); // inside one
+    CHECK(kn_field_distance(f, (double[]){0.001, 0.002, 0.05}, way) < -0.002); // inside the other
     CHECK(kn_field_distance(f, (double[]){0.008, 0.002, 0.05}, way) > 0.002);
 }
 
@@ -144,7 +145,8 @@ TEST("a field that two keep stays until the second lets go, and its points are c
     CHECK(kn_field_points((double[]){0.02, 0.02, 0.02}, 0.001) >= (double)f->n[0] * f->n[1] * f->n[2]);
 }
 
-// An upright prism of n sides, its ends fans: nothing but long triangles, as drawing programs write a cylinder.
+// Make an upright prism of n sides with fans as end faces. All triangles are long, as drawing programs write a
+// cylinder.
 static surface_of prism(double radius_m, double height_m, int n)
 {
     surface_of s = {.vertices = 2 * n + 2, .triangles = 4 * n};
@@ -176,7 +178,7 @@ static double seconds_of(surface_of s, double cell_m, double middle_m[3])
 TEST("long thin triangles take no longer than even ones, but for a factor")
 {
     double ball = seconds_of(surface_ball(0.01, 26), 1e-3, (double[]){0, 0, 0});       // 8 112 triangles
-    double strips = seconds_of(prism(0.01, 0.02, 2000), 1e-3, (double[]){0, 0, 0.01}); // 8 000
+    double strips = seconds_of(prism(0.01, 0.02, 2000), 1e-3, (double[]){0, 0, 0.01}); // 8 000 triangles
     printf("     %.3f s and %.3f s\n", ball, strips);
     CHECK(strips < 12 * ball + 0.2);
 }

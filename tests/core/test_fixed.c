@@ -1,5 +1,5 @@
-// The golden model of the circuit, as integers: its leaves against real numbers, and what only exact sums can promise.
-// That it is the lattice: tests/physics/test_fixed.c.
+// The circuit's golden model in integers. Its parts are compared with real numbers, and properties of exact sums are
+// checked. tests/physics/test_fixed.c compares the model with the lattice.
 #include "tests/check.h"
 #include "tests/core/rig.h"
 
@@ -47,7 +47,7 @@ TEST("the order of edges changes no bit")
     }
     for (int e = 0; e < 600; e++) b->image.edge[e] = a->image.edge[place[e]];
     for (int t = 0; t < 40; t++) {
-        move_all(a, &seed, 3000), move_all(b, &other, 3000); // 20 held, the rest free
+        move_all(a, &seed, 3000), move_all(b, &other, 3000); // tick() holds the first 20 nodes, the others are free
         tick(a, 20), tick(b, 20);
         CHECK(memcmp(a->reaction, b->reaction, 20 * sizeof *a->reaction) == 0);
         CHECK(a->result.residual == b->result.residual && a->result.flags == b->result.flags);
@@ -56,7 +56,7 @@ TEST("the order of edges changes no bit")
     for (int e = 0; e < 600; e++) CHECK(b->fixed.h[e] == a->fixed.h[place[e]]);
 }
 
-// One edge along x between two nodes that a test moves.
+// Make one edge along x between two nodes that a test moves.
 static rig *bar(void)
 {
     rig *r = make(2, 1, 1);
@@ -74,7 +74,7 @@ TEST("an edge is the three-element law: R of the table, and a spring that follow
     const kn_fixed_config *c = &r->image.config;
     double kv = ldexp(100000, -c->kv_shift), beta = ldexp(c->beta, -c->beta_shift - KN_FIXED_H_FRACTION), h = 0,
            most = 0;
-    r->image.node[1].held = 0; // but the list's
+    r->image.node[1].held = 0; // held only through the list of bounds
     for (int t = 0; t < 2000; t++) {
         int32_t u = t < 1000 ? 700 : -300;
         r->bound[0] = (kn_fixed_bound){.node = 1, .holds = true, .value = {u, 0, 0}};
@@ -82,7 +82,7 @@ TEST("an edge is the three-element law: R of the table, and a spring that follow
         double b = kv * u + h, key = fabs(b) * 100000, octave = floor(log2(key));
         double at = 32 * (octave - c->octave) + 32 * (key / exp2(octave) - 1);
         double ratio = 1 - 240.0 / 131072 * fmin(fmax(at, 0), KN_FIXED_SEGMENTS), s = ratio * b;
-        CHECK_NEAR(r->reaction[0][0], -s, 2 + 4e-5 * fabs(s)); // pulled back towards the other end
+        CHECK_NEAR(r->reaction[0][0], -s, 2 + 4e-5 * fabs(s)); // the force pulls back towards the other end
         h += beta * (s - h), most = fmax(most, h);
         CHECK_NEAR(ldexp((double)r->fixed.h[0], -KN_FIXED_H_FRACTION), h, 2 + 2e-4 * fabs(h));
     }
@@ -113,7 +113,7 @@ TEST("what does not fit saturates and says so, each by its own flag")
         if (!(r->result.flags & way[i].flag)) KN_TEST_FAIL("case %zu: flags %x", i, r->result.flags);
         CHECK(llabs(r->fixed.x[3]) <= (int64_t)1 << 35);
     }
-    // both ends apart at full speed
+    // Pull both ends apart at full speed.
     r->image.config.d_shift = 18, r->image.config.kv_shift = 13;
     r->image.node[0].held = 0, r->image.node[1].x[0] = 1 << 26;
     kn_fixed_rest(&r->fixed);

@@ -9,7 +9,7 @@
 
 OWNS(kn_gauge, kn_gauge_destroy)
 
-// All nodes displaced by a uniform strain, at rest.
+// Displace all nodes by a uniform strain, at rest.
 static void stretch(const kn_model *m, kn_state *state, const double strain[3])
 {
     for (int i = 0; i < m->node_count; i++)
@@ -17,7 +17,7 @@ static void stretch(const kn_model *m, kn_state *state, const double strain[3])
             kn_real_set(m, state->displacement, m->offset[i] + k * m->stride, strain[k] * m->rest_m[i][k]);
 }
 
-// Stretched by e along x, then turned by 30 degrees.
+// Stretch by e along x, then turn by 30 degrees.
 static void turn(const kn_model *m, kn_state *state, double e)
 {
     const double c = cos(M_PI / 6), s = sin(M_PI / 6);
@@ -38,8 +38,9 @@ static double elastic(const kn_model *m, kn_state *state, double ex, double ey, 
     return energy.elastic / volume(m);
 }
 
-// Of a uniform stretch e along axis with held sides: (C_aa - C_ab) e, here from energies alone, which are the lattice's
-// own: W(e, 0, 0) = C_aa e^2/2; W(e, e, 0) = (C_aa + C_bb + 2 C_ab) e^2/2.
+// Check the von Mises stress of a uniform stretch e along an axis with held sides. Theory gives (C_aa - C_ab) e. The
+// constants come from the lattice's energies alone: W(e, 0, 0) = C_aa e^2/2; W(e, e, 0) = (C_aa + C_bb + 2 C_ab)
+// e^2/2.
 static void check_uniform(const kn_model_def *def, const char *what, double share)
 {
     const double e = 1e-4;
@@ -86,7 +87,7 @@ TEST("under a uniform strain von Mises' stress is the continuum's at every node,
     check_uniform(&def, "block of two resolutions", 2e-3);
 }
 
-typedef struct marks { // the most of any node
+typedef struct marks { // largest value of any node
     double stress_pa, residual;
 } marks;
 
@@ -102,7 +103,7 @@ static marks look(kn_gauge *gauge, const kn_model *m, const kn_state *state)
     return r;
 }
 
-// At a time of a press.
+// Return the marks after so many seconds of a press.
 static marks after(const kn_model_def *def, const press *p, double seconds)
 {
     OWN(kn_model) *m = build(def);
@@ -172,14 +173,14 @@ NIGHT_TEST("at the stops of its dampers, too: what stays ends there, and Runge-K
     kn_model_def exact = def, free_def = def;
     exact.solver.kind = KN_SOLVER_RK4;
     exact.solver.precision = KN_PRECISION_F64;
-    exact.solver.dt_s = 1.8e-5; // just below the limit
+    exact.solver.dt_s = 1.8e-5; // just below the stability limit
     def = converged(def);
     free_def = converged(free_def);
     free_def.material.stroke[0] = free_def.material.stroke[1] = 0;
     marks implicit = after(&def, &p, 0.12), rk4 = after(&exact, &p, 0.12), without = after(&free_def, &p, 0.12);
     printf("     implicit %.1f Pa, %.4f; Runge-Kutta %.1f Pa, %.4f; without stops %.1f Pa, %.4f\n", implicit.stress_pa,
            implicit.residual, rk4.stress_pa, rk4.residual, without.stress_pa, without.residual);
-    CHECK(without.residual > 1.2 * implicit.residual); // they are met
+    CHECK(without.residual > 1.2 * implicit.residual); // the stops are reached
     CHECK(implicit.residual < 0.51 / 0.5 - 1 + 1e-6 && rk4.residual < 0.51 / 0.5 - 1 + 1e-6);
     CHECK_NEAR(rk4.stress_pa, implicit.stress_pa, 0.02 * implicit.stress_pa);
     CHECK_NEAR(rk4.residual, implicit.residual, 0.02 * implicit.residual);

@@ -16,7 +16,7 @@ static kn_edge *edges_of(const kn_grid *g, int *count)
     return edges;
 }
 
-// Chebyshev neighbours i < j counted from the coordinates alone: 1 side, 2 face diagonal, 3 body diagonal.
+// Return the neighbourhood of nodes i < j from their coordinates alone: 1 side, 2 face diagonal, 3 body diagonal.
 static int steps_between(const kn_grid *g, int i, int j)
 {
     int a[3], b[3], steps = 0;
@@ -29,7 +29,7 @@ static int steps_between(const kn_grid *g, int i, int j)
     return steps;
 }
 
-// One block per choice of row axis and per number of vectors in a row, bars and sheets among them.
+// One block for each choice of row axis and each number of vectors in a row, including bars and sheets.
 static const int blocks[][3] = {{6, 6, 4},  {11, 11, 7}, {4, 6, 16}, {5, 15, 3}, {17, 3, 2}, {3, 32, 2}, {2, 3, 33},
                                 {40, 2, 2}, {1, 1, 2},   {1, 1, 20}, {7, 1, 5},  {2, 1, 1},  {1, 1, 1},  {29, 29, 3}};
 #define BLOCKS (int)(sizeof blocks / sizeof blocks[0])
@@ -166,7 +166,7 @@ TEST("shares of the nodes add up to the volume, shares of the edges to those of 
         int count;
         kn_edge *edges = edges_of(&g, &count);
         for (int e = 0; e < count; e++) weight[steps_between(&g, edges[e].i, edges[e].j)] += edges[e].weight;
-        // 12 sides by 1/4, 12 face diagonals by 1/2, 4 body diagonals by 1
+        // A cell has 12 sides shared by 4 cells, 12 face diagonals shared by 2, and 4 body diagonals of its own.
         CHECK_NEAR(weight[1], 3 * cells, 1e-9 * cells);
         CHECK_NEAR(weight[2], 6 * cells, 1e-9 * cells);
         CHECK_NEAR(weight[3], 4 * cells, 1e-9 * cells);

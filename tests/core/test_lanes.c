@@ -1,7 +1,7 @@
-// The law as the kernels compute it in f64, sixteen edges at a time, against the law itself.
+// The law as the kernels compute it in f64, sixteen edges at a time, compared with the scalar law.
 #define KN_KERNEL_BASE 1
-#pragma GCC diagnostic ignored "-Wpsabi"           // its vectors never cross into another file
-#pragma GCC diagnostic ignored "-Wunused-function" // of the kernels' parts only the law is called here
+#pragma GCC diagnostic ignored "-Wpsabi"           // these vectors never cross into another file
+#pragma GCC diagnostic ignored "-Wunused-function" // this test calls only the law among the kernels' parts
 #include "core/kernel_law.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
@@ -17,7 +17,7 @@ typedef struct errors {
     double stress, slope;
 } errors;
 
-// Largest relative errors over four decades more than the table's range, on both sides of 0.
+// Return the largest relative errors on both sides of 0, over four decades more than the table's range.
 static errors worst_of(const kn_model *model, kn_linearization how)
 {
     enum { POINTS = 20000 };

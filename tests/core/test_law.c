@@ -2,8 +2,8 @@
 #include "tests/check.h"
 #include "tests/dough.h"
 
-// The oracle: s + A s/c2(s) = b by bisection on [0, |b|] until the interval is two neighbouring doubles. Shares nothing
-// with the law but the damper's formula, written out here once more.
+// The reference: s + A s/c2(s) = b, solved by bisection on [0, |b|] until the interval is two neighbouring doubles.
+// The reference shares no code with the law; the damper's formula is repeated here.
 static double damper(const kn_material *m, double s)
 {
     if (m->damper == KN_DAMPER_CONSTANT) return m->c2_pa_s;
@@ -34,7 +34,7 @@ static double worst_against_bisection(const kn_law *law, double from, double to)
     return worst;
 }
 
-// What the kernels compute from the table, in f32 as they do.
+// Evaluate the table in f32 as the kernels do.
 static float table(const kn_law *law, float b)
 {
     float y = b / (float)law->b0_pa, yh = (float)(law->bh_pa / law->b0_pa), one = 1, in = fminf(fmaxf(y, 1), yh);
@@ -192,7 +192,7 @@ TEST("a constant damper gives the line of c1 + dt k1 in series with c2; k1 = 0 a
 TEST("laws too wide for sixteen segments are solved exactly instead")
 {
     kn_material wide = dough;
-    wide.beta_per_pa *= 10; // c2 falls by e^58
+    wide.beta_per_pa *= 10; // c2 falls by a factor of e^58
     kn_law law;
     kn_law_build(&law, &wide, 1e-3, false);
     CHECK(law.kind == KN_LAW_EXACT);
@@ -237,7 +237,7 @@ TEST("a damper that starts to thin at zero stress (p0 = 0) is followed within 1e
     CHECK_NEAR(worst_against_bisection(&law, 1e-3, 1e8), 0, 1e-4);
 }
 
-// The dough's ends joined by a straight line.
+// Return dough whose two plateaus are joined by a straight line.
 static kn_material ramp(double c_max, double c_min, double p0, double p1)
 {
     kn_material m = dough;
@@ -258,7 +258,7 @@ TEST("a ramp is followed as an exponential is: to 1e-12 exactly, by its table to
         kn_law exact, fast;
         kn_law_build(&exact, &m[i], 1e-3, true);
         CHECK(exact.kind == KN_LAW_EXACT);
-        // p0 = 0 has no resting line: below 1e-4 of the ramp it is taken for one
+        // With p0 = 0 the law has no resting line. Below 1e-4 of the ramp the law takes the resting line.
         CHECK_NEAR(worst_against_bisection(&exact, 1e-3, 1e9), 0, m[i].p0_pa > 0 ? 1e-12 : 1e-4);
         kn_law_build(&fast, &m[i], 1e-3, false);
         printf("     ramp %d: %s, table error %.1e\n", i, fast.kind == KN_LAW_TABLE ? "table" : "exact",

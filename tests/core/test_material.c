@@ -123,7 +123,7 @@ TEST("stops limit the permanent strain to a0/a_max - 1 and a0/a_min - 1; equal o
     CHECK(!kn_material_check(&m) && !kn_material_stroke(&m, &in, &out));
     CHECK_NEAR(in, 0.2 / 0.98 - 1, 1e-12);
     CHECK_NEAR(out, 9, 1e-12);
-    m.ratio = 0.99; // outside
+    m.ratio = 0.99; // outside the allowed range
     CHECK(kn_material_check(&m) && strstr(kn_material_check(&m), "ratio"));
     m.ratio = m.stroke[0] = m.stroke[1] = 1;
     CHECK(!kn_material_check(&m) && kn_material_stroke(&m, &in, &out));

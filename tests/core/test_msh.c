@@ -53,7 +53,7 @@ TEST("every example mesh can be read, and is of good shape and of the size it sa
         if (!s) KN_TEST_FAIL("%s", error);
         if (!s || !kn_simplices_measure(s, &m)) continue;
         CHECK(s->dimension == example[i].dimension && facts.loose == 0);
-        CHECK_NEAR(m.volume / example[i].volume, 1, 0.03); // a round one is cut off by its facets
+        CHECK_NEAR(m.volume / example[i].volume, 1, 0.03); // facets cut off a little of a round body
         CHECK_NEAR(m.high_m[2] - m.low_m[2], example[i].height_m, 1e-4);
         CHECK(m.quality_min > 0.4 && m.quality_mean > 0.75);
     }
@@ -92,7 +92,8 @@ TEST("a file cut off anywhere gives one line, never a mesh")
         if (in) fclose(in);
         CHECK(size > 200 && size < sizeof bytes);
         for (size_t cut = 0; cut + 1 < size; cut++) {
-            char *part = malloc(cut + 1); // of that size, so that a sanitizer sees a read beyond it
+            // allocated with exactly that size, so that a sanitizer sees a read beyond the end
+            char *part = malloc(cut + 1);
             memcpy(part, bytes, cut);
             error[0] = '\0';
             OWN(kn_simplices) *s = kn_msh_read("t.msh", part, cut, 1000, NULL, error, sizeof error);
@@ -104,7 +105,7 @@ TEST("a file cut off anywhere gives one line, never a mesh")
 
 #define HEAD "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
 #define NODES                                                                                                          \
-    "$Nodes\n5\n7 0 0 0\n90 1 0 0\n4000000000 0 1 0\n5 0 0 1\n1 9 9 9\n$EndNodes\n" // numbers with gaps, one node loose
+    "$Nodes\n5\n7 0 0 0\n90 1 0 0\n4000000000 0 1 0\n5 0 0 1\n1 9 9 9\n$EndNodes\n" // numbers with gaps, one loose node
 
 TEST("points, lines and skin beside tetrahedra are left out, and so are nodes that no element has")
 {
@@ -131,7 +132,8 @@ TEST("parameters behind the coordinates of a node are passed over")
 
 TEST("triangles stand up from the plane they were drawn in, and from behind they are turned round")
 {
-    static const char *const nodes[] = {"1 0 0 3\n2 2 0 3\n3 0 1 3\n", "1 0 4 0\n2 2 4 0\n3 0 4 1\n"}; // x-y; x-z
+    // drawn in the plane x-y; in x-z
+    static const char *const nodes[] = {"1 0 0 3\n2 2 0 3\n3 0 1 3\n", "1 0 4 0\n2 2 4 0\n3 0 4 1\n"};
     static const char *const element[] = {"1 2 3", "3 2 1"};
     for (int i = 0; i < 4; i++) {
         char text[512];

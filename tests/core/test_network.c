@@ -1,4 +1,4 @@
-// Elements on a bench in one dimension, against closed forms, against their impedance, and against the papers' dough.
+// Elements on a one-dimensional bench, compared with closed forms, with their impedance, and with the papers' dough.
 #include "core/network.h"
 #include "core/oneport.h"
 #include "tests/check.h"
@@ -27,8 +27,7 @@ static void take(const kn_network *net, kn_network_state *state, const kn_drive 
     if (!kn_network_jump(net, state, drive)) KN_TEST_FAIL("a jump is refused");
 }
 
-// Creep under a constant stress S from rest for `hold` s, then without load: strain of a Voigt unit, a spring, a
-// damper.
+// Strain of a Voigt unit, a spring and a damper in creep: constant stress S from rest for `hold` s, then no load.
 static double voigt_creep(double s, double k, double c, double t, double hold)
 {
     double loaded = s / k * (1 - exp(-k / c * fmin(t, hold)));
@@ -79,7 +78,7 @@ static double maxwell_creep(const double *m, double s, double t, double hold) //
 
 TEST("creep and recovery of linear elements follow their closed forms to 1e-7")
 {
-    // at the moment of release the spring is already back
+    // At the moment of release the spring has already returned.
     check_creep("(s|d)-s", (const double[]){2e4, 3e4, 5e4}, zener_creep);
     check_creep("s-d", (const double[]){2e4, 3e5}, maxwell_creep);
     check_creep("(s|d)-d", (const double[]){2e4, 3e3, 4e5}, jeffreys_creep);
@@ -122,7 +121,7 @@ TEST("the integrator is of order 4")
         take(&net, &state, &swing);
         kn_network_state exact = state;
         for (int k = 1; k <= steps; k++) {
-            state.step_s = 4.0 / steps; // any error will do: the steps are ours
+            state.step_s = 4.0 / steps; // any error is allowed: the test sets the steps
             CHECK(kn_network_advance(&net, &state, &swing, 4.0 * k / steps, 1e12));
         }
         CHECK(state.steps == steps);
@@ -134,7 +133,8 @@ TEST("the integrator is of order 4")
     CHECK_NEAR(order[1], 4, 0.3);
 }
 
-// Storage and loss modulus by swinging, as an instrument measures them: Fourier sums over one period, after 30.
+// Measure storage and loss modulus by oscillation, as an instrument does: Fourier sums over one period, after 30
+// periods.
 static void swing(const kn_network *net, double omega, double amplitude, double *storage, double *loss)
 {
     enum { SAMPLES = 64 };
@@ -151,7 +151,7 @@ static void swing(const kn_network *net, double omega, double amplitude, double 
     }
 }
 
-// Every element of up to four primitives, reducible ones too.
+// Visit every element of up to four primitives, including reducible ones.
 static void for_each_element(int leaves, void (*visit)(const char *))
 {
     static const char *const few[] = {"s", "d", "(s|d)", "(s-d)"};
@@ -187,10 +187,11 @@ TEST("swung, every element of up to four primitives has the storage and loss mod
     CHECK(swung > 40);
 }
 
-// ---- the papers' dough
+// --- the papers' dough
 
 typedef struct creep {
-    double stress_pa, height, recovered, residual; // at release; after the rest
+    // stress and height at release; recovered and residual strain after the rest
+    double stress_pa, height, recovered, residual;
 } creep;
 
 static creep dough_creep(double load_gf, double rest_s)
@@ -245,7 +246,7 @@ TEST("held at one length dough relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, in cl
     kn_material m = dough;
     kn_network net = kn_network_of(&m);
     double high = 55 * GF_CM2, beta = m.beta_per_pa;
-    double at_rest = high + m.c1_pa_s * kn_material_flow(&m, high); // k1 x where the two rates cancel
+    double at_rest = high + m.c1_pa_s * kn_material_flow(&m, high); // the value of k1 x at which the two rates cancel
     kn_network_state state = {.part_strain = {at_rest / m.k1_pa, at_rest / m.k1_pa, 0.1}};
     kn_drive hold = {KN_DRIVE_STRAIN, .value = at_rest / m.k1_pa + 0.1};
     take(&net, &state, &hold);
@@ -265,7 +266,7 @@ TEST("a damper alone of any force dependence carries the one stress at which it 
     kn_material m = dough;
     kn_network net = network("d", (const double[]){1});
     net.part[0] = (kn_part){.modulus = m.alpha_pa_s, .beta_per_pa = m.beta_per_pa, .p0_pa = m.p0_pa, .p1_pa = m.p1_pa};
-    for (double stress = 1; stress < 200; stress += 1) { // across both kinks, from a specimen at rest every time
+    for (double stress = 1; stress < 200; stress += 1) { // across both kinks, starting from rest each time
         kn_drive pressed = {KN_DRIVE_STRAIN, .rate_per_s = kn_material_flow(&m, stress * GF_CM2)};
         kn_network_state state = {0};
         take(&net, &state, &pressed);

@@ -16,7 +16,7 @@ static kn_passivity fresh(void)
     return p;
 }
 
-// One period at z with a wanted force; what the controller makes of it is what is sent.
+// Run one period at z with a wanted force. The controller's output is the force sent.
 static double tick(kn_passivity *p, double z_m, double speed_m_s, double stored_j, double wanted_n)
 {
     double out[3];
@@ -58,7 +58,8 @@ TEST("a spring gives back all that was put into it and never finds the controlle
 {
     kn_passivity p = fresh();
     const double k = 600.0, depth = 0.004;
-    for (int n = 0; n <= 1000; n++) { // the force of the middle of each period: no energy of the hold's own
+    // the force at the middle of each period, so that the zero-order hold adds no energy
+    for (int n = 0; n <= 1000; n++) {
         double w = 6.283185307179586e-3;
         double now = depth * 0.5 * (1.0 - cos(w * n)), next = depth * 0.5 * (1.0 - cos(w * (n + 1)));
         double wanted = k * 0.5 * (now + next);
@@ -71,13 +72,14 @@ TEST("a spring gives back all that was put into it and never finds the controlle
 TEST("long kneading earns no more than a millijoule beyond what is stored")
 {
     kn_passivity p = fresh();
-    for (int n = 0; n < 3000; n++) tick(&p, -1e-5 * n, -0.01, 0.0, 1.0); // 30 mJ of dissipation
+    for (int n = 0; n < 3000; n++) tick(&p, -1e-5 * n, -0.01, 0.0, 1.0); // dissipates 30 mJ
     CHECK_NEAR(p.given_j, -30e-3, 1e-4);
     CHECK_NEAR(p.credit_j, 1e-3 + 1.0 / 1200.0, 2e-5);
-    for (int n = 0; n < 300 && !p.acted; n++) tick(&p, -0.03 + 1e-4 * n, 0.1, 0.0, 1.0); // pushed out with 1 N
+    // the tool is pushed out with 1 N
+    for (int n = 0; n < 300 && !p.acted; n++) tick(&p, -0.03 + 1e-4 * n, 0.1, 0.0, 1.0);
     CHECK(p.acted > 0);
     double gained = p.given_j + 30e-3;
-    CHECK(gained < 1e-3 + 1.0 / 1200.0 + 3e-4); // a few periods late, 0.1 mJ each
+    CHECK(gained < 1e-3 + 1.0 / 1200.0 + 3e-4); // the controller acts a few periods late, 0.1 mJ each
 }
 
 TEST("who does not know the stored energy has the larger of 5 mJ and twice what the coupling can hold")
@@ -95,7 +97,7 @@ TEST("who does not know the stored energy has the larger of 5 mJ and twice what 
 TEST("an active object gives the hand a tenth of what it would without the controller")
 {
     double given[2];
-    for (int i = 0; i < 2; i++) { // a mass on a spring of negative damping: x'' = (-k x + 2 v) / m
+    for (int i = 0; i < 2; i++) { // a mass on a spring with negative damping: x'' = (-k x + 2 v) / m
         kn_passivity p = fresh();
         double x = 2e-3, v = 0.0, force = 0.0;
         for (int n = 0; n < 300; n++) {
@@ -130,7 +132,7 @@ TEST("a debt is not paid in the air: it fades in 100 ms and is counted")
 {
     kn_passivity p = fresh();
     tick(&p, 0.0, 0.0, 0.0, 1.0);
-    tick(&p, 0.005, 0.1, 0.0, 0.0); // 5 mJ given, then off
+    tick(&p, 0.005, 0.1, 0.0, 0.0); // 5 mJ given, then no force
     for (int n = 0; n < 100; n++) CHECK(tick(&p, 0.005 + 1e-4 * n, 0.1, 0.0, 0.0) == 0.0);
     CHECK_NEAR(p.credit_j, -5e-3 * exp(-1.01), 1e-5);
     CHECK_NEAR(p.forgiven_j, 5e-3 * (1.0 - exp(-1.01)), 1e-5);

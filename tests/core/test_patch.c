@@ -1,7 +1,7 @@
 #include "core/patch.h"
 #include "tests/check.h"
 
-// A block's top of 11 by 11 nodes; patches are drawn on it.
+// The top of a block, 11 by 11 nodes. The tests draw patches on it.
 
 typedef struct rig {
     kn_model *model;
@@ -31,7 +31,7 @@ static void rig_free(rig *r)
 
 static int at(const rig *r, int x, int y) { return r->model->top[y * 11 + x]; }
 
-// Rows of nodes, '#' a pressed one with 1 N, '2' with 2 N.
+// Press the nodes given by rows of characters: '#' with 1 N, '2' with 2 N.
 static unsigned draw(rig *r, int p, const char *const row[], int rows)
 {
     kn_patches_begin(r->patches, p);
@@ -55,7 +55,7 @@ TEST("nodes that are neighbours, across a corner, too, are one patch; with a fre
     CHECK(kn_patches_at(r.patches, 0, at(&r, 4, 2)) == 0 && kn_patches_at(r.patches, 0, at(&r, 0, 0)) == -1);
     CHECK(bits(draw(&r, 1, (const char *const[]){".......", "..#.#..", "..#.##."}, 3)) == 2);
     CHECK(kn_patches_at(r.patches, 1, at(&r, 2, 1)) != kn_patches_at(r.patches, 1, at(&r, 4, 1)));
-    CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == 0); // the other tool's stay
+    CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == 0); // patches of the other tool are unchanged
     CHECK(draw(&r, 0, (const char *const[]){"."}, 1) == 0);
     CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == -1);
 }
@@ -70,7 +70,7 @@ TEST("a patch keeps its number while it moves; of two that meet one goes on with
     CHECK(kn_patches_at(r.patches, 0, at(&r, 1, 0)) == left && kn_patches_at(r.patches, 0, at(&r, 6, 0)) == right);
     CHECK_NEAR(r.share[right][right], 1, 0);
     unsigned used = draw(&r, 0, (const char *const[]){".#####2...."}, 1);
-    CHECK(used == 1u << right); // it had more of the load
+    CHECK(used == 1u << right); // the right part had more of the load
     CHECK_NEAR(r.share[right][left], 1, 0);
     CHECK_NEAR(r.share[right][right], 1, 0);
 }
@@ -103,7 +103,7 @@ TEST("a patch goes on over the edge of the block")
     AT_END(rig_free) rig r = rig_make();
     int below = -1;
     const double *rim = r.model->rest_m[at(&r, 3, 0)];
-    for (int i = 0; i < r.model->node_count; i++) { // the next one down the side
+    for (int i = 0; i < r.model->node_count; i++) { // the next node down the side
         const double *x = r.model->rest_m[i];
         bool under = x[0] == rim[0] && x[1] == rim[1] && x[2] < rim[2];
         if (under && (below < 0 || x[2] > r.model->rest_m[below][2])) below = i;

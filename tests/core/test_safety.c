@@ -2,7 +2,7 @@
 #include "tests/check.h"
 #include "tests/dice.h"
 
-typedef struct rig { // a probe in the hands of a test: one call is one tick
+typedef struct rig { // a probe driven by a test: one call is one tick
     kn_safety s;
     kn_safety_in in;
     double contact_n[3], torque_n_m[3];
@@ -31,7 +31,7 @@ static void ticks(rig *r, int n)
     for (int i = 0; i < n; i++) tick(r);
 }
 
-// In contact with full gain under a force along z that was reached in small steps.
+// Return a probe in contact with full gain, under a force along z that was reached in small steps.
 static rig rig_pressing(double clamp_n, double force_n)
 {
     rig r = rig_make(clamp_n);
@@ -50,7 +50,7 @@ TEST("a probe engages after 200 ms of poses, in air, and its gain takes 200 ms t
     CHECK(!r.s.attached && r.s.gain == 0.0);
     tick(&r);
     CHECK(r.s.attached);
-    r.contact_n[2] = 3.0; // no real contact could start here; the gain alone is looked at
+    r.contact_n[2] = 3.0; // no real contact could start here; this test looks at the gain only
     for (int i = 1; i <= 200; i++) {
         tick(&r);
         CHECK_NEAR(r.out_n[2], 3.0 * i / 200.0, 1e-12);
@@ -76,7 +76,7 @@ TEST("without poses the force stands for 3 ms, falls on a line, is zero at 20 ms
     rig r = rig_pressing(40.0, 8.5);
     r.in.fresh = false;
     for (int ms = 1; ms <= 100; ms++) {
-        r.contact_n[2] = 8.5 + ms; // what the physics says meanwhile does not matter
+        r.contact_n[2] = 8.5 + ms; // the model's force during the silence is ignored
         tick(&r);
         double gain = ms <= 3 ? 1.0 : ms >= 20 ? 0.0 : (20 - ms) / 17.0;
         CHECK_NEAR(r.out_n[2], 8.5 * gain, 1e-12);
@@ -96,7 +96,7 @@ TEST("a silence that ends before the deadline fades and ramps in again without a
     CHECK_NEAR(r.s.gain, 10.0 / 17.0, 1e-12);
     r.in.fresh = true;
     double before = r.out_n[2];
-    r.contact_n[2] = 1.0; // the contact has changed meanwhile: the hand walks there, it does not jump
+    r.contact_n[2] = 1.0; // the contact changed meanwhile: the force must approach the new value without a jump
     tick(&r);
     CHECK(r.s.fault == KN_FAULT_NONE && r.s.faults == 0);
     CHECK(fabs(r.out_n[2] - before) <= kn_safety_slope(&r.s.limits));
@@ -122,13 +122,15 @@ TEST("a latched silence clears by lifting while poses flow, not by poses alone")
 TEST("cycles that the server missed count as silence, and a stall past the deadline latches")
 {
     rig r = rig_pressing(40.0, 5.0);
-    r.in.elapsed_ms = 9; // the fresh pose may have come at the end of these 9 ms: 8 silent, 5 of them past the hold
+    // The fresh pose may have come at the end of these 9 ms. Then 8 ms were silent, 5 of them past the hold.
+    r.in.elapsed_ms = 9;
     tick(&r);
     CHECK_NEAR(r.s.gain, 1.0 - 5.0 / 17.0, 1e-12);
     rig q = rig_pressing(40.0, 5.0);
     q.in.elapsed_ms = 50;
     tick(&q);
-    CHECK(q.s.fault == KN_FAULT_OVERLOAD && q.s.latched && length(q.out_n) == 0.0); // the hand was not silent
+    // not a pose silence: the hand was not silent
+    CHECK(q.s.fault == KN_FAULT_OVERLOAD && q.s.latched && length(q.out_n) == 0.0);
     q.in.elapsed_ms = 1;
     ticks(&q, 201);
     CHECK(q.s.fault == KN_FAULT_NONE && (q.flags & KN_FLAG_ENGAGED) == 0 && q.s.attached);
@@ -143,7 +145,7 @@ TEST("being too slow fades a force as a silence does, and hides no fault that as
     ticks(&r, 17);
     CHECK(length(r.out_n) == 0.0 && !r.s.attached);
     ticks(&r, 500);
-    CHECK(r.s.fault == KN_FAULT_OVERLOAD && r.s.faults == 1); // lifted and in the air, but still too slow
+    CHECK(r.s.fault == KN_FAULT_OVERLOAD && r.s.faults == 1); // lifted and in the air, but the server is still too slow
     r.in.overload = false;
     tick(&r);
     CHECK(r.s.fault == KN_FAULT_NONE && r.s.attached);
@@ -186,7 +188,7 @@ TEST("three hits in 20 ticks, an alternating pair or one request above twice the
             r.contact_n[2] = r.s.force_n[2] + patterns[p][i];
             double before = r.out_n[2];
             tick(&r);
-            if (r.s.latched) CHECK(r.out_n[2] == before); // the tick that trips leaves the output alone
+            if (r.s.latched) CHECK(r.out_n[2] == before); // the tick that trips leaves the output unchanged
         }
         CHECK(r.s.fault == KN_FAULT_IMPULSE && r.s.latched && r.s.guards == 3 - p);
         double from = r.out_n[2];
@@ -241,7 +243,7 @@ TEST("a non-finite force never leaves; the last good one fades, and only a reset
     ticks(&r, 500);
     CHECK(r.s.fault == KN_FAULT_NONFINITE && !r.s.attached);
     r.in.recover = false;
-    for (int later = 0; later < 2; later++) { // an emergency stop over it, then under it
+    for (int later = 0; later < 2; later++) { // an emergency stop after the fault, then one before it
         r.in.estop = true;
         tick(&r);
         r.in.estop = false;
@@ -283,7 +285,7 @@ TEST("a change of the physics takes the force to zero in 17 ms and back in 200, 
     rig r = rig_pressing(40.0, 8.0);
     double slope = kn_safety_slope(&r.s.limits);
     r.in.change = true;
-    r.contact_n[2] = 9.0; // as the other physics has it
+    r.contact_n[2] = 9.0; // the force of the other physics
     for (int ms = 1; ms <= 217; ms++) {
         double before = r.out_n[2];
         tick(&r);
@@ -320,7 +322,7 @@ TEST("above 1.2 m/s the hand is only damped, and contact comes back through the 
     CHECK((r.flags & KN_FLAG_BRAKE) && r.s.fault == KN_FAULT_NONE && !r.s.attached);
     CHECK_NEAR(r.out_n[0], -3.0, 1e-12);
     CHECK_NEAR(r.out_n[2], 0.0, 0.0);
-    r.in.velocity_m_s[0] = 1.1; // not yet: noise about the limit must not toggle it
+    r.in.velocity_m_s[0] = 1.1; // still braking: noise around the limit must not toggle the brake
     ticks(&r, 40);
     CHECK(r.flags & KN_FLAG_BRAKE);
     r.in.velocity_m_s[0] = 0.5;
@@ -370,7 +372,7 @@ static uint64_t seed = 1;
 
 static bool braked(const kn_safety *s) { return length(s->brake_n) != 0.0; }
 
-// A tick of anything that can happen: bursts of lost poses, missed cycles, wild forces, fast hands, commands.
+// Run a tick with random inputs: bursts of lost poses, missed cycles, extreme forces, fast hands, commands.
 static void random_tick(rig *r, int *burst)
 {
     if (*burst > 0) (*burst)--;
@@ -390,7 +392,7 @@ static void random_tick(rig *r, int *burst)
     if (kn_dice(&seed) < 0.0001) r->contact_n[1] = kn_dice(&seed) < 0.5 ? (double)NAN : 1e300;
 }
 
-// Property, over a million ticks: the clamp, the deadline and the slope hold whatever happens.
+// Check over 500 000 ticks that the clamp, the deadline and the slope always hold.
 static void anything(double clamp_n, unsigned long long from)
 {
     rig r = rig_make(clamp_n);
@@ -411,11 +413,11 @@ static void anything(double clamp_n, unsigned long long from)
 
         for (int i = 0; i < 3; i++) change[i] = r.out_n[i] - before[i];
         double given = length(r.out_n), step = length(change) / r.in.elapsed_ms;
-        over_clamp += !(given <= l->clamp_n); // a NaN counts
+        over_clamp += !(given <= l->clamp_n); // a NaN counts as over the clamp
         since_pose = r.in.fresh ? 0 : since_pose + r.in.elapsed_ms;
         silent += since_pose >= l->zero_ms;
         after_deadline += since_pose >= l->zero_ms && given != 0.0;
-        bool forced = since_pose >= l->zero_ms || r.in.elapsed_ms > 1; // the hand had no force in a skipped cycle
+        bool forced = since_pose >= l->zero_ms || r.in.elapsed_ms > 1; // a skipped cycle gave the hand no force
         if (live_contact) {
             contact++;
             over_guard += step > l->guard_n_per_ms * gap + l->clamp_n / l->ramp_up_ms + 1e-9;
@@ -428,7 +430,7 @@ static void anything(double clamp_n, unsigned long long from)
     CHECK(over_slope == 0);
     CHECK(over_guard == 0);
     CHECK(after_deadline == 0);
-    // and the run was worth having
+    // Check that the run covered enough cases.
     CHECK(contact > 50000 && other > 50000 && silent > 500);
     CHECK(r.s.guards > 100 && r.s.faults > 100);
 }
@@ -443,7 +445,7 @@ TEST("a device whose server was killed holds 3 ms, is at zero by 20 ms and stays
 {
     kn_watchdog w;
     kn_watchdog_init(&w, 0, 0);
-    CHECK(kn_watchdog_tick(&w, false, 1) == 0.0); // nothing has come yet: no force, no trip
+    CHECK(kn_watchdog_tick(&w, false, 1) == 0.0); // no pose has come yet: no force, no trip
     for (int i = 0; i < 100; i++) CHECK(kn_watchdog_tick(&w, true, 1) == 1.0);
     for (int ms = 1; ms <= 100; ms++) {
         double gain = ms <= 3 ? 1.0 : ms >= 20 ? 0.0 : (20 - ms) / 17.0;
@@ -486,7 +488,7 @@ TEST("what allows a hand more is named: a force, a slope, a time; what lowers an
                  {{.brake_m_s = 2}, "device.brake_speed"},
                  {{.brake_n_s_per_m = 2}, "device.brake_damping"},
                  {{.force_scale = 2}, "device.force_scale"},
-                 {{.zero_ms = 5}, "device.zero"}, // the same force in 2 ms
+                 {{.zero_ms = 5}, "device.zero"}, // the same force falls to zero in 2 ms
                  {{.clamp_n = 0.9, .zero_ms = 18}, "device.zero"},
                  {{.zero_ms = 21}, "device.zero"},
                  {{.hold_ms = 4, .zero_ms = 21}, "device.hold"},
@@ -505,10 +507,10 @@ TEST(
 {
     rig r = rig_make(40.0);
     ticks(&r, 400);
-    CHECK(r.s.attached && r.s.slewed == 0); // a ramp in air holds nothing back
+    CHECK(r.s.attached && r.s.slewed == 0); // a ramp in air limits no force
     for (int i = 1; i <= 20; i++) r.contact_n[2] = 0.25 * i, tick(&r);
     CHECK(r.s.gain == 1.0 && r.s.slewed == 0);
-    r.in.change = true; // 17 ticks down, of which the last one has nothing left; 200 up, of which the last one is whole
+    r.in.change = true; // 17 ticks down, the last of which has no force left; 200 up, the last of which has full gain
     tick(&r);
     r.in.change = false;
     ticks(&r, 300);

@@ -23,7 +23,7 @@ static kn_scene *parse(const char *text, const char *const *sets, int count)
     return kn_scene_parse("test.yaml", text, strlen(text), sets, count, error, sizeof error);
 }
 
-// The complaint about dough.yaml with that --set.
+// Return the error message for dough.yaml with that --set.
 static const char *complaint(const char *set)
 {
     snprintf(error, sizeof error, "%s", "");
@@ -166,7 +166,7 @@ TEST("every key can be set")
               "mesh:\n  rate: 60 Hz\n"
               "probes:\n  - name: slab\n    shape: plate\n    size: [0.01 m, 0.02 m]\n");
     CHECK(scene->model.material.c2_pa_s == 0 &&
-          scene->model.probe[0].radius_m == 0); // of the damper and shape that were
+          scene->model.probe[0].radius_m == 0); // keys of the former damper and the former shape
 }
 
 static const char points[] =
@@ -209,7 +209,7 @@ TEST("a --set of a key that the chosen point has is meant, whichever came first"
     CHECK(again && same(scene, again));
 }
 
-// A scene of in_cm with this damper instead.
+// Parse in_cm with this damper instead of its own.
 static kn_scene *damped(const char *a, const char *b, const char *c)
 {
     const char *const set[] = {a, b, c};
@@ -301,11 +301,11 @@ TEST("every named material has its three variants, by the second paper's rules")
         CHECK(r.k1_pa > 0 && r.c1_pa_s > 0 && !kn_material_stroke(&r, &in, &out));
         CHECK(v.k1_pa == r.k1_pa && v.ratio == 1 && kn_material_stroke(&v, &in, &out));
         CHECK(p.k1_pa == 0 && !kn_material_stroke(&p, &in, &out));
-        for (double s = 0; s < 1e4; s += 100) { // the pair is the damper of the rheological one
+        for (double s = 0; s < 1e4; s += 100) { // the dampers in series equal the damper of the rheological variant
             double c2 = kn_material_c2(&p, s), c = p.c1_pa_s * c2 / (p.c1_pa_s + c2);
             CHECK_NEAR(c / kn_material_c2(&r, s), 1, p.damper == KN_DAMPER_CONSTANT ? 1e-12 : 0.05);
         }
-        kn_material own = variant(e->name); // one of the three
+        kn_material own = variant(e->name); // the material's own name stands for one of the three variants
         CHECK(own.k1_pa == 0 || own.ratio == 1 || own.stroke[1] == 0);
     }
     CHECK(count == 6);
@@ -324,7 +324,8 @@ TEST("the keys of structure and gas can be set, and a size of two values with a 
                               "  inside_pressure: 50662.5 Pa\n") != NULL);
     CHECK(scene->model.nodes[0] == 13 && scene->model.nodes[1] == 1 && scene->model.nodes[2] == 7);
     CHECK(scene->model.thickness_m == 0.02 && scene->model.pressure == KN_PRESSURE_OBJECT);
-    // read again it is the same; made a block by --set, its thickness goes; made of sides, its diagonals go
+    // Parse the text again: the scene is the same. With --set to a block the thickness disappears, and with sides
+    // only the diagonals disappear.
     static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis",
                                        "object.pressure=none"};
     OWN(kn_scene) *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
@@ -338,8 +339,8 @@ TEST("moduli per height are times the specimen's height, also one set later")
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
     OWN(kn_scene) *scene = parse(in_cm, set, 2);
     CHECK_NEAR(scene->model.material.k1_pa, 470 * 9806.65 * 0.02, 1e-10);
-    CHECK(scene->model.material.c1_pa_s == 50);    // a plain modulus is left alone
-    const char *later = "material.k1=300 gf/cm^3"; // the canonical text still knows the height
+    CHECK(scene->model.material.c1_pa_s == 50);    // a plain modulus is unchanged
+    const char *later = "material.k1=300 gf/cm^3"; // the canonical text still contains the height
     OWN(kn_scene) *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
     CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-10);
     CHECK(softer->text_hash != dough->text_hash);
@@ -457,7 +458,8 @@ TEST("a union in a scene is the shape that its parts make, each turned about x, 
     const kn_shape *tool = scene->model.probe[0].parts;
     CHECK(tool && tool == scene->tool[0] && tool->part_count == 3);
     CHECK_NEAR(tool->fine_m, 0.005, 1e-15);
-    // the cross's z is first -y, then turned by 30 degrees about z; its arms lie in the plane across that
+    // The cross's z axis is -y after the first turn, and then turns by 30 degrees about z. Its arms lie in the plane
+    // across that axis.
     const double c = sqrt(0.75), along[3] = {0.5, -c, 0};
     double way[3];
     for (int k = 0; k < 3; k++) CHECK_NEAR(tool->part[1].turn[k][2], along[k], 1e-15);
@@ -476,7 +478,7 @@ TEST("the text of a scene with a union is the scene; --set takes a key of one pa
     CHECK(again && strcmp(scene->text, again->text) == 0 && scene->text_hash == again->text_hash);
     CHECK(again && again->tool[0]->part_count == scene->tool[0]->part_count &&
           again->tool[0]->bound_m == scene->tool[0]->bound_m && again->tool[0]->fine_m == scene->tool[0]->fine_m);
-    for (int i = 0; again && i < scene->tool[0]->part_count; i++) { // field by field: padding may differ
+    for (int i = 0; again && i < scene->tool[0]->part_count; i++) { // compare field by field, since padding may differ
         const kn_solid *a = &scene->tool[0]->part[i], *b = &again->tool[0]->part[i];
         CHECK(a->kind == b->kind && a->radius_m == b->radius_m && a->length_m == b->length_m && a->turned == b->turned);
         CHECK(memcmp(a->half_m, b->half_m, sizeof a->half_m) == 0 && memcmp(a->at_m, b->at_m, sizeof a->at_m) == 0 &&

@@ -16,7 +16,7 @@ static kn_shape of(kn_solid part)
 
 static kn_shape a_box(void) { return of(kn_solid_box((double[]){0.02, 0.03, 0.01}, 0.001)); }
 
-// A hammer: an upright handle, and a head across it, turned by 30 degrees about x.
+// Make a hammer: an upright handle, and a head across it, turned by 30 degrees about x.
 static kn_shape a_union(void)
 {
     kn_solid handle = kn_solid_cylinder(0.004, 0.06, 0.001);
@@ -78,7 +78,7 @@ TEST("of a union the nearest part counts, where it has been put and turned")
     kn_shape hammer = a_union();
     CHECK_NEAR(at(&hammer, 0, 0, -0.003), 0.003, 1e-15);
     CHECK_NEAR(at(&hammer, 0.009, 0, 0.02), 0.005, 1e-15);
-    // beside the head, from whose origin 13 mm along its own axis: up, and sideways by half of that
+    // A point beside the head, 13 mm from the head's origin along its own axis: up, and sideways by half of 13 mm.
     double along = 0.013, c = cos(acos(-1.0) / 6);
     CHECK_NEAR(at(&hammer, 0.01, 0.003 - 0.5 * along, 0.05 + c * along), 0.003, 1e-15);
 }
@@ -109,8 +109,8 @@ TEST("the gradient is the unit way out: finite differences agree, and along it l
             outside += d > 0;
             arrived += d > 0 && fabs(kn_shape_distance(&shapes[s], foot, back)) < 1e-12;
         }
-        CHECK(met > 3950);         // all but points whose nearest part or face changes within 1e-8 m
-        CHECK(arrived == outside); // outside every one of them, for the distance is exact there
+        CHECK(met > 3950);         // all points except those whose nearest part or face changes within 1e-8 m
+        CHECK(arrived == outside); // all points outside, since the distance is exact there
     }
 }
 
@@ -143,13 +143,13 @@ TEST("the bound holds the shape, and its reach in any direction is that of its f
                 double p[3], out[3];
                 somewhere(&seed, 1.1 * shapes[s].bound_m, p);
                 double d = kn_shape_distance(&shapes[s], p, out);
-                for (int k = 0; k < 3; k++) p[k] -= d > 0 ? d * out[k] : 0; // its surface, or a point inside of it
+                for (int k = 0; k < 3; k++) p[k] -= d > 0 ? d * out[k] : 0; // a point on the surface or inside
                 CHECK(kn_dot(p, p) <= pow(shapes[s].bound_m + 1e-12, 2));
                 farthest = fmax(farthest, kn_dot(p, way));
             }
             double reach = kn_shape_support(&shapes[s], way);
             CHECK(farthest <= reach + 1e-12);
-            CHECK(farthest > reach - 1.5 * millimetre); // as near as 20 000 random points come
+            CHECK(farthest > reach - 1.5 * millimetre); // as close as 20 000 random points come
         }
 }
 

@@ -5,10 +5,10 @@
 
 static char error[256];
 
-// A block of n[0] x n[1] x n[2] cells of side h, six tetrahedra each along one diagonal (Kuhn).
+// Make a block of nx x ny x nz cells of side h. Each cell has six tetrahedra around one diagonal (Kuhn).
 static kn_simplices *block(int nx, int ny, int nz, double h)
 {
-    // corners between 0 and 7, the ends of the diagonal: bit k is axis k
+    // The corners between 0 and 7, the ends of the diagonal. Bit k of a corner is axis k.
     static const int path[6][2] = {{1, 3}, {1, 5}, {2, 3}, {2, 6}, {4, 5}, {4, 6}};
     int sx = nx + 1, sxy = sx * (ny + 1), e = 0;
     kn_simplices *s = kn_simplices_create(3, sxy * (nz + 1), 6 * nx * ny * nz);
@@ -41,7 +41,7 @@ TEST("a block of tetrahedra is good, and has the volume and the edges of a block
     if (!kn_simplices_check(s, error, sizeof error)) KN_TEST_FAIL("%s", error);
     CHECK(kn_simplices_measure(s, &m));
     CHECK_NEAR(m.volume, 24e-6, 1e-15);
-    // of axes, of face diagonals, of body diagonals
+    // edges along axes, face diagonals and body diagonals
     CHECK(m.edges == (3 * 3 * 5 + 4 * 2 * 5 + 4 * 3 * 4) + (3 * 2 * 5 + 3 * 3 * 4 + 4 * 2 * 4) + 24);
     CHECK_NEAR(m.edge_min_m, 0.01, 1e-15);
     CHECK_NEAR(m.edge_max_m, 0.01 * sqrt(3), 1e-15);
@@ -102,7 +102,7 @@ TEST("what no file can hold is refused too: a node that does not exist, one that
 TEST("nodes in one place are found across the borders of whatever sorts them")
 {
     for (int trial = 0; trial < 200; trial++) {
-        // two blocks that touch, with their own nodes on the common side, the other's a hair off
+        // Two blocks that touch. Each has its own nodes on the common side, at a tiny distance from the other's.
         OWN(kn_simplices) *a = block(2, 2, 2, 0.01), *s = kn_simplices_create(3, 54, 96);
         double off = 0.8e-11 * (trial % 7 - 3), shift = 1e-4 * trial;
         for (int i = 0; i < 54; i++)
@@ -116,7 +116,7 @@ TEST("nodes in one place are found across the borders of whatever sorts them")
 
 TEST("a mesh a hundred times as large as any that is stepped is still checked: no search is quadratic")
 {
-    // 226 981 nodes, 1 296 000 tetrahedra: a quadratic search takes hours
+    // 226 981 nodes and 1 296 000 tetrahedra: a quadratic search would take hours.
     OWN(kn_simplices) *s = block(60, 60, 60, 0.001);
     CHECK(s != NULL);
     if (s && !kn_simplices_check(s, error, sizeof error)) KN_TEST_FAIL("%s", error);

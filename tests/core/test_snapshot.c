@@ -43,7 +43,8 @@ static void object_free(object *o)
     kn_scene_destroy(o->scene);
 }
 
-// Tools come down on the object side by side while they drift and turn, hold on, and go up again; by the state's tick.
+// Move the tools by the state's tick: they come down on the object side by side while they drift and turn, hold, and
+// go up again.
 static void step(const object *o, const kind *k, kn_state *state)
 {
     kn_input in = {0};
@@ -83,7 +84,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
         OWN(kn_state) *kept = kn_state_keep(o.model);
         int contacts = 0, anchors = 0;
         for (int at = 0; at < 300;
-             at += KN_LENGTH(150, 60, 60)) { // before, on the way down, holding, on the way up, after
+             at += KN_LENGTH(150, 60, 60)) { // before the press, on the way down, holding, on the way up, afterwards
             while (straight->tick < at) step(&o, &kinds[i], straight);
             for (int p = 0; p < KN_PROBES_MAX; p++) contacts += straight->probe[p].contacts;
             anchors += straight->anchor_count;
@@ -92,7 +93,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
             CHECK(kn_snapshot_read(o.model, bytes, size, kept) == KN_SNAPSHOT_FITS);
             CHECK(kn_state_hash(o.model, kept) == kn_state_hash(o.model, straight) && kept->tick == straight->tick);
             CHECK(kn_snapshot_write(o.model, kept, again, room) == size && memcmp(bytes, again, size) == 0);
-            kn_state_reset(o.model, read); // a scratch that has stepped something else
+            kn_state_reset(o.model, read); // a state whose scratch has stepped something else
             kn_state_copy(o.model, read, kept);
             OWN(kn_state) *fresh = kn_state_create(o.model);
             kn_state_copy(o.model, fresh, kept);
@@ -147,14 +148,14 @@ TEST("no state is read into another lattice or material; tools, device and quali
 
 TEST("every truncation is refused; of every single byte changed there comes a state of finite numbers or a refusal")
 {
-    AT_END(object_free) object o = object_of(&kinds[8]); // with anchors
+    AT_END(object_free) object o = object_of(&kinds[8]); // an object with anchors
     OWN(kn_state) *state = kn_state_create(o.model), *into = kn_state_keep(o.model);
     while (state->tick < 170) step(&o, &kinds[8], state);
     CHECK(state->anchor_count > 0);
     size_t size = kn_snapshot_size(o.model, state);
     uint8_t *bytes = malloc(size + 1);
     CHECK(kn_snapshot_write(o.model, state, bytes, size) == size);
-    const size_t whole = (size_t)KN_LENGTH(400, 4000, 4000); // bytes at either end that are all tried
+    const size_t whole = (size_t)KN_LENGTH(400, 4000, 4000); // number of bytes at either end that are all tried
     for (size_t n = 0; n < size; n += n < whole / 2 ? 1 : 97)
         CHECK(kn_snapshot_read(o.model, bytes, n, into) == KN_SNAPSHOT_SHORT);
     CHECK(kn_snapshot_read(o.model, bytes, size + 1, into) == KN_SNAPSHOT_SHORT);
@@ -167,7 +168,7 @@ TEST("every truncation is refused; of every single byte changed there comes a st
         *(fits ? &taken : &refused) += 1;
         bytes[n] ^= 0xff;
     }
-    CHECK(refused > 100 && taken > 100); // the file's checksum is what refuses the others
+    CHECK(refused > 100 && taken > 100); // the other changes are refused by the file's checksum
     CHECK(kn_snapshot_read(o.model, bytes, size, into) == KN_SNAPSHOT_FITS);
     CHECK(kn_state_hash(o.model, into) == kn_state_hash(o.model, state));
     free(bytes);

@@ -14,7 +14,7 @@ static kn_model_def rk4_def(double dt_s, double mass_scale)
 
 TEST("at rest the dough needs steps of 1.9e-7 s (144 nodes), 4.7e-8 s (847): Runge-Kutta at 1 kHz is refused by name")
 {
-    static const double limit[3] = {0, 1.87e-7, 4.67e-8}; // 2.785 / lambda_max, found by hand for the same lattices
+    static const double limit[3] = {0, 1.87e-7, 4.67e-8}; // 2.785 / lambda_max, computed by hand for the same lattices
     for (int per_cm = 1; per_cm <= 2; per_cm++) {
         kn_model_def def = rk4_def(1e-8, 1);
         def.nodes[0] = def.nodes[1] = 5 * per_cm + 1;
@@ -61,7 +61,7 @@ TEST("the limit is where a resting lattice starts to blow up: 2 % below it a sma
 
 TEST("Runge-Kutta is of fourth order: half the step, a sixteenth of the error")
 {
-    // a smooth law (no kink is passed), one bar let go from a stretch
+    // A smooth law (no kink is crossed), and one bar released from a stretch.
     double end[3];
     for (int i = 0; i < 3; i++) {
         kn_model_def def = rk4_def(4e-3 / (1 << i), 1);
@@ -86,7 +86,7 @@ TEST("Runge-Kutta is of fourth order: half the step, a sixteenth of the error")
     CHECK_NEAR(order, 4, 0.3);
 }
 
-// Height of a bar after 0.2 s under a load, by either method.
+// Return the height of a bar after 0.2 s under a load, by the given solver.
 static double loaded_bar(kn_material material, kn_solver kind, double dt_s)
 {
     kn_model_def def = rk4_def(dt_s, 200);
@@ -115,7 +115,7 @@ TEST("in every limit of the law - no damper, k1 = 0, c1 = 0, thinning - it gives
         double exact = loaded_bar(m[t], KN_SOLVER_RK4, 2e-5), coarse = loaded_bar(m[t], KN_SOLVER_IMPLICIT, 2e-5),
                fine = loaded_bar(m[t], KN_SOLVER_IMPLICIT, 1e-5);
         CHECK(exact < 0.01 - 1e-7);
-        CHECK_NEAR(2 * fine - coarse, exact, 1e-3 * (0.01 - exact)); // extrapolated to a step of nothing
+        CHECK_NEAR(2 * fine - coarse, exact, 1e-3 * (0.01 - exact)); // extrapolated to a zero time step
     }
 }
 
@@ -133,7 +133,7 @@ TEST("reactions, loads and weight account for every change of momentum")
     void *scratch = malloc(kn_rk4_scratch(model));
     static uint8_t fixed[NODES];
     static double velocity[NODES][3], force[NODES][3], reaction[NODES][3];
-    for (int i = 0; i < NODES; i++) { // some held in some directions and moved, all pushed
+    for (int i = 0; i < NODES; i++) { // hold some nodes in some directions and move them; push all
         fixed[i] = (uint8_t)(i % 5 == 0 ? i % 8 : 0);
         for (int k = 0; k < 3; k++) velocity[i][k] = 1e-3 * (i % 7 - k), force[i][k] = 0.01 * (i % 3 - k);
     }

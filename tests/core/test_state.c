@@ -63,7 +63,7 @@ TEST("copying a state is a snapshot: the copy has the same hash and the same fut
 {
     OWN(kn_model) *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
     OWN(kn_state) *state = kn_state_create(model), *copy = kn_state_create(model);
-    press(model, copy, 30); // something to overwrite
+    press(model, copy, 30); // give the copy other contents to overwrite
     press(model, state, 150);
     kn_state_copy(model, copy, state);
     uint64_t at = kn_state_hash(model, state);

@@ -11,7 +11,7 @@ static kn_model *block(int nx, int ny, int nz)
     return build(&def);
 }
 
-// Each side of a triangle is met once the other way round.
+// Check that each side of a triangle occurs once in the other direction.
 static void check_closed(const kn_surface *s)
 {
     int *way = calloc((size_t)(s->vertex_count * s->vertex_count), sizeof *way);
@@ -50,7 +50,7 @@ TEST("the skin holds every outer node once and is closed: each side of a triangl
     OWN(kn_surface) *s = kn_surface_create(model);
     CHECK(s->vertex_count == 6 * 5 * 4 - 4 * 3 * 2);
     CHECK(s->triangle_count == 2 * 2 * (5 * 4 + 5 * 3 + 4 * 3));
-    CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler
+    CHECK(s->vertex_count - 3 * s->triangle_count / 2 + s->triangle_count == 2); // Euler's formula
     check_closed(s);
 }
 

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-typedef struct rig { // 5 x 5 x 3 cm of dough at 5 mm, and one tool
+typedef struct rig { // 5 x 5 x 3 cm of dough, 5 mm spacing, and one tool
     kn_model *model;
     kn_state *state;
     kn_input input;
@@ -54,7 +54,7 @@ static void turn(rig *r, double degrees, double x, double y, double z)
     q[0] = cos(half), q[1] = x * sin(half), q[2] = y * sin(half), q[3] = z * sin(half);
 }
 
-// On with that velocity for so many ms.
+// Move the tool with that velocity for so many ms.
 static void go(rig *r, double vx, double vy, double vz, int steps)
 {
     kn_probe_input *in = &r->input.probe[0];
@@ -85,7 +85,7 @@ static double peak(const rig *r)
     return most;
 }
 
-// A smooth contact, pressed down from `gap` above the top at 1 cm/s for 2 mm.
+// Press the tool down at 1 cm/s for 2 mm, from 0.1 mm above the top. low_m: height of the tool's origin in contact.
 static rig pressed(kn_probe_def tool, double low_m, double degrees, double ax, double ay, double az)
 {
     rig r = rig_open(tool);
@@ -122,7 +122,7 @@ TEST("with friction it integrates to the contact force along the normal")
     AT_END(rig_close) rig r = pressed(rough, 0.012, 0, 0, 0, 1);
     go(&r, 0.02, 0.01, 0, 150);
     CHECK(fabs(r.output.probe[0].force_n[0]) > 0.1 * r.output.probe[0].force_n[2]);
-    double along = dot(r.output.probe[0].force_n, r.touch.normal); // the tool stands as the scene does
+    double along = dot(r.output.probe[0].force_n, r.touch.normal); // the tool is not turned against the scene
     CHECK_NEAR(integral(&r), along, 1e-9 * along);
 }
 
@@ -137,7 +137,7 @@ TEST("a plate's map is the force on its nodes, and it does not slip")
     CHECK_NEAR(r.touch.area_m2, 0.02 * 0.02, 1e-9);
     for (int k = 0; k < 3; k++) CHECK_NEAR(r.touch.centre_m[k], 0, k < 2 ? 1e-5 : 1e-4);
     for (int k = 0; k < 3; k++) CHECK(r.touch.slip_velocity_m_s[k] == 0);
-    CHECK(r.touch.pressure_pa[0][0] > r.touch.pressure_pa[3][3]); // a rigid edge bites
+    CHECK(r.touch.pressure_pa[0][0] > r.touch.pressure_pa[3][3]); // a rigid edge concentrates the pressure
 }
 
 TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ball's and a fallen finger's on the skin")
@@ -176,7 +176,7 @@ TEST("a centred press has its centre of pressure, and the middle of its map, und
     CHECK_NEAR(r.touch.centre_m[1], 0, 1e-6);
     CHECK(r.touch.centre_m[2] < -0.009 && r.touch.centre_m[2] > -0.012); // on the ball's lower side
     CHECK(r.touch.normal[2] > 1 - 1e-9);
-    for (int i = 0; i < 64; i++) { // seen from every side the same
+    for (int i = 0; i < 64; i++) { // the map is symmetric
         double here = r.touch.pressure_pa[i / 8][i % 8], p = 1e-3 * peak(&r);
         CHECK_NEAR(here, r.touch.pressure_pa[i / 8][7 - i % 8], p);
         CHECK_NEAR(here, r.touch.pressure_pa[7 - i / 8][i % 8], p);
@@ -187,7 +187,7 @@ TEST("a centred press has its centre of pressure, and the middle of its map, und
 
 TEST("what leans to a side has its centre of pressure there, and the map's rows and columns are where they say")
 {
-    // about y by the right hand: its side of -x is lifted, +x goes down
+    // Turn about y by the right-hand rule: the side at -x is lifted, the side at +x goes down.
     AT_END(rig_close) rig r = pressed(box, 0.0008, 8, 0, 1, 0);
     double column[8] = {0};
     for (int i = 0; i < 64; i++) column[i % 8] += r.touch.pressure_pa[i / 8][i % 8];
@@ -204,14 +204,14 @@ TEST("a finger on its side shows its length, and touches with all of it")
 {
     AT_END(rig_close) rig r = rig_open(finger);
     kn_touch_face face;
-    turn(&r, 90, 0, 1, 0); // its axis along x
+    turn(&r, 90, 0, 1, 0); // the finger's axis lies along x
     put(&r, -0.008, 0, 0.0381);
     go(&r, 0, 0, -0.01, 200);
     CHECK_NEAR(r.touch.normal[0], -1, 1e-3); // up in the scene
     CHECK_NEAR(r.touch.centre_m[2], 0.008, 1e-4);
     CHECK(r.touch.centre_m[0] > 0.005);
     kn_touch_face_of(r.model, 0, r.touch.normal, &face);
-    CHECK_NEAR(face.u[2], 1, 1e-3); // tool's x has turned into its axis
+    CHECK_NEAR(face.u[2], 1, 1e-3); // the tool's x has turned into the map's u axis
     CHECK_NEAR(face.size_m[0], 0.032, 1e-4);
     CHECK_NEAR(face.size_m[1], 0.016, 1e-4);
     for (int j = 2; j < 6; j++) CHECK(r.touch.pressure_pa[3][j] > 0.5 * r.touch.pressure_pa[3][3]);
@@ -221,7 +221,7 @@ TEST("a finger on its side shows its length, and touches with all of it")
 TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x, in the tool's frame")
 {
     AT_END(rig_close) rig r = pressed(ball, 0.012, 0, 0, 0, 1);
-    CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 1e-3 && fabs(r.touch.slip_velocity_m_s[2]) < 1e-4); // a press
+    CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 1e-3 && fabs(r.touch.slip_velocity_m_s[2]) < 1e-4); // a pure press
     go(&r, 0.05, 0, 0, 100);
     CHECK(r.touch.slip_velocity_m_s[0] < -0.02 && r.touch.slip_velocity_m_s[0] > -0.06);
     CHECK(fabs(r.touch.slip_velocity_m_s[1]) < 1e-3);
@@ -231,7 +231,7 @@ TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x
     kn_probe_def glued = ball;
     glued.friction = 3;
     AT_END(rig_close) rig stuck = pressed(glued, 0.012, 0, 0, 0, 1);
-    go(&stuck, 0.0005, 0, 0, 1500); // it holds: what is left is the foundation that gives way
+    go(&stuck, 0.0005, 0, 0, 1500); // the contact sticks: the rest is the foundation giving way
     CHECK(fabs(stuck.touch.slip_velocity_m_s[0]) < 0.0004);
 }
 
@@ -240,7 +240,7 @@ TEST("the same press by a tool that stands turned gives the same map, area, cent
     AT_END(rig_close) rig a = rig_open(box), b = rig_open(box);
     put(&a, 0.003, 0.001, 0.0304);
     turn(&a, 5, 0, 1, 0);
-    put(&b, -0.001, 0.003, 0.0304); // all of it by 90 degrees about z, on a block that looks the same then
+    put(&b, -0.001, 0.003, 0.0304); // everything turned by 90 degrees about z, on a block that looks the same then
     double q = sqrt(0.5), lean = 5 * acos(-1.0) / 360;
     double both[4] = {q * cos(lean), -q * sin(lean), q * sin(lean), q * cos(lean)};
     memcpy(b.input.probe[0].orientation_wxyz, both, sizeof both);

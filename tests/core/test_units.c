@@ -1,7 +1,8 @@
 #include "core/scene/units.h"
 #include "tests/check.h"
 
-// The value of text in multiples of unit, NAN when either cannot be read or the dimensions differ.
+// Return the value of the text in multiples of the unit. Return NAN if either cannot be read or if the dimensions
+// differ.
 static double read(const char *text, const char *unit)
 {
     kn_quantity q;

@@ -1,4 +1,4 @@
-# What knead export wrote, read back by VTK.
+# Read the output of knead export with VTK.
 #     exported.py log FOLDER CSV NODES EDGES | rest FOLDER VOLUME | flat FOLDER AREA | ply FILE FOLDER ARRAY
 import csv, math, sys, xml.etree.ElementTree as xml
 import served, vtk
@@ -23,13 +23,14 @@ def volumes(grid, what="Volume"):
     size.Update()
     return array(size.GetOutput().GetCellData(), what)
 
-def invalid(grid): # cells at rest: under load the sides of a cube are bent, and it is no more convex
+# only for cells at rest: under load the sides of a cube are bent, and the cube is not convex any more
+def invalid(grid):
     judge = vtk.vtkCellValidator()
     judge.SetInputData(grid)
     judge.Update()
     return int((array(judge.GetOutput().GetCellData(), "ValidityState") != 0).sum())
 
-# {time: {name: file}}; parts of a time are numbered from 0
+# Return {time: {name: file}}. The parts of a time are numbered from 0.
 def collection(folder, name):
     times = {}
     for one in xml.parse(f"{folder}/{name}.pvd").getroot().iter("DataSet"):
@@ -66,7 +67,7 @@ def log(folder, table, nodes, edges):
         worst_tool = max(worst_tool, abs(given.sum(axis=0) - [float(row[f"f{k}_n"]) for k in "xyz"]).max(),
                          abs(place[0] - [float(row[f"proxy_{k}_m"]) for k in "xyz"]).max(),
                          abs(place[1:].min(axis=0)[2] - float(row["proxy_z_m"])))
-        if told[2] > 1: # what the plate holds is where the plate is
+        if told[2] > 1: # nodes held by the plate are at the plate
             held = force[:, 2] < 0
             stress = max(stress, array(grid.GetPointData(), "von_mises_stress_pa").max())
             speed = max(speed, -array(grid.GetPointData(), "velocity_m_s")[held][:, 2].min())
@@ -125,14 +126,14 @@ def ply(path, most):
     quality = qualities(path)
     check(f"the most is {quality.max():.6g}, as VTK has it of the nodes", abs(quality.max() / most - 1) < 1e-5, most)
 
-def qualities(path): # which vtkPLYReader does not keep
+def qualities(path): # vtkPLYReader drops these properties
     import numpy
     text = open(path, "rb").read()
     count = int(text.split(b"element vertex ")[1].split()[0])
     kind = numpy.dtype([("x", "<f4", 3), ("n", "<f4", 3), ("quality", "<f4"), ("rgb", "u1", 3)])
     return numpy.frombuffer(text, kind, count, text.index(b"end_header\n") + 11)["quality"]
 
-def most(folder, name): # of the last moment, over all nodes
+def most(folder, name): # over all nodes, at the last moment
     times = collection(folder, "object")
     grid = read(times[max(times)]["object"])
     values = array(grid.GetPointData(), name)

@@ -1,9 +1,10 @@
-# hostile.py record FILE SECONDS      keep what is said on both ports
-# hostile.py send FILE[,FILE] COUNT SEED [replay]      to everybody who listens: datagrams that nobody should believe, 20 000 a second
+# hostile.py record FILE SECONDS      record the messages on both ports
+# hostile.py send FILE[,FILE] COUNT SEED [replay]      send to all listeners datagrams that no client should accept,
+# 20 000 a second
 #
-# Kinds, by turns: parts of a message (LC03) whose offset wraps, with interleaved numbers, sizes that lie; channel names of 0
-# to 1 000 bytes, with and without their NUL; recorded messages with flipped bits, cut, under another channel, with counts
-# that are not theirs; with `replay` also as they were.
+# The kinds take turns. Parts of a message (LC03) have offsets that wrap, interleaved numbers and wrong sizes. Channel
+# names have 0 to 1 000 bytes, with and without their NUL. Recorded messages have flipped bits, are cut, come on
+# another channel, or have wrong counts. With `replay` recorded messages are also sent unchanged.
 import pickle, random, select, socket, struct, sys, time
 
 GROUP, PORTS = '239.255.76.67', (7667, 7668)
@@ -60,7 +61,7 @@ def spoilt(dice, message):
         payload = payload[:dice.randrange(len(payload) + 1)]
     elif kind == 2:
         head = head[:8] + dice.choice(CHANNELS) + b'\0'
-    else:  # a count, somewhere in the first hundred bytes
+    else:  # replace a count somewhere in the first hundred bytes
         at = dice.randrange(8, max(9, min(len(payload) - 4, 100)))
         payload[at:at + 4] = struct.pack('>i', dice.choice((-1, 1 << 30, 0x20000001, -(1 << 31), 65535)))
     return head + bytes(payload)

@@ -1,5 +1,6 @@
-# kneadd and knead web as a script needs them: started, listened to on LCM, and (Browser) looked at by Chromium. Inside
-# tests/netns, with the build's bin first in PATH, by /usr/bin/python3, whose modules come from Debian's packages.
+# kneadd and knead web for scripts: start them, listen to them on LCM, and open their page in Chromium (class
+# Browser). Runs inside tests/netns, with the build's bin first in PATH, by /usr/bin/python3, whose modules come from
+# Debian's packages.
 import collections
 import os
 import socket
@@ -12,14 +13,14 @@ import time
 failed = False
 
 
-def check(sentence, holds, *seen):  # one line, like tests/check.h
+def check(sentence, holds, *seen):  # print one line as tests/check.h does
     global failed
     failed = failed or not holds
     print("ok   " + sentence if holds else f"FAIL {sentence}: {', '.join(map(str, seen))}", flush=True)
     return holds
 
 
-def until(what, seconds=10):  # what()'s first true answer, or its last false one
+def until(what, seconds=10):  # return what()'s first true answer, or its last false one
     end = time.monotonic() + seconds
     while not (got := what()) and time.monotonic() < end:
         time.sleep(0.02)
@@ -29,7 +30,7 @@ def until(what, seconds=10):  # what()'s first true answer, or its last false on
 Address = collections.namedtuple("Address", "address port token")
 
 
-def opened(log):  # what knead web told there
+def opened(log):  # read the address that knead web printed there
     address = next(word for word in open(log).read().split() if word.startswith("http"))
     return Address(address, int(address.split(":")[2].split("/")[0]), address.split("#")[1])
 
@@ -48,7 +49,7 @@ class Served:
         kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
         self.kneadd = self.start("kneadd", [*kneadd, "--realtime", os.environ["KN_REALTIME"], *options], "serving")
 
-    def start(self, name, command, word):  # returns once it has said the word
+    def start(self, name, command, word):  # return once the program has printed the word
         log = open(f"{name}.log", "w")
         process = self.last = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         said = lambda: open(f"{name}.log").read().strip()
@@ -66,13 +67,13 @@ class Served:
     def cpu_s(self):
         return cpu_s(self.web.pid)
 
-    def stop(self):  # both end well, knead web first
+    def stop(self):  # both must end with 0, knead web first
         for name, process in ("knead web", self.web), ("kneadd", self.kneadd):
             process.terminate()
             check(f"{name} ends with 0", process.wait(10) == 0, process.returncode)
 
 
-def cpu_s(pid):  # user and system time, of all its threads
+def cpu_s(pid):  # user and system time of all its threads
     fields = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -83,9 +84,10 @@ class Bus(threading.Thread):
     def __init__(self):
         super().__init__(daemon=True)
         self.force_n = self.mesh_tick = self.generation = 0
-        self.tick = 0  # of the newest status
-        self.missed = self.unexplained = 0  # cycles; that the machine does not explain
-        self.statuses = self.spoilt = 0  # one per second; of these, with more unexplained misses than the last
+        self.tick = 0  # tick of the newest status
+        self.missed = self.unexplained = 0  # missed cycles; those that the machine does not explain
+        # number of statuses, one per second; number with more unexplained misses than the one before
+        self.statuses = self.spoilt = 0
         self.rest = self.now = None  # heights of the vertices
         self.sockets = [self.join(port) for port in (7667, 7668)]
         self.start()
@@ -118,14 +120,14 @@ class Bus(threading.Thread):
             elif channel == b"KNEAD_MESH_UPDATE":
                 self.mesh_tick = struct.unpack_from(">q", payload, 24)[0]
                 self.generation, _, chunks, first, count = struct.unpack_from(">5i", payload, 32)
-                if chunks == 1:  # true of the small scene
+                if chunks == 1:  # always true for the small scene
                     self.now = struct.unpack_from(f">{3 * count}f", payload, 65)[2::3]
                     self.rest = self.rest or self.now
 
-    def dent_mm(self):  # how far below its place at rest the lowest-pressed vertex is
+    def dent_mm(self):  # largest depth of a vertex below its place at rest
         return 1e3 * max(rest - now for rest, now in zip(self.rest, self.now)) if self.now else 0
 
-    def dented(self, mm=0.5):  # vertices that are so much below their place at rest
+    def dented(self, mm=0.5):  # number of vertices at least that far below their place at rest
         return sum(1e3 * (rest - now) > mm for rest, now in zip(self.rest, self.now)) if self.now else 0
 
 
@@ -135,11 +137,11 @@ class Browser:
     def __init__(self, width=1280, height=800):
         from selenium import webdriver
         from selenium.webdriver.chrome.service import Service
-        os.environ["HOME"] = os.getcwd()  # what it leaves behind goes with the scratch folder
+        os.environ["HOME"] = os.getcwd()  # files left behind are removed with the scratch folder
         options = webdriver.ChromeOptions()
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        options.accept_insecure_certs = True  # as whoever has compared the fingerprint
+        options.accept_insecure_certs = True  # as a user who has compared the fingerprint
         for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-sync",
                      "disable-background-networking", "disable-component-update", "hide-scrollbars",
                      f"window-size={width},{height}", f"user-data-dir={os.getcwd()}/chromium"):
@@ -155,13 +157,13 @@ class Browser:
         self.driver.get(address)
         return until(lambda: self.run("return knead.frames > 3"), 20)
 
-    def now(self):  # the newest state that the page was told
+    def now(self):  # the newest state that the page received
         return self.run("return knead.now") or {}
 
     def text(self, id):
         return self.run("return document.getElementById(arguments[0]).textContent", id)
 
-    def place(self, u, v):  # pixels in the window of a point of the picture
+    def place(self, u, v):  # window pixels of a point of the picture
         x, y, w, h = self.run("const b = picture.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]")
         return x + u * w, y + v * h
 
@@ -177,7 +179,7 @@ class Browser:
         self.hover(u, v)
         self.mouse("Pressed", self.x, self.y)
 
-    def wheel(self, mm):  # deeper
+    def wheel(self, mm):  # turn the wheel: positive goes deeper
         self.devtools("Input.dispatchMouseEvent", type="mouseWheel", x=self.x, y=self.y, deltaX=0, deltaY=200 * mm,
                       buttons=1)
 
@@ -188,20 +190,20 @@ class Browser:
         self.devtools("Input.dispatchKeyEvent", type="key" + kind, key=key, code=code or key,
                       text=text if kind == "Down" else "")
 
-    def complaints(self):  # of our page, on the console
+    def complaints(self):  # messages of our page on the console
         return [line for line in self.driver.get_log("browser") if not line["message"].startswith("chrome://")]
 
     def screenshot(self, path):
         self.driver.save_screenshot(path)
 
-    def keep(self, name):  # the picture, to compare with
+    def keep(self, name):  # keep the picture for a comparison
         self.run("""const { width, height } = picture;
             const copy = Object.assign(document.createElement('canvas'), { width, height });
             const ctx = copy.getContext('2d', { willReadFrequently: true });
             ctx.drawImage(picture, 0, 0);
             (window.kept ??= {})[arguments[0]] = ctx.getImageData(0, 0, width, height).data""", name)
 
-    def changed(self, a, b):  # pixels of picture b that differ from a's by more than JPEG's grain
+    def changed(self, a, b):  # number of pixels of picture b that differ from a's by more than JPEG noise
         return self.run("""let [a, b] = [...arguments].map((n) => kept[n]), count = 0;
             for (let i = 0; i < a.length; i += 4) count += Math.abs(a[i] - b[i]) + Math.abs(a[i + 1] - b[i + 1]) > 24;
             return count""", a, b)

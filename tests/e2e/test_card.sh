@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# kneadd --backend pty on a simulated board that is killed once under a hand: what kneadd and knead ctl tell of it, and the forces of
-# a run without a board. Many kills are e2e.circuit's, the real circuit is e2e.circuit_rtl's.
+# kneadd --backend pty on a simulated board that is killed once under a hand: the messages of kneadd and knead ctl,
+# and the same forces as a run without a board. e2e.circuit tests many kills, and e2e.circuit_rtl the real circuit.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 circuit() { ctl --json status | python3 -c "import json, sys; c = json.load(sys.stdin)['circuit']; sys.exit(not ($1))"; }
 

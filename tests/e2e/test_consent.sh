@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# tests/run and server/run change nothing on a machine without asking: here dpkg-query says that every package is missing.
+# tests/run and server/run change nothing on a machine without asking. A fake dpkg-query says that every package is
+# missing.
 set -u
-source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
+source "$KN_SOURCE/tests/e2e/kneadd.sh" # defines check
 
 mkdir bin && PATH=$PWD/bin:$PATH
 printf '#!/bin/sh\nexit 1\n' | tee bin/dpkg-query bin/sudo >/dev/null

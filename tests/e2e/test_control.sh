@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# knead ctl: a reset makes the object as new, under a hand, too; an emergency stop ends what the hand feels until a
-# recover, over a load, too; status says how it is; the log replays over all of it. What is wrong is told in one line,
-# and harmless.
+# knead ctl: a reset restores the new object, also under a hand. An emergency stop ends the hand's force until a
+# recover, also across a load. status reports the state. The log of all this replays. Wrong requests give one line and
+# do no harm.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 lines() { python3 -c '
 import socket, sys
 s = socket.socket(socket.AF_UNIX); s.connect("control")
 s.sendall(sys.argv[1].encode()); s.shutdown(socket.SHUT_WR)
 while got := s.recv(65536): sys.stdout.write(got.decode())' "$1"; }
-end() { stop_kneadd; stop_logger; } # the log, too
+end() { stop_kneadd; stop_logger; } # ends the log too
 press() { $ahead knead probe --path path.csv --quiet "$@" >/dev/null 2>hand.err & hand=$!; }
 
 expect 'knead ctl: control: No such file or directory: is kneadd running' 3 ctl status
@@ -18,13 +18,14 @@ touch file
 expect '--control file: exists and is no socket' 3 \
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control file
 
-# a finger presses, holds while the dough under it is made new, lifts, presses again; then an emergency stop, a recover
+# A finger presses, holds while the dough under it is reset, lifts and presses again. Then an emergency stop and a
+# recover.
 printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 4,0,0,0.041 4.5,0,0,0.06 \
     5.5,0,0,0.06 6.3,0,0,0.045 6.5,0,0,0.041 7,0,0,0.041 7.5,0,0,0.06 >path.csv
 start_logger reset.lcmlog
 start_kneadd dough-small.yaml --control control
 $ahead knead probe --path poke --quiet >/dev/null
-ctl reset >reset.out # over the dent, with nobody there
+ctl reset >reset.out # over the dent, without a hand
 press
 pressing
 lines '{"command":"reset"}
@@ -49,7 +50,7 @@ check "who did it was told, once each" \
 check "and nothing else" [ "$(grep -vc -e '^kneadd: control' -e '^Overrun' kneadd.err)" = 0 ]
 check "the socket is gone" [ ! -e control ]
 
-# an emergency stop under a finger, another hand that comes, a recover
+# An emergency stop under a finger, another hand that comes, a recover.
 start_logger stop.lcmlog
 start_kneadd dough-small.yaml --control control
 press --tries 1
@@ -64,7 +65,7 @@ field '["mode"], "later"' >>mode
 ctl recover >recover.out
 $ahead knead probe --path poke --quiet >/dev/null 2>third.err
 check "after a recover a hand presses: $(cat third.err)" [ $? = 0 ]
-pause 0.2 # its session ends
+pause 0.2 # the session ends
 field '["mode"], "recovered"' >>mode
 ctl --json status >stopped.json
 end
@@ -82,7 +83,7 @@ import json
 f = json.load(open("stopped.json"))["force"]
 assert f["trips"]["estop"] >= 1 and f["slew_limited"] >= 10 and f["faults"] == sum(f["trips"].values()), f'
 
-# an emergency stop stands when a scene is loaded, and so does one that is said meanwhile
+# An emergency stop stays in force when a scene is loaded. So does a stop that is ordered during the load.
 served() { grep -c '^kneadd: serving' kneadd.log; }
 mode() { field '["mode"]'; }
 start_kneadd dough-small.yaml --control control
@@ -111,7 +112,7 @@ for starts in 4 ${KN_NIGHT:+5 6}; do
 done
 stop_kneadd >/dev/null
 
-# what is wrong, while it serves
+# Wrong requests while the server runs.
 start_kneadd dough-small.yaml --control control
 expect 'no command: expected status, reset' 2 ctl
 expect "command 'restet': expected one of status, reset," 2 ctl restet
@@ -151,7 +152,7 @@ check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -
 expect 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
 check "as SIGTERM does" ended $server
 
-# one whose reader leaves, as head does, serves on
+# A server whose output reader leaves, as head does, goes on.
 rm -f first
 (env --default-signal=PIPE kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" --control control 2>err
     echo $? >code) | head -1 >first &
@@ -165,7 +166,7 @@ check "in the end it says what is missing: $(tail -1 err)" \
     grep -q 'standard output could not be written to its end' err
 check "and exits with 3" [ "$(cat code)" = 3 ]
 
-# an emergency stop, however many questions came before it on its connection, and whatever that waits for
+# An emergency stop works however many requests came before on its connection, and whatever they wait for.
 start_kneadd dough-small.yaml --control control
 python3 -c '
 import json, socket, time
@@ -184,7 +185,7 @@ check "nor does the slow request before it" grep -qx True answers
 check "a question without its newline is answered at the end" grep -qx ESTOP answers
 stop_kneadd >/dev/null
 
-# a server that is told to stop stops, whatever else it was told
+# A server that is ordered to stop stops, whatever other orders it got.
 start_kneadd dough-small.yaml --control control
 (lines '{"command":"stop"}
 '"$(for _ in $(seq 99); do echo '{"command":"undo"}'; done)"'

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# knead export: a press as VTK's, PLY's and CSV files, read back by VTK's own readers; scenes at rest; and whatever can be wrong, which
-# leaves nothing behind.
+# knead export: a press as VTK, PLY and CSV files, read back by VTK's own readers; scenes at rest; and all possible
+# errors, which leave no files behind.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 /usr/bin/python3 -c 'import vtk' 2>/dev/null || { echo "skipped: no VTK here (package python3-vtk9)"; exit 77; }
 exported() { /usr/bin/python3 "$KN_SOURCE/tests/e2e/exported.py" "$@" || failed=1; }
-# refused SENTENCE EXIT PATTERN OPTION...: one line, and nothing new in this folder
+# refused SENTENCE EXIT PATTERN OPTION...: expect one line, and no new file in this folder.
 refused() {
     local before=(*)
     expect "$3" "$2" knead export "${@:4}"
@@ -34,7 +34,7 @@ check "a surface for each moment" knead export press.lcmlog --ply plys --color s
 knead export press.lcmlog --at 0.5 --ply one.ply --color stress --top '20 kPa'
 check "one of which is that alone" cmp one.ply plys/surface_00001.ply
 
-# a log without forces ends with its last pose, and so does every program that reads it
+# A log without forces ends with its last pose. Every program that reads the log agrees.
 python3 - press.lcmlog poses.lcmlog <<'END'
 import struct, sys
 log, poses = open(sys.argv[1], "rb").read(), open(sys.argv[2], "wb")
@@ -92,7 +92,8 @@ refused "a table nowhere" 2 "^knead export: --csv '': expected a value$" press.l
 for text in ' 1' 0x2 1e inf nan +; do
     refused "a time that is none" 2 '--at .*: expected seconds, or end' press.lcmlog --at "$text" --csv x
 done
-# a log of 200 s is refused as fast as it is read: stepped to the last name there is it would take a hundred times as long
+# A log of 200 s is refused as fast as it is read. Stepping to the last existing name would take a hundred times as
+# long.
 python3 - poses.lcmlog long.lcmlog <<'END'
 import struct, sys
 log, long = bytearray(open(sys.argv[1], "rb").read()), open(sys.argv[2], "wb")

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A block of two resolutions is served; a press of it replays to the bit; played on its uniform lattice the press is what
-# the scene says it is, and a box that is too small is found out.
+# A block of two resolutions is served. A press of the block replays to the bit. On the uniform lattice the press is
+# as accurate as the scene states, and a box that is too small is found out.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
 size='object.size=[3 cm, 3 cm, 1.8 cm]' reach='probes.spatula.reach=[-1 mm, 1 mm, -1 mm, 1 mm]'

@@ -1,20 +1,22 @@
 #!/usr/bin/env bash
-# kneadd --state-dir on a disk that is full for a while, under a hand that presses: every save that fails is counted once and told in a line a
-# second at most, whose numbers add up; the servo ticks on, what was saved stays, and saving goes on by itself once there is room.
-if [ "$1" != inside ]; then # what is mounted here goes with the namespace
+# kneadd --state-dir on a disk that is full for a while, under a hand that presses. Every failed save is counted once.
+# It is reported in at most one line a second, and the numbers of these lines add up. The servo ticks on, saved files
+# stay, and saving resumes by itself once there is room.
+if [ "$1" != inside ]; then # mounts disappear with the namespace
     unshare -m mount -t tmpfs none "$PWD" 2>/dev/null || { echo "skipped: no file system may be mounted here"; exit 77; }
     exec unshare -m "$0" inside
 fi
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 look() { ctl --json status >"$1.json"; }
-of() { python3 -c 'import json, sys; print(eval(sys.argv[2], json.load(open(sys.argv[1] + ".json"))))' "$1" "$2"; } # of NAME EXPRESSION
+# of NAME EXPRESSION: evaluate an expression on the status NAME.json
+of() { python3 -c 'import json, sys; print(eval(sys.argv[2], json.load(open(sys.argv[1] + ".json"))))' "$1" "$2"; }
 grown() { echo $(($(of "$2" "$3") - $(of "$1" "$3"))); }
 files() { find kept -name '*.knead' -printf '%f %s %T@\n' | sort; }
 mkdir kept && mount -t tmpfs -o size=1m,mode=700 none kept || exit 77
 start_logger disk.lcmlog
 start_kneadd dough-small.yaml --control control --state-dir kept
 kneader finger & hand=$!
-until_saves() { # until_saves NAME SINCE: look until two more are saved
+until_saves() { # until_saves NAME SINCE: take statuses until two more saves succeeded
     for ((tries = 0; tries < 300; tries++)); do
         look "$1"
         [ "$(grown "$2" "$1" 'state["snapshots"]')" -lt 2 ] || break
@@ -25,15 +27,16 @@ pause 1
 look begin
 until_saves well begin
 dd if=/dev/zero of=kept/fill bs=4k 2>/dev/null
-for ((tries = 0; tries < 50; tries++)); do # until a save has met it, and none is under way that has not
+# until a save has met the full disk, and no save begun before that is under way
+for ((tries = 0; tries < 50; tries++)); do
     ctl snapshot >/dev/null 2>&1 || break
 done
 look full
 files >files.full
 for n in 1 2 3 4 5; do ctl snapshot >"asked.$n" 2>&1; echo $? >>"asked.$n"; done
-for ((tries = 0; tries < 300; tries++)); do # by itself, too
+for ((tries = 0; tries < 300; tries++)); do # the server's own saves must fail too
     look fuller
-    [ "$(of fuller '"snapshot_error" in current_errors')" = False ] || # those of the newest status
+    [ "$(of fuller '"snapshot_error" in current_errors')" = False ] || # the errors of the newest status
         [ "$(grown full fuller 'state["snapshot_errors"]')" -lt 8 -o "$(of fuller 'state["snapshot_age_ms"]')" -lt 3500 ] || break
     pause 0.1
 done
@@ -41,7 +44,7 @@ files >files.fuller
 rm kept/fill
 until_saves again fuller
 until_saves later again
-pause 2.2 # a status a second tells it
+pause 2.2 # time for a status, which comes once a second
 kill $hand
 stop_kneadd
 stop_logger

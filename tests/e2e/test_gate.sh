@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The verdict of tests/run: which results of tests, and which records of a night, let a change pass.
-source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70 # check
+# The verdict of tests/run: which test results, and which records of a night, let a change pass.
+source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70 # defines check
 
-# one test of each result, played by ctest itself
+# One test for each kind of result, played by ctest itself.
 cat >CMakeLists.txt <<'END'
 cmake_minimum_required(VERSION 3.25)
 project(results NONE)
@@ -22,7 +22,8 @@ check "a test that passed is passed" [ "$(result good)" = passed ]
 for test in bad long gone; do check "one that is $test is failed" grep -q '^failed' <(result $test); done
 check "one that cannot run here is skipped, with its reason" [ "$(result left)" = "skipped <no card> here" ]
 
-verdict() { # verdict SENTENCE EXIT STRICT LINE [ROW...]: of core.a, which passed, and e2e.b and core.c, of which there are these rows
+# verdict SENTENCE EXIT STRICT LINE [ROW...]: judge core.a, which passed, and e2e.b and core.c with the given rows
+verdict() {
     printf 'release %s\n' core.a e2e.b core.c >wanted
     printf 'release %s\n' "core.a 1.0 passed" "${@:5}" >rows
     "$KN_SOURCE/tests/summary" wanted rows "$3" >said
@@ -43,7 +44,7 @@ check "no test at all is a failure" [ $? = 1 ]
 printf 'release %s\n' core.a e2e.b >wanted
 printf 'release core.a 1.0 %s\n' failed passed >rows
 
-# records, in a history of their own
+# Records in a git history of their own.
 command -v git >/dev/null || { echo "no git here: records are left out" && exit $failed; }
 for name in "${!GIT_@}"; do unset "$name"; done
 export GIT_CONFIG_GLOBAL=/dev/null GIT_CONFIG_SYSTEM=/dev/null

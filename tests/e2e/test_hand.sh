@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# clients/examples/hand.c: as short as it says, built as its first lines say, at work on a served dough.
+# clients/examples/hand.c: as short as it states, built as its first lines state, and used on a served dough.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
@@ -10,7 +10,7 @@ check "it needs the generated types and nothing else of ours" \
     [ "$(grep '#include "' "$example" | grep -vc '"proto/knead_.*_t.h"')" = 0 ]
 check "the mesh header has at most 100 lines" [ "$(wc -l <"$KN_SOURCE/clients/knead_mesh.h")" -le 100 ]
 
-# the commands in its head, from the top of the tree, into a scratch folder instead of build/hand
+# Run the commands of its head from the top of the tree, into a scratch folder instead of build/hand.
 sed -n 's,^//     \(mkdir\|lcm-gen\|cc\) ,\1 ,p' "$example" | sed "s|build/hand|$PWD/built|g" >build.sh
 check "its head holds three commands" [ "$(wc -l <build.sh)" = 3 ]
 check "that build it" sh -c "cd '$KN_SOURCE' && sh -e '$PWD/build.sh'"

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# What happens to the motors when the program between kneadd and a device dies: knead hand is killed, stopped, or starved of
-# its processor while a person is held off with 3 N. The device's own watchdog takes the force away. A device that does not
-# show one when it is opened is refused, and gives nothing. Prints how long force was given after the last command.
+# The motors after the death of the program between kneadd and a device. knead hand is killed, stopped, or starved of
+# its processor while a person is held off with 3 N. The device's own watchdog takes the force away. A device that
+# shows no watchdog when it is opened is refused, and gives no force. The script prints how long the force lasted
+# after the last command.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 declare -A given=([paddle]=4 [haply]=7) heard=([paddle]=7 [haply]=8) # columns: force of the motor, commands
-begin() { # begin DEVICE OF-THE-DEVICE OPTION...: a simulated device, and knead hand on it
+begin() { # begin DEVICE OF-THE-DEVICE OPTION...: start a simulated device, and knead hand on it
     rm -f tty
     if [ "$1" = paddle ]; then
         start_device device.csv paddle tty 60 $2
@@ -19,7 +20,8 @@ begin() { # begin DEVICE OF-THE-DEVICE OPTION...: a simulated device, and knead 
     hand=$!
 }
 pressed() { tail -n 2 device.csv | awk -F, -v c="${given[$1]}" 'NR == 1 && $c + 0 > 2.9 { ok = 1 } END { exit !ok }'; }
-lasts() { # lasts DEVICE: ms, by the device's clock, in which it gave a force after the last command before its longest silence
+# lasts DEVICE: print the ms, by the device's clock, with force after the last command before its longest silence
+lasts() {
     awk -F, -v c="${given[$1]}" -v h="${heard[$1]}" 'function over() { if (forced && rows > longest) { longest = rows; ms = forced } rows = forced = 0 }
         NR > 1 && NF > h { if ($h != before) over(); before = $h; rows++; forced += $c != 0 }
         END { over(); print (longest >= 100 ? ms : "no silence of 100") }' device.csv
@@ -28,7 +30,7 @@ end() { # end HOW
     case $1 in
     killed) kill -KILL $hand ;;
     stopped) kill -STOP $hand ;;
-    starved) # by what has a higher priority, on the only processor it may use
+    starved) # a process with a higher priority takes the only allowed processor
         taskset -a -cp 0 $hand && chrt -a -f -p 30 $hand && timeout 0.4 taskset -c 0 chrt -f 40 sh -c 'while :; do :; done'
         ;;
     esac >/dev/null
@@ -38,7 +40,7 @@ ways="killed stopped"
 [ "$KN_REALTIME" = off ] || ! chrt -f 41 true 2>/dev/null || ways="$ways starved"
 for kind in paddle haply; do
     for way in $ways; do
-        start_kneadd dough-small.yaml --set device=unknown # whose dough has no dent
+        start_kneadd dough-small.yaml --set device=unknown # restarted, since its dough has no dent
         begin $kind ""
         check "$kind: held off with 3 N" await pressed $kind
         end $way

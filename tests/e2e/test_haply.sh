@@ -1,16 +1,17 @@
 #!/usr/bin/env bash
-# knead hand haply: an Inverse Service made from its documentation, with a simulated arm and a person behind it, closed
-# round a served dough over LCM. A trouble begins while the person presses, and ends when it has been told.
+# knead hand haply with a simulated Inverse Service after Haply's documentation, an arm and a person. The loop is
+# closed with a served dough over LCM. A trouble begins while the person presses, and ends once it has been reported.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-rows() { # rows AWK-CONDITION: of haply.csv; ms x y z fx fy fz said wrong greeted; new: this force has just been said
+# rows AWK-CONDITION: count rows of haply.csv; ms x y z fx fy fz said wrong greeted; new: this force came just now
+rows() {
     awk -F, 'NR > 1 && NF == 10 { new = $8 != said; ms = $1; x = $2; y = $3; z = $4; fx = $5; fy = $6; fz = $7; said = $8; wrong = $9
              greeted = $10; f = sqrt(fx * fx + fy * fy + fz * fz); if ('"$1"') n++ } END { print n + 0 }' haply.csv
 }
 last() { tail -n 2 haply.csv | head -n 1 | cut -d, -f"$1"; }
-pushed() { holds "$(last 7) > 0.5"; } # just now
-trouble() { # trouble NAME [WORDS]: until its words have been told, and the arm has been held down for 100 ms without a force
+pushed() { holds "$(last 7) > 0.5"; } # at this moment
+trouble() { # trouble NAME [WORDS]: wait until WORDS are reported, and the arm has been down for 100 ms without a force
     check "pressed" await pushed
     bid "$1" 1
     local since=$(($(last 1) + 100))
@@ -52,7 +53,7 @@ check "the grip turns the tool and presses its button" \
 check "no pose was refused by kneadd's owner of the tool" grep -q 'forces of others 0' hand.txt
 stop_kneadd
 
-start_kneadd dough-small.yaml # whose dough has no dent
+start_kneadd dough-small.yaml # restarted, since its dough has no dent
 start_device haply.csv haply 10001 200
 await [ -s haply.csv ]
 knead hand haply --quiet >hand.txt 2>hand.err & hand=$!

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Every client of ours on a bus on which somebody else sends KN_HOSTILE (40000) datagrams that nobody should believe: hand,
-# web, view, probe, touch, with a key and without one. All live, none grows. With a key nothing is believed: what was
-# recorded yesterday, of another scene and another device and signed with the same key, is sent again, as is what was said
-# a second ago.
+# Every client of ours on a bus with a hostile sender of KN_HOSTILE (40000) invalid datagrams: hand, web, view, probe,
+# touch, with a key and without one. All survive, and none grows. With a key no datagram is accepted. Replayed
+# messages include yesterday's, of another scene and another device and signed with the same key, and messages of a
+# second ago.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 count=${KN_HOSTILE:-40000}
 head -c 32 /dev/urandom | od -An -tx1 | tr -d ' \n' >key && chmod 600 key
@@ -49,7 +49,7 @@ round() { # round NAME KEY [replay]
     check "$name: never more force than allowed" [ "$(awk -F, 'NR > 1 && $4 > 2.0001' paddle.csv | wc -l)" = 0 ]
     stop_kneadd
 }
-# yesterday
+# Yesterday's messages.
 export KNEAD_KEY=key
 start_kneadd jelly.yaml --touch --key key --set device=omega --set device.scale=3
 hostile record recorded 4 & recorder=$!

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A stranger's program finds libknead through its CMake package and through pkg-config, links it and steps a block.
+# A foreign program finds libknead through its CMake package and through pkg-config, links it and steps a block.
 set -eu
 prefix=$PWD/prefix
 cmake --install "$KN_BUILD" --prefix "$prefix" >install.log

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Stock LCM tools beside a kneadd: lcm-logger records what liblcm can decode; lcm-logplayer plays its poses into a
-# kneadd, twice, and they are as good as a hand's.
+# Stock LCM tools beside a kneadd. lcm-logger's log can be decoded by liblcm. lcm-logplayer plays the log's poses into
+# a kneadd twice, and they work as well as a hand's.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-start_logger one.lcmlog # first, so that it hears the scene that is told at the start
+start_logger one.lcmlog # started first, so that it hears the scene message at the start
 start_kneadd dough-small.yaml
 send plate <<<"poses 3000 session=7 seq=1" >/dev/null
 sleep 1.2 # a status after the last pose
@@ -23,7 +23,7 @@ check "and in ticks: last tick + 1 = executed + missed" \
 
 start_kneadd dough-small.yaml
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
-sleep 1.3 # the silent session ends, its number may come again
+sleep 1.3 # the silent session ends, and its number may be used again
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
 stop_kneadd
 accepted=$(counter accepted)

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# --json of every command that has it: one JSON object on stdout and nothing else, whose numbers are those of the text; nothing where
-# there is nothing to tell.
+# --json of every command that has the option: one JSON object on stdout and nothing else, with the numbers of the
+# text output. Absent values are null or missing.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 scene=$KN_SOURCE/core/scenes/dough-small.yaml
 pressed "$scene" press.lcmlog || exit 70
-# json SENTENCE EXPRESSION COMMAND...: what python makes of it, `it` being the object, `text` the same command's words without --json
+# json SENTENCE EXPRESSION COMMAND...: evaluate EXPRESSION in python, with `it` the JSON object and `text` the
+# command's output without --json.
 json() {
     local sentence=$1 expression=$2
     shift 2

@@ -1,23 +1,24 @@
 #!/usr/bin/env bash
-# kneadd --state-dir killed at random times of a press, again and again: no file is ever refused, the generation before is there, and the
-# next life goes on with the object of at most 1 s before.
+# kneadd --state-dir is killed at random times of a press, again and again. No file is ever refused, and the
+# generation before exists. The next life continues with the object of at most 1 s before.
 #
-#     KN_KILLS=N    how often (20 at night, else 3)
-#     KN_JOBS=N     so many daemons side by side, each with its own hand, network and directory (1)
-#     KN_KEPT=FILE  what became of each, kept for a run that is ended early: "kill SERVED REFUSED RESTORED PREVIOUS", 0 or 1;
+#     KN_KILLS=N    number of kills (20 at night, else 3)
+#     KN_JOBS=N     number of daemons side by side, each with its own hand, network and directory (1)
+#     KN_KEPT=FILE  results, kept for a run that is ended early: "kill SERVED REFUSED RESTORED PREVIOUS", 0 or 1;
 #                   "file GOOD" for each file that a job had at the end of 50; "lost MS"
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 
-kneadd_of_nobody() { # whose parent never asks for it: that takes some kernels seconds while others end, too
+kneadd_of_nobody() { # the parent never waits for kneadd: on some kernels a wait takes seconds while other processes end
     command kneadd "$@" &
     echo $! >pid
     exec sleep 30
 }
-dead() { # once it is, with all of its threads
+dead() { # wait until kneadd and all its threads are dead
     local stat
     while read -ra stat 2>/dev/null <"/proc/$server/stat" && [ "${stat[2]}" != Z -o "${stat[19]}" -gt 1 ]; do pause 0.005; done
 }
-# row KILLS FILE: so many lives, killed 50 to 1550 ms after they serve, and one more, which restores every file there is
+# row KILLS FILE: run so many lives, killed 50 to 1550 ms after they serve, and one more life that restores every
+# file.
 row() {
     local kill tries served previous ms file files restored refused good
     start_logger lives.lcmlog
@@ -34,11 +35,11 @@ row() {
             restored=0 refused=0
             has 'kneadd: restored state/dough-small.' kneadd.log && restored=1
             has 'not restored' kneadd.err && refused=1
-            [ -e state/.tmp ] && [ state/.tmp -ot before ] && previous=0 # a younger one is being written
+            [ -e state/.tmp ] && [ state/.tmp -ot before ] && previous=0 # a younger file is just being written
             echo "kill $served $refused $restored $previous" >>"$2"
         fi
         [ $kill = "$1" ] && break
-        for ((tries = 0; tries < 200 && ${#files[@]} < 2; tries++)); do # the first takes a press
+        for ((tries = 0; tries < 200 && ${#files[@]} < 2; tries++)); do # the first file takes a press
             pause 0.1
             files=(state/*.knead)
         done
@@ -52,26 +53,27 @@ row() {
         files=(state/*.knead)
         [ ${#files[@]} -ge 2 ] && previous=1
     done
-    pause 0.2 # its own restore has been done
-    for file in state/*.knead; do # ends with the newest
-        for tries in 1 2 3; do # it answers that it was too busy
+    pause 0.2 # its own restore is done by then
+    for file in state/*.knead; do # the newest comes last
+        for tries in 1 2 3; do # the server may answer that it was too busy
             ctl restore $((10#$(cut -d. -f3 <<<"$file"))) >/dev/null 2>why && good=1 && break
             good=0
             pause 1
         done
-        if [ $good = 1 ] || [ -e "$file" ]; then echo "file $good $(<why)"; fi >>"$2" # else it was the oldest
+        # otherwise it was the oldest, removed meanwhile
+        if [ $good = 1 ] || [ -e "$file" ]; then echo "file $good $(<why)"; fi >>"$2"
     done
     kill -TERM $server
     dead
     stop_logger
     lives lives.lcmlog >>"$2"
 }
-# job SEED KILLS FILE: in fifties, since a log of thousands is large
+# job SEED KILLS FILE: run in groups of fifty, since the log of thousands of lives is large
 job() {
     local left=$2
     RANDOM=$1
     mkdir state
-    kneader finger & # whoever serves
+    kneader finger & # the hand outlives the servers
     hand=$!
     for (( ; left > 50; left -= 50)); do row 50 "$3"; done
     row $left "$3"
@@ -112,10 +114,11 @@ while [ -z "$(compgen -G 'state/*')" ]; do pause 0.1; done
 pause 1
 stop_kneadd
 
-# what a life that began with a restored object did, is in its log and its snapshot; and is undone, and saved at its end
+# The log and the snapshot record a life that began with a restored object. The life's work can be undone, and is
+# saved at its end.
 start_logger life.lcmlog
 start_kneadd dough-small.yaml --state-dir state
-pause 3 # it presses for 1.5 s of every 2
+pause 3 # it presses for 1.5 s of every 2 s
 cp -r state then
 stop_kneadd
 stop_logger
@@ -127,7 +130,7 @@ start_kneadd dough-small.yaml --state-dir state
 check "the next start has what the orderly end left: $(grep restored kneadd.log)" grep -qF "restored $last" kneadd.log
 stop_kneadd
 
-# a press before a kill -9, and one after it
+# A press before a kill -9, and one after it.
 touched() { awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i; next } $c["contacts"] > 0 { print 1e3 * $c["z_m"]; exit }' "$1"; }
 printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.5,0,0,0.045 1.5,0,0,0.035 2,0,0,0.06 >path.csv
 start_kneadd dough-small.yaml --state-dir fresh --control control
@@ -141,7 +144,7 @@ check "a press after a kill meets the dent of the one before it: at $(touched be
     awk -v a="$(touched before.csv)" -v b="$(touched after.csv)" 'BEGIN { exit !(b > 0 && b < a - 1) }'
 stop_kneadd
 
-# one that is damaged is told, and the one before it taken; another scene is not touched by it
+# A damaged snapshot is reported, and the one before is taken. Another scene is not affected.
 last=$(ls state/*.knead | tail -1)
 printf 'x' | dd of="$last" bs=1 seek=5000 conv=notrunc status=none
 start_kneadd dough-small.yaml --state-dir state

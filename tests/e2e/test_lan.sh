@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# kneadd on a network of two hosts: a hand on the other one, by its address or by a key. What has neither is counted and
-# moves nothing; what was recorded cannot be played again.
+# kneadd on a network of two hosts: a hand on the other host is accepted by its address or by a key. Poses with
+# neither are counted and move nothing. Recorded poses cannot be played again.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ip route del 224.0.0.0/4 dev lo
-unshare -n sleep 600 >/dev/null 2>&1 & # the other host, which tests/netns does not see end
+unshare -n sleep 600 >/dev/null 2>&1 & # the other host, which tests/netns does not wait for
 other=$!
 trap 'kill $other' EXIT
 sleep 0.3
@@ -21,7 +21,8 @@ chmod 600 key
 tr 0-9a-f 1-9a-f0 <key >wrong && chmod 600 wrong
 export KNEAD_LAN=card2
 poke() { there $ahead env "$@" knead probe --path poke --quiet; }
-refuses() { expect "$1" 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; } # refuses PATTERN OPTION...
+# refuses PATTERN OPTION...
+refuses() { expect "$1" 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; }
 refuses '--lan: expected --key FILE or --peer ADDRESS beside it' --lan card
 refuses '--peer: expected --lan IFACE beside it' --peer 10.9.0.2
 refuses '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0

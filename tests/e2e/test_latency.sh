@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# knead latency starts a kneadd of its own or asks one that runs: it counts every pose, and writes what it measured. How
-# long a pose waits is told by timed.latency.
+# knead latency starts a kneadd of its own or uses a running one. It counts every pose and writes its measurements.
+# timed.latency tests how long a pose waits.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 small=$KN_SOURCE/core/scenes/dough-small.yaml
-counted() { # counted FILE 1|0: there are 1000 poses; 1: kneadd's stages have one of each that had a tick; 0: they have none
+# counted FILE 1|0: check for 1000 poses; 1: each stage of kneadd has one entry per pose with a tick; 0: no entries
+counted() {
     python3 - "$@" <<'END'
 import json, sys
 series, own = json.load(open(sys.argv[1]))["series"], int(sys.argv[2])

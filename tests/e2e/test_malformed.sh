@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Malformed datagrams, as fast as the bus takes them and at 25 kHz, while a hand sends its 1 kHz: the daemon lives,
-# every datagram is in one counter, the hand is heard. KN_DATAGRAMS=1000000: as many of each (here 100000). And while it is
-# stopped, more than its socket holds: what the kernel dropped is told.
+# Malformed datagrams, as fast as the bus takes them and at 25 kHz, while a hand sends its poses at 1 kHz. The daemon
+# survives, every datagram is in one counter, and the hand is heard. KN_DATAGRAMS=1000000: number of each kind (here
+# 100000). A stopped daemon gets more datagrams than its socket holds, and reports the number dropped by the kernel.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 count=${KN_DATAGRAMS:-100000}
 now_ms() { date +%s%3N; }
-of_all() { # of_all REASON...: sum of these counters
+of_all() { # of_all REASON...: print the sum of these counters
     local sum=0 name
     for name; do sum=$((sum + $(counter "$name"))); done
     echo $sum
@@ -21,7 +21,7 @@ flood() { # flood NAME RATE
     took=$(($(now_ms) - from))
     after=$(memory)
     sleep 0.2
-    kill -TERM $hand # it outlasts the flood: a probe that nobody owns would take the next good datagram
+    kill -TERM $hand # the hand must outlast the flood: a free probe would accept the next valid datagram
     wait $hand
     stop_kneadd
     valid=$(cat valid)

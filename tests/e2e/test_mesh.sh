@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# An object from a mesh is served like a block; the log of a press of it replays to the bit while the mesh is where it
-# was or beside the log, and is refused once the mesh has been edited.
+# An object from a mesh is served like a block. The log of a press replays to the bit while the mesh is in its place
+# or beside the log. The log is refused once the mesh has been edited.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 mkdir here there
 cp "$KN_SOURCE/core/scenes/meshes/block.msh" here/bread.msh

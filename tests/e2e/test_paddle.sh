@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# knead hand paddle: a simulated paddle behind a pty, closed round a served dough over LCM. It presses and is pushed back;
-# survives garbage, wrong bits, a cable that is out, a kneadd that is killed; and gives nothing once either end is silent.
+# knead hand paddle with a simulated paddle behind a pty. The loop is closed with a served dough over LCM. The paddle
+# presses and is pushed back. The pair survives garbage, wrong bits, a pulled cable and a killed kneadd. The paddle
+# gives no force once either end is silent.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-column() { # column AWK-CONDITION FILE: rows for which it holds; $1 ms $2 z $3 asked $4 given $5 enabled $6 tripped
+# column AWK-CONDITION FILE: count the rows that satisfy it; $1 ms $2 z $3 asked $4 given $5 enabled $6 tripped
+column() {
     awk -F, "NR > 1 && ($1) { n++ } END { print n + 0 }" "$2"
 }
 count() { grep -oE "$1 [0-9]+" hand.txt | grep -oE '[0-9]+$'; }
@@ -19,7 +21,7 @@ await [ -e tty ]
 start_hand --force-limit '2.5 N'
 pushed_again() { [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ]; }
 await pushed_again
-kill -STOP $hand # the computer stands still, for the paddle's own watchdog
+kill -STOP $hand # the computer stands still, so the paddle's own watchdog must act
 sleep 0.5
 kill -CONT $hand
 sleep 1
@@ -49,8 +51,9 @@ check "the paddle's own watchdog trips while it does" [ "$(column '$6' paddle.cs
 check "and gives nothing then" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
 
 stop_kneadd
-start_kneadd dough-small.yaml # whose dough has no dent
-# kneadd dies in mid-press: by its own clock the paddle has no force 20 ms after the last one, and a bit for the way
+start_kneadd dough-small.yaml # restarted, since its dough has no dent
+# kneadd dies during a press. By its own clock the paddle has no force 20 ms after the last one, plus a little for the
+# way.
 rm -f tty
 paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
 await [ -e tty ]

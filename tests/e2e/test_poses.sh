@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# What a kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping, non-finite
-# poses, a second publisher, a session that starts anew after a silence, and one after another that has left.
+# Poses that kneadd accepts and refuses, over the bus, counted to the datagram: stale, replayed, jumping and
+# non-finite poses, a second publisher, a session that starts anew after a silence, and a session after another one
+# has left.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
-second() { # second PORT OPTION...: another one says in one line whose the bus is, and what to do
+second() { # second PORT OPTION...: a second server reports in one line whose the bus is, and the remedy
     expect "^kneadd: another kneadd serves udpm://239.255.76.67:$1[?]ttl=0: expected $2 with another port$" 3 \
         kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off "${@:3}"
 }

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# A virtual hand on a served dough: it presses, pokes, swings and follows a file; it records what replays to the bit; it
+# A virtual hand on a served dough: it presses, pokes, swings and follows a file. Its record replays to the bit. It
 # survives a killed server with its own watchdog, and lost poses by lifting.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # of a line of the table
-# play NAME OPTION...: a probe's table in NAME.txt, its complaints in NAME.err
+number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # print the number of a line of the table
+# play NAME OPTION...: write a probe's table to NAME.txt and its messages to NAME.err
 play() { $ahead knead probe "${@:2}" >"$1.txt" 2>"$1.err" || { cat "$1.err"; return 1; }; }
 
-# A record verifies from an untouched object on. The hand waits for the scene, so it is there from the first tick.
+# A record can be verified only from an untouched object on. The hand waits for the scene, so it is there from the
+# first tick.
 $ahead knead probe --hold '0.5 s' --record press.lcmlog --csv press.csv >press.txt 2>press.err & hand=$!
 start_kneadd dough-small.yaml --control control
 check "a press is played, and recorded" ended $hand
@@ -42,7 +43,7 @@ check "60 ms without a pose latch a fault, and the hand says why" \
 check "lifting clears it" grep -q 'tool lifted, fault cleared; once more' drop.err
 check "the path is played again in a new session" grep -q '^  try [23]: ' drop.txt
 
-# A killed server cannot ramp anything down.
+# A killed server cannot ramp any force down.
 printf '%s\n' time_s,x_m,y_m,z_m 0,-0.015,0,0.06 0.5,-0.015,0,0.038 1.5,-0.015,0,0.028 60,-0.015,0,0.028 >hold.csv
 $ahead knead probe --path hold.csv --motors motors.csv --tries 2 >killed.txt 2>killed.err & hand=$!
 touching

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What takes long shows a bar on a terminal, script(1)'s, and nothing of it elsewhere; the line that it was on is empty when anything
-# else is told.
+# Long commands show a bar on a terminal (script(1)'s), and no bar elsewhere. The line of the bar is empty when
+# another message is printed.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog || exit 70
 # bar NAME COMMAND...
@@ -11,7 +11,7 @@ bar() {
     "$@" >plain 2>plain.err </dev/null
     check "$name has a bar on a terminal" grep -qaE $'\r'"$name"'[a-z ]*  \[#* *\] +[0-9]+ %' seen
     check "and none elsewhere" eval '! grep -qa " %  \|\[#*  *\]" plain.err'
-    # what is left on the lines of a terminal: of each, what stands after its last carriage return but one
+    # The final text of each line of a terminal: the text after its last carriage return but one.
     check "the line is empty afterwards" eval '! sed "s/\r$//; s/.*\r//" seen | grep -qa "\[#* *\]"'
 }
 bar creep knead creep dough --lattice 3x3x3 --hold 60 --rest 60

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What was recorded is what is replayed: two presses by knead probe, recorded by itself and by lcm-logger, give back their own forces to
-# the bit; and so do several replays of one log.
+# A replay equals the record. Two presses by knead probe, recorded by the probe and by lcm-logger, replay to their own
+# forces to the bit. Several replays of one log agree.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 press() { $ahead knead probe --path press --hold '200 ms' --quiet --record "$1"; }
 
-start_logger bus.lcmlog # first, so that it hears the server's start
+start_logger bus.lcmlog # started first, so that it hears the server's start
 start_kneadd dough-small.yaml
 check "a hand presses" press press.lcmlog
 check "and again" press second.lcmlog

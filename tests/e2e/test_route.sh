@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Nothing leaves the machine: without a loopback route kneadd refuses before it joins the group; with the narrowest
-# one it runs beside stock LCM tools and not one multicast or IGMP datagram leaves by the network card.
+# Nothing leaves the machine. Without a loopback route kneadd refuses before it joins the group. With the narrowest
+# route it runs beside stock LCM tools, and no multicast or IGMP datagram leaves by the network card.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 ip route del 224.0.0.0/4 dev lo
 if ! ip link add card type veth peer name cable 2>why && ! ip tuntap add card mode tap 2>why; then
@@ -11,13 +11,13 @@ ip addr add 10.9.0.1/24 dev card && ip link set card up
 ip link set cable up 2>/dev/null
 ip route add default via 10.9.0.2 dev card || exit 3
 sniff_start() {
-    rm -f sniffed # or the loop reads what the last one wrote
+    rm -f sniffed # otherwise the loop reads the output of the run before
     sniff card >sniffed &
     sniffer=$!
     await grep -qs ready sniffed && return
     echo "skipped: this user may not listen to a network card" && exit 77
 }
-sniff_stop() { # sets left to the number of datagrams that left
+sniff_stop() { # set left to the number of datagrams that left
     sleep 0.2
     kill -TERM $sniffer
     wait $sniffer
@@ -41,7 +41,7 @@ sniff_stop
 check "with the cure it serves" [ "$(counter accepted)" = 500 ]
 check "and nothing leaves by the network card" [ "$left" = 0 ]
 
-ip route del 239.255.76.67/32 dev lo # last: IGMP repeats itself for seconds
+ip route del 239.255.76.67/32 dev lo # last, since IGMP repeats itself for seconds
 sniff_start
 timeout 1 lcm-logger -q -f stock.lcmlog >/dev/null 2>&1
 sniff_stop

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# server/run --once on a machine that would route multicast out: asks before it changes anything, plays the press, leaves no trace.
-# The machine: a default route through one end of a veth pair, no loopback route for LCM's group. The far end counts what leaves.
+# server/run --once on a machine that would route multicast out: it asks before it changes anything, plays the press,
+# and leaves no trace. The machine has a default route through one end of a veth pair, and no loopback route for LCM's
+# group. The far end counts the packets that leave.
 set -u
-source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
+source "$KN_SOURCE/tests/e2e/kneadd.sh" # defines check
 
 ip route del 224.0.0.0/4 dev lo
 ip link add out0 type veth peer name far0 || { echo "skipped: no veth devices in this kernel" && exit 77; }
-for device in out0 far0; do # IPv6 would chat on its own
+for device in out0 far0; do # IPv6 would send packets of its own
     echo 1 >"/proc/sys/net/ipv6/conf/$device/disable_ipv6" || { echo "skipped: /proc/sys is read-only" && exit 77; }
     ip link set $device up
 done
@@ -16,11 +17,11 @@ left() { awk '$1 == "far0:" { print $3 }' /proc/net/dev; } # packets that arrive
 routes() { ip -4 route show table all; }
 before=$(routes)
 
-# The counter counts: joining a group on this machine as it is sends IGMP.
+# Test the counter: joining a group on this machine sends IGMP.
 joins() { ip addr add 239.255.76.67/32 dev out0 autojoin && sleep 1 && ip addr del 239.255.76.67/32 dev out0 && [ "$(left)" -gt 0 ]; }
 check "without the route a join leaves the machine" joins
 sent=
-until [ "$(left)" = "$sent" ]; do # the reports repeat, within a second each
+until [ "$(left)" = "$sent" ]; do # the reports are repeated, within a second each
     sent=$(left)
     pause 2.5
 done
@@ -33,7 +34,7 @@ check "and changed nothing" [ "$(routes)" = "$before" ]
 status=$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)
 row() { grep -qE "^ +$1 +-?[0-9.]+ $2" "$log"; }
 png() { head -c 8 "$KN_SOURCE/out/$1" | cmp -s - <(printf '\211PNG\r\n\032\n'); }
-pressed() { # pressed LOG: what a run has told and written
+pressed() { # pressed LOG: check the messages and files of a run
     log=$1
     check "contact is in the table" row contact s
     check "so is the peak" row peak N
@@ -52,10 +53,11 @@ if [ -n "${KN_NIGHT:-}" ]; then
     check "no packet left the machine" [ "$(left)" = "$sent" ]
 fi
 
-# Up until Ctrl-C, which leaves nothing behind either.
+# Runs until Ctrl-C, and leaves nothing behind.
 scene=()
-[ -n "${KN_NIGHT:-}" ] || scene=("$KN_SOURCE/core/scenes/dough-small.yaml") # its tick stays short on a busy machine
-set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
+# the tick of the small scene stays short on a busy machine
+[ -n "${KN_NIGHT:-}" ] || scene=("$KN_SOURCE/core/scenes/dough-small.yaml")
+set -m # its own process group, as on a terminal; a background job would ignore Ctrl-C
 "$KN_SOURCE/server/run" --yes "${scene[@]}" </dev/null >up.log 2>&1 &
 run=$!
 set +m

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# kneadd.service: systemd finds nothing wrong with it and little that it exposes. As it runs there, a user without a
-# capability, kneadd has its real-time priority and locked memory, says when it serves, and every second that it ticks.
+# kneadd.service: systemd finds no error and little exposure. Run as there, by a user without a capability, kneadd has
+# its real-time priority and locked memory. It reports that it serves, and every second that it ticks.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v systemd-analyze >/dev/null || { echo "skipped: no systemd-analyze here (package systemd)" && exit 77; }
 sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; s|^ExecReload=[^ ]*|ExecReload=$KN_BUILD/bin/knead|; /^User=\|^Group=/d" "$KN_BUILD/server/kneadd.service" >kneadd.service
@@ -9,7 +9,7 @@ check "systemd takes every line of it$(sed 's/^/: /' verified)" [ ! -s verified 
 systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
 check "$(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
 
-# With the board's drop-in as systemd would put it: behind the unit, sections and all. By itself no device is opened.
+# With the board's drop-in, appended to the unit as systemd does. By default no device is opened.
 check "no device node by default" [ "$(grep -c '^DeviceAllow\|^PrivateDevices=no' kneadd.service)" = 0 ]
 mkdir board
 cat kneadd.service "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
@@ -21,7 +21,7 @@ check "with a board: $(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
 check "of all devices one line" grep -q 'DeviceAllow=.*ttyUSB0' "$KN_SOURCE/server/kneadd-board.conf"
 
 [ "$KN_REALTIME" != off ] && command -v setpriv >/dev/null || { echo "no user to become here: the rest is left out" && exit $failed; }
-cat >listen.py <<'END' # what systemd hears
+cat >listen.py <<'END' # receives systemd's notifications
 import os, socket, sys, time
 s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
 s.bind("notify")
@@ -34,13 +34,13 @@ chmod 777 .
 /usr/bin/python3 listen.py >notified &
 until [ "$(stat -c %a notify 2>/dev/null)" = 777 ]; do pause 0.02; done
 for scene in dough-small jelly; do cp "$KN_SOURCE/core/scenes/$scene.yaml" . && chmod 644 $scene.yaml; done
-cp "$KN_BUILD/bin/kneadd" "$KN_BUILD/bin/knead" . # the build may lie where nobody else may look
+cp "$KN_BUILD/bin/kneadd" "$KN_BUILD/bin/knead" . # other users may not see the build folder
 limits="prlimit --rtprio=80 --memlock=unlimited" mode=require
 if ! $limits true 2>/dev/null; then
     echo "this root may not raise limits (no CAP_SYS_RESOURCE): what they grant is left out"
     limits= mode=off
 fi
-# another user was here first, with every name of a claim that can be guessed
+# Another user has already taken every guessable name of a claim.
 setpriv --reuid 1234 --clear-groups mkdir -m 777 /tmp/kneadd-000000
 setpriv --reuid 1234 --clear-groups /usr/bin/python3 -c \
     'import socket, time; s = socket.socket(socket.AF_UNIX, 2); s.bind("\0kneadd 239.255.76.67:7667"); time.sleep(600)' &
@@ -56,7 +56,7 @@ expect "^kneadd: another kneadd serves udpm://239.255.76.67:7667[?]ttl=0: expect
     setpriv --reuid 65534 --regid 65534 --clear-groups ./kneadd --scene dough-small.yaml --realtime off
 check "its claim is where nobody else may look" \
     [ "$(find /tmp/kneadd-?????? -maxdepth 0 -uid 65534 -perm 0700 | wc -l)$(ls -A /tmp/kneadd-000000)" = 1 ]
-alive() { # alive N: until it has said so N times more
+alive() { # alive N: wait for N more watchdog messages
     local since
     since=$(heard WATCHDOG=1)
     await eval '[ "$(heard WATCHDOG=1)" -ge $((since + '"$1"')) ]'
@@ -69,9 +69,9 @@ pause 2.5
 check "a server that stands still does not" [ "$(heard WATCHDOG=1)" -le $((before + 1)) ]
 kill -CONT $server
 check "one that goes on does again" alive 2
-for thread in servo kneadd; do # each alone, while the thread that feeds the watchdog goes on
+for thread in servo kneadd; do # stop each thread alone, while the thread that feeds the watchdog goes on
     freeze $server $thread 4.2 2>froze & frozen=$!
-    pause 1.6 # the main thread leaves half a second of records before it is missed
+    pause 1.6 # the main thread is missed only after half a second of records
     before=$(heard WATCHDOG=1)
     pause 2.4
     during=$(($(heard WATCHDOG=1) - before))
@@ -97,7 +97,7 @@ check "it ended well" ended $server
 check "and said so" [ "$(heard STOPPING=1)" = 1 ]
 find /tmp/kneadd-?????? -maxdepth 0 \( -uid 65534 -o -uid 1234 \) -exec rm -r {} +
 
-# stdout and stderr full, and nobody reads them
+# stdout and stderr are full, and no process reads them.
 mkfifo full
 exec 7<>full
 NOTIFY_SOCKET=$PWD/notify ./kneadd --scene dough-small.yaml --control control --realtime "$KN_REALTIME" >full 2>&1 &
@@ -111,7 +111,7 @@ for size in 1024, 1:
     except BlockingIOError: pass'
 kill -STOP $server
 pause 0.05
-kill -CONT $server # overruns to be told
+kill -CONT $server # overruns to be reported
 for _ in 1 2 3; do timeout 5 ./knead ctl --control control reset >/dev/null; done
 timeout 5 ./knead ctl --control control estop >stopped 2>&1
 check "unheard it is told to stop at once: $(cat stopped)" grep -q '^estop: tick' stopped

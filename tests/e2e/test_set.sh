@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# knead ctl set: under a finger the dough becomes another one through zero force, what it stores is told, the log replays to
-# the bit, and a kill -9 takes nothing of it. knead ctl load: another scene, or none when it is wrong.
+# knead ctl set: under a finger the dough changes its material through zero force. The energy stored is reported, the
+# log replays to the bit, and a kill -9 loses nothing of the change. knead ctl load: another scene, or none if it is
+# wrong.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 stored() { sed -n "s/.*\"stored_$1_j\":\([0-9.e-]*\).*/\1/p" <<<"$2"; }
 
@@ -16,7 +17,7 @@ ctl snapshot >/dev/null
 cp "$(ls -t state/*.knead | head -1)" pressed.knead
 ctl set 'material.k1=600 gf/cm^3' 'device.clamp=2 N' >second
 check "the hand went on" ended $hand || cat hand.err
-pause 1 # a snapshot of it
+pause 1 # time for a snapshot
 kill -KILL $server
 wait $server 2>/dev/null
 stop_logger
@@ -24,7 +25,7 @@ check "a stiffer spring stores more: $stiffer" \
     awk -v a="$(stored before "$stiffer")" -v b="$(stored after "$stiffer")" 'BEGIN { exit !(a > 0 && b > 1.5 * a && b < 2.5 * a) }'
 check "and for a reader: $(cat second)" grep -qE '^set: tick [0-9]+, the object stores [0-9.e-]+ mJ, [0-9.e-]+ before$' second
 check "the log replays over both to the bit" verifies set.lcmlog
-# what is seen of the log is of the material in force then: that of the snapshot, which tells its own
+# Pictures of the log use the material in force at the time. A snapshot states its own material.
 knead view pressed.knead --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --color stress --top '20 kPa' --plain --png snapshot.png >seen
 knead replay set.lcmlog --csv rows.csv >/dev/null 2>&1
 at_tick() { awk -F, -v tick="$1" '$1 == tick { print $2 }' rows.csv; }
@@ -34,7 +35,7 @@ check "the log's stress under the finger is that of the material that was set: $
 knead replay set.lcmlog --set material.k1=940\ gf/cm^3 --csv other.csv >out 2>err
 check "with a setting of its own it is another computation" [ -s other.csv -a ! -s err ]
 
-# the next life has the same object
+# The next life has the same object.
 start_kneadd dough-small.yaml --control control --state-dir state
 check "$(grep 'as it was set' kneadd.log)" \
     grep -q '^kneadd: as it was set before: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
@@ -59,7 +60,7 @@ for i in $(seq 30); do ctl set "material.k1=$((400 + i)) gf/cm^3" >/dev/null || 
 check "thirty, one after the other" [ "$i" = 30 ]
 stop_kneadd
 
-# a scene whose file has been edited meanwhile goes on with the object, and with what was set
+# A scene whose file has been edited meanwhile continues with the object and with the set values.
 sed 's/clamp: [0-9.]* N/clamp: 9 N/; s/rate: 60 Hz/rate: 30 Hz/' "$KN_SOURCE/core/scenes/dough-small.yaml" >dough-small.yaml
 printf '# edited\n' >>dough-small.yaml
 start_kneadd "$PWD/dough-small.yaml" --control control --state-dir state --set 'device.clamp=3 N' --set 'mesh.rate=50 Hz'
@@ -70,7 +71,7 @@ check "a lower limit of the start wins: $(grep 'left out' kneadd.err)" grep -q "
 check "over the same object: $(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 stop_kneadd
 
-# another scene, and what is none
+# Load another scene, and an invalid one.
 start_kneadd dough-small.yaml --control control --state-dir state
 expect 'No such file' 2 ctl load nowhere.yaml
 printf 'version: 1\nobject: {size: [1 cm]}\n' >wrong.yaml
@@ -83,7 +84,7 @@ for file in shadow quoted letters; do
     expect "$file:1:.*unknown key \.\.\. \(knead check" 2 ctl load $file
 done
 python3 -c 'import json, os, socket
-for size in range(400, 512): # what no longer fits into a reply is cut off
+for size in range(400, 512): # an answer longer than a reply is cut off
     s = socket.socket(socket.AF_UNIX); s.connect("control")
     name = os.getcwd() + "/"
     name += "./" * ((size - len(name)) // 2) + "shadow"
@@ -104,11 +105,12 @@ check "which is as it was set" grep -q 'material.k1=430 gf/cm^3' <(field '["set"
 ctl load "$KN_SOURCE/core/scenes/jelly.yaml" >loaded 2>&1 &
 loading=$!
 sleep 0.0$((RANDOM % 9 + 1))
-kill -TERM $server # before, between or after
+kill -TERM $server # before, during or after the load
 check "a stop while it loads is a stop" ended $server
 wait $loading
 
-if [ -n "${KN_NIGHT:-}" ]; then # that a tick would take too long is not said of a machine that has no time for whoever measures it
+# only at night: on a machine without free time the check for too slow ticks proves nothing
+if [ -n "${KN_NIGHT:-}" ]; then
     kneadd() { exec nice -n 10 kneadd "$@"; }
     start_kneadd dough-small.yaml --control control
     unset -f kneadd

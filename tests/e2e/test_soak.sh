@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# kneadd --state-dir under a hand that presses for ten seconds (KN_SECONDS=600 for ten minutes), in real time: its memory does not grow, no
-# number goes bad, and its counters add up.
+# kneadd --state-dir under a hand that presses for ten seconds (KN_SECONDS=600 for ten minutes), in real time. Its
+# memory does not grow, no number becomes invalid, and its counters add up.
 # night: server.soak has the same counters in virtual time
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 seconds=${KN_SECONDS:-10}

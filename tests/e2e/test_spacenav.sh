@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# knead hand spacenav: the real libspnav on a spacenavd that has no puck, steering a tool onto a served dough over LCM.
-# What the puck does next waits for what the tool has done, since a hand that did not run for 20 ms begins a new session.
+# knead hand spacenav: the real libspnav with a spacenavd without a puck, moving a tool onto a served dough over LCM.
+# The puck's next move waits for the tool, since a hand that did not run for 20 ms begins a new session.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-# of hear.csv: t s n x y z vx vy vz qw qx qy qz b of a pose
-poses() { # poses AWK-CONDITION: how many
+# Columns of a pose in hear.csv: t s n x y z vx vy vz qw qx qy qz b.
+poses() { # poses AWK-CONDITION: print the number of poses
     awk -F, '$1 == "pose" { t = $2; s = $3; n = $4; x = $5; y = $6; z = $7; vx = $8; vy = $9; vz = $10
              qw = $11; qx = $12; qy = $13; qz = $14; b = $15; if ('"$1"') c++ } END { print c + 0 }' hear.csv
 }
-comes() { # comes SENTENCE AWK-CONDITION [N]: 100 poses, or N
+comes() { # comes SENTENCE AWK-CONDITION [N]: wait for 100 poses, or N
     enough() { [ "$(poses "$1")" -ge "$2" ]; }
     check "$1" await enough "$2" "${3:-100}"
 }
@@ -65,7 +65,7 @@ since=$(newest 2)
 comes "it is told where it is all the same" "t > $since" 300
 check "and stays there" [ "$(poses "t > $since && vz * vz > 1e-6")" = 0 ]
 check "the tool has stayed above half of the dough" [ "$(poses 'z < 0.0299')" = 0 ]
-again() { # again N WORDS: they are told once, and then that it is back, for the Nth time, in a new session
+again() { # again N WORDS: check that the loss is reported once, and then the return for the Nth time, in a new session
     check "$2: one line" await lines 1 "spacenav lost: spacenavd: $2"
     [ "$1" = 2 ] || bid back
     check "it is found again" await lines "$1" 'spacenav is back'

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# What was kneaded can be kept, had back and undone by knead ctl; an emergency stop outlives the process; the log
-# replays over all of it to the bit, with the snapshots at hand. What cannot be restored is said, by name.
+# A kneaded object can be saved, restored and undone by knead ctl. An emergency stop outlives the process. The log of
+# all this replays to the bit with the snapshots. A refused restore names its reason.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-dent() { # DEPTH: a session of its own
+dent() { # dent DEPTH: press in a session of its own
     printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,"$1" 1.5,0,0,"$1" 2,0,0,0.06 >path.csv
     $ahead knead probe --probe finger --path path.csv --quiet >/dev/null || { echo "FAIL a finger presses" && failed=1; }
 }
@@ -36,12 +36,12 @@ check "the third press was undone: $undone" grep -q '^undo: tick' <<<"$undone"
 check "and what was restored, after it: $again" grep -q '^undo: tick' <<<"$again"
 check "the log replays over all of it, with the snapshots at hand: $(tail -1 said)" [ -s said -a ! -s err ]
 expect 'snapshot' 2 knead replay state.lcmlog --verify
-# a log that begins after a press, which is undone in it
+# A log that begins after a press, and undoes that press.
 mkdir late
 start_kneadd dough-small.yaml --control control --state-dir late
 dent 0.042
 start_logger late.lcmlog
-sleep 1.5 # so that a checkpoint is in it, and the snapshot is of its run
+sleep 1.5 # time for a checkpoint in the log, so that the snapshot belongs to its run
 ctl snapshot >/dev/null
 ctl undo >/dev/null
 dent 0.041
@@ -51,7 +51,7 @@ knead replay late.lcmlog --snapshot late --verify >out 2>&1
 late=$?
 check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
     [ $late = 1 -a "$(grep -c 'an undo of what was kneaded before this log begins' out)" -ge 1 ]
-# an emergency stop stands through a kill and a restart, in the log of that run, too; a recover ends it for good
+# An emergency stop survives a kill and a restart, also in the log of that run. A recover ends the stop for good.
 mkdir held
 start_kneadd dough-small.yaml --control control --state-dir held
 ctl estop >said

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# SIGTERM while a hand presses: the force it is given comes down to zero at a bounded slope, then kneadd ends with 0.
+# SIGTERM while a hand presses: the hand's force falls to zero at a bounded slope, then kneadd ends with 0.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_logger stop.lcmlog
 start_kneadd dough-small.yaml
 $ahead knead probe --path press --hold '20 s' --quiet >/dev/null 2>&1 &
 hand=$!
-pressed() { logcheck stop.lcmlog >so_far 2>/dev/null && [ "$(number peak_n so_far | cut -d. -f1)" -ge 5 ]; } # by what the log holds
+# according to the log so far
+pressed() { logcheck stop.lcmlog >so_far 2>/dev/null && [ "$(number peak_n so_far | cut -d. -f1)" -ge 5 ]; }
 await pressed
 stop_kneadd
 kill $hand
@@ -16,10 +17,10 @@ check "the hand was being pushed" holds "$(number peak_n stopped) >= 5"
 check "the stop is told in the forces, for at most 100 ms" \
     [ "$(number stopping stopped)" -gt 0 -a "$(number stopping stopped)" -le 101 ]
 check "the last force is zero" holds "$(number last_n stopped) <= 0"
-# the gain takes 17 ms for the whole of the clamp, 40 N in profile bench
+# The gain takes 17 ms for the whole clamp, 40 N in profile bench.
 check "it came down by at most 2.4 N/ms" holds "$(number steepest_n stopped) <= 2.4"
 
-# what is too large for this machine is served all the same, with a warning
+# An object too large for this machine is served nevertheless, with a warning.
 kneadd --scene "$KN_SOURCE/core/scenes/dough.yaml" --set object.spacing='1 mm' --realtime off >large 2>&1 &
 server=$!
 await grep -q serving large

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The README's "Ten minutes", run as written: every ```sh block, and after it the last line that it promises (numbers may differ).
-# A block that starts server/run is another terminal's: it stays up, and Ctrl-C ends it when the next such block comes.
+# The README's "Ten minutes", run as written: every ```sh block, followed by a check of the last line that it promises
+# (numbers may differ). A block that starts server/run belongs to another terminal: it stays up, and Ctrl-C ends it
+# when the next such block comes.
 # night: the README at its own pace
 set -u
 cd "$KN_SOURCE" || exit 1
@@ -17,11 +18,11 @@ trap 'ctrl_c; rm -rf "$log"' EXIT
 plain() { sed -E 's/[-+]?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?/#/g; s/[[:space:]]+/ /g; s/ $//'; }
 says() { [ "$(tail -n 1 "$1" | plain)" = "$(plain <<<"$2")" ]; }
 
-step() { # BLOCK EXPECTED
+step() { # step BLOCK EXPECTED
     local end=$((SECONDS + 300))
     if [[ $1 == server/run* ]]; then
         ctrl_c
-        set -m # its own process group, as a terminal would give it; a background job would ignore Ctrl-C
+        set -m # its own process group, as on a terminal; a background job would ignore Ctrl-C
         bash -c "$1" </dev/null >"$log/server" 2>&1 &
         server=$!
         set +m
@@ -37,7 +38,7 @@ step() { # BLOCK EXPECTED
     tail -n 20 "$log/out"
 }
 
-# Blocks and promises, in order: "B command" lines, then "E expected".
+# Blocks and promises in order: "B command" lines, then "E expected".
 block= steps=0
 while IFS= read -r line; do
     case $line in

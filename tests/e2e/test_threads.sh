@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# The threads of a running kneadd as the kernel sees them: their priorities, their core, and that the servo touches no
-# page that is not there already.
+# The threads of a running kneadd as the kernel sees them: their priorities, their core, and no page faults of the
+# servo.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-KN_REALTIME=auto # also where netns knows that it will be refused: what is said then is part of the test
+KN_REALTIME=auto # also where netns expects a refusal, since the message of a refusal is tested too
 start_kneadd dough-small.yaml
 cat kneadd.log
 thread() { grep -l "^$1\$" "/proc/$server/task/"*/comm | head -1 | xargs -r dirname; }
-# proc(5) stat, counted after the name: 8 minor faults, 10 major faults, 37 processor, 38 real-time priority, 39
-# policy (1 FIFO)
+# Fields of proc(5) stat, counted after the name: 8 minor faults, 10 major faults, 37 processor, 38 real-time
+# priority, 39 policy (1 FIFO).
 field() { sed 's/.*) //' "$(thread "$1")/stat" | cut -d' ' -f"$2"; }
 
 if grep -q '; SCHED_FIFO' kneadd.log; then

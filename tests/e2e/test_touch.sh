@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What a tool touches, over the bus: kneadd --touch with a virtual hand, told by knead touch as lines and as JSON; and
-# nothing of it where nobody asked.
+# Touch messages over the bus: kneadd --touch with a virtual hand, shown by knead touch as lines and as JSON. Without
+# --touch there are none.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 

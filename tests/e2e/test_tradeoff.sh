@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# knead tradeoff on a recorded press: what --jobs and a host play is what is played here, to the bit; a sweep that was killed
-# goes on with what it had; --write exchanges one block of the scene and nothing else.
+# knead tradeoff on a recorded press. Runs with --jobs and on a host give the same result to the bit as runs here. A
+# killed sweep goes on with its finished runs. --write replaces one block of the scene and nothing else.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v gnuplot >/dev/null || { echo "skipped: no gnuplot"; exit 77; }
 
@@ -9,7 +9,7 @@ scene
 pressed scene.yaml press.lcmlog 4
 points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2,4,8)
 sweep() { knead tradeoff "${points[@]}" "$@"; }
-errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all but the times, and what follows from them: the fronts, the order
+errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all columns but the times and their consequences: the fronts, the order
 
 sweep --csv here.csv --plot here.png >here 2>here.err
 check "a sweep ends well" [ $? = 0 ]
@@ -19,7 +19,7 @@ check "the table has every point" [ "$(grep -c '^10 mm ' here)" = 7 ]
 check "the named points are told" [ "$(grep -cE '^(fast       10 mm, 1 ms, |balanced   |accurate   )' here)" = 3 ]
 check "the picture is one" [ "$(head -c 4 here.png | tail -c 3)" = PNG ]
 
-# killed in the middle, and again
+# Killed in the middle, then run again.
 knead tradeoff "${points[@]}" --resume kept >/dev/null 2>&1 &
 sweeping=$!
 await eval '[ "$(ls kept 2>/dev/null | grep -c trace$)" -ge 2 ]'
@@ -49,7 +49,7 @@ else
     echo "no GNU parallel here: --jobs and --hosts are not tested"
 fi
 if command -v parallel >/dev/null && command -v rsync >/dev/null; then
-    # a host without a network: another home folder, reached as ssh reaches it
+    # A host without a network: another home folder, reached through a fake ssh.
     mkdir there
     cat >ssh <<'SSH'
 #!/bin/bash
@@ -77,7 +77,7 @@ SSH
     check "and by what is missing" grep -q 'runs have no result; with --resume the others would be kept' dead
 fi
 
-# --write: the block, and nothing else
+# --write replaces the block, and nothing else.
 printf '# mine\nquality: # old\n  fast: {iterations: 3}\n\n# the end, without its line end' >>scene.yaml
 cp scene.yaml old.yaml && chmod 640 scene.yaml
 sweep --write >written
@@ -92,11 +92,11 @@ cp scene.yaml broken.yaml
 expect 'scene.yaml:' 2 knead tradeoff scene.yaml press.lcmlog --write
 check "a scene that is none is left alone" cmp -s scene.yaml broken.yaml
 cp old.yaml scene.yaml && chmod 444 scene.yaml
-expect 'scene.yaml: is read-only, expected' 3 sweep --write # before anything is played
+expect 'scene.yaml: is read-only, expected' 3 sweep --write # before any run is played
 check "a scene that nobody may write to is left alone" cmp -s scene.yaml old.yaml
 chmod 644 scene.yaml
 
-# a point in force with a lattice of its own: the points that are found there stay there, one that is not there goes
+# With a point in force that has its own lattice: points found on that lattice stay there, a missing point is removed.
 scene
 printf 'quality: {chosen: fast, fast: {spacing: 5 mm, precision: f64}, accurate: {spacing: 10 mm}}\n' >>scene.yaml
 knead tradeoff scene.yaml press.lcmlog --quick --solver blend --iterations 2,4 --write >written
@@ -108,7 +108,7 @@ for point in fast balanced accurate; do
 done
 check "and the scene itself is of its own" eval 'knead check scene.yaml --quality own | grep -q "36 nodes"'
 
-# killed where nobody asked to keep anything: the next sweep removes what is left
+# Killed without --resume: the next sweep removes the leftovers.
 mkdir tmp
 TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null 2>&1 &
 sweeping=$!

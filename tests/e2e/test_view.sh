@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# knead view: an object at rest, what a server serves, a recording; and what it says when there is nothing to see.
+# knead view: an object at rest, a served object, a recording, and the messages when there is nothing to see.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
-# expect SENTENCE EXIT PATTERN COMMAND...: exit code, and the one line on stderr (empty: ^$)
+# expect SENTENCE EXIT PATTERN COMMAND...: check the exit code and the one line on stderr (empty: ^$).
 expect() {
     local sentence=$1 code=$2 pattern=$3 got told
     shift 3
@@ -10,13 +10,13 @@ expect() {
     mapfile -t told <err
     check "$sentence (${told[*]})" eval '[ $got = $code ] && [ ${#told[@]} -le 1 ] && [[ ${told[*]} =~ $pattern ]]'
 }
-# film FILE CODEC WIDTH HEIGHT PICTURES: what ffprobe says of it, every picture decoded
+# film FILE CODEC WIDTH HEIGHT PICTURES: check the properties that ffprobe reports, with every picture decoded.
 film() {
     local says
     says=$(ffprobe -v error -count_frames -show_entries stream=codec_name,width,height,nb_read_frames -of csv=p=0 "$1")
     check "$1 is a film of $5 pictures ($says)" [ "$says" = "$2,$3,$4,$5" ]
 }
-# picture FILE WIDTH HEIGHT: a PNG of that size (bytes 17 to 24 of the file)
+# picture FILE WIDTH HEIGHT: check for a PNG of that size (bytes 17 to 24 of the file).
 picture() {
     local size
     size=$(printf '%08x%08x' "$2" "$3")
@@ -235,7 +235,7 @@ if command -v ffmpeg >/dev/null; then
 
     knead view press.lcmlog --video never.mp4 --fps 120 --speed 0.01 >out 2>err &
     filming=$!
-    # once it has begun, there is a file beside it
+    # Once the film has begun, there is a temporary file beside it.
     for _ in {1..200}; do compgen -G 'never.mp4.*' >/dev/null && break; sleep 0.1; done
     check "a film has begun" compgen -G 'never.mp4.*'
     kill -INT $filming

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The live page in Chromium: pressed by mouse; at night by keys and finger, too, reset, left in mid-press, looked at in light and dark.
+# The live page in Chromium, pressed by mouse. At night also by keys and finger, reset, left during a press, and
+# viewed in light and dark.
 for program in chromium chromedriver; do
     [ -x /usr/bin/$program ] || { echo "skipped: no $program here (packages chromium, chromium-driver)"; exit 77; }
 done

@@ -1,3 +1,4 @@
 #!/usr/bin/env bash
-# knead web's orders, of several pages at once: each answered once and by its own page, recordings stopped by number.
+# Orders to knead web from several pages at once: each is answered once and by its own page's queue. Recordings are
+# stopped by number.
 exec /usr/bin/python3 "$KN_SOURCE/tests/e2e/web_orders.py"

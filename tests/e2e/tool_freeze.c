@@ -1,5 +1,5 @@
-// freeze PID THREAD SECONDS: that one thread stands still for so long, as one that is stuck; all others of its process go on. Exit 77: the
-// kernel does not let us.
+// freeze PID THREAD SECONDS: stop one thread for that time, as if stuck. All other threads of the process go on. Exit
+// 77: the kernel does not allow this.
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>

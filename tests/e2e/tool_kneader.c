@@ -1,5 +1,6 @@
-// kneader PROBE: a hand that does not listen: 1000 poses a second, down into 3 cm of dough with a ball of 15 mm and out
-// again, once in 1.4 s and somewhere else each time, whoever serves. Ends with its signal.
+// kneader PROBE: a hand that ignores all forces. It sends 1000 poses a second, and goes down into 3 cm of dough with
+// a ball of 15 mm and out again, once in 1.4 s and each time in another place, for any server. A signal ends the
+// program.
 #include "proto/knead_probe_pose_t.h"
 #include <lcm/lcm.h>
 #include <math.h>

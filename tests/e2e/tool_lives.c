@@ -1,11 +1,13 @@
-// lives LOG: a log of one kneadd --state-dir after the other, each killed: what each life lost, in ms, a line each:
+// lives LOG: read a log of successive runs (lives) of one kneadd --state-dir, each killed. Print the work that each
+// life lost, in ms, one line each:
 //
 //     lost N
 //
-// Lost is the grid of 1 ms from the first tick in which the tool touched, after the one whose snapshot the next life
-// restored (KIND_RESTORE tells its generation and tick), to the last that was published: an object that nobody touches
-// is saved only while it still moves by 1 um. A generation that was restored before is of an earlier life: then all of
-// this one is lost. What the log's first life restored is of a life that is not in it.
+// A tick counts as work if the tool touched. The loss is the number of 1 ms ticks from the first touching tick after
+// the restored snapshot to the last published tick. KIND_RESTORE of the next life names the generation and tick of
+// that snapshot. An untouched object is saved only while it still moves by 1 um. If the generation was already
+// restored before, the snapshot is of an earlier life, and all of this life is lost. The log's first life may restore
+// a life outside of this log.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
@@ -13,8 +15,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#define TICKS 1000000                // that touched, of one life
-static int64_t touched[TICKS], last; // last: of all of its ticks
+#define TICKS 1000000                // touching ticks of one life
+static int64_t touched[TICKS], last; // last: last of all its ticks
 static int count;
 
 static int64_t after(int64_t from)
@@ -28,7 +30,7 @@ int main(int argc, char **argv)
 {
     lcm_eventlog_t *log = argc == 2 ? lcm_eventlog_create(argv[1], "r") : NULL;
     if (!log) return 3;
-    bool begins = false; // a life, whose first tick restores; what an operator restores later does not count
+    bool begins = false; // a life begins, and its first tick restores; later restores by an operator do not count
     int64_t lives = 0, generation = 0;
     for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)); lcm_eventlog_free_event(e)) {
         knead_contact_force_t force;

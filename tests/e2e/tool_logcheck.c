@@ -1,18 +1,18 @@
-// logcheck LOG: a log of the pose bus, read by liblcm and lcm-gen's decoders as any client would, in numbers:
+// logcheck LOG: summarise a log of the pose bus in numbers, read by liblcm and lcm-gen's decoders as by any client:
 //
 //     poses N forces N echoed N events N scenes N statuses N undecodable N         echoed: forces that answer a pose
 //     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
 //     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
-//     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality: taken over the budget, or told
+//     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality taken over budget, or commanded
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
 //     healths N paired N ever_errors BITS                 paired: under a status' utime; of all current_errors
-//     lost N late N duplicate N reordered N in_a_row N generation N saves N slews N silences N estops N      of the last
-//                                                                               health, summed over the probes
+//     lost N late N duplicate N reordered N in_a_row N generation N saves N slews N silences N estops N   of the last
+//                                                                              health, summed over the probes
 //
-// stopping counts the forces under FLAG_STOPPING; steepest_n is the largest change per ms among them and the forces of
-// the 20 ms after a reset; faded_n is the largest force in the 20 ms after these, again_n since the last reset's.
-// lowest_gain is of the forces within 40 ms of a point taken; mistaken counts those whose FLAG_REDUCED is not what the
-// events say. hist sums wakeup_hist.
+// stopping counts the forces under FLAG_STOPPING. steepest_n is the largest change per ms among these forces and the
+// forces of the 20 ms after a reset. faded_n is the largest force in the next 20 ms, again_n the largest force later
+// than 20 ms after the last reset. lowest_gain is the lowest gain within 40 ms of a point taken. mistaken counts the
+// forces whose FLAG_REDUCED contradicts the events. hist is the sum of wakeup_hist.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_health_t.h"
@@ -25,8 +25,8 @@
 #include <stdio.h>
 #include <string.h>
 
-// The poses of one session. A force echoes one of them when its seq lies between the first and the last: a logger may
-// lose a pose that kneadd heard.
+// The poses of one session. A force echoes a pose of the session if its seq lies between the first and the last: a
+// logger may lose a pose that kneadd heard.
 typedef struct stream {
     int64_t session, first, last;
 } stream;
@@ -41,7 +41,7 @@ static int64_t resets, as_new, initial_hash, reset_tick = -1;
 static double faded_n, again_n;
 static int64_t stepped, commanded, reduced, mistaken, quality_tick = -1;
 static double lowest_gain = 1.0;
-static bool is_reduced; // by the events so far
+static bool is_reduced; // expected from the events so far
 static knead_status_t status;
 static knead_health_t health;
 static int64_t healths, paired, ever_errors;

@@ -1,12 +1,12 @@
-// pressed SCENE LOG [DEPTH_MM [KEY=VALUE]...]: kneadd's log of a hand that no clock has spoilt: tool 0 comes down to
-// the top of SCENE within half a second, goes 10 mm (DEPTH_MM) into it and out again within 4 s, along a cosine each,
-// and stays there for half a second.
+// pressed SCENE LOG [DEPTH_MM [KEY=VALUE]...]: write kneadd's log of a hand in virtual time. Tool 0 comes down to the
+// top of SCENE within half a second. It goes 10 mm (DEPTH_MM) in and out again within 4 s, each along a cosine, and
+// stays there for half a second.
 #include "tests/recorder.h"
 #include <math.h>
 
 static void move(kn_pose *hand, double top_m, double depth_m, int ms)
 {
-    static const double clear_m = 2e-5, above_m = 0.0015; // a plate that arrives faster meets a wall, and the guard
+    static const double clear_m = 2e-5, above_m = 0.0015; // a faster plate would hit a wall and trip the guard
     const double turn = 0.5e-3 * M_PI * fmin(fmax(ms - 500, 0), 4000), half = 0.5 * (clear_m + depth_m);
     const double come = M_PI * fmin(ms, 500) / 500;
     hand->position_m[2] = top_m + clear_m + above_m * (1 + cos(come)) - half * (1 - cos(turn));

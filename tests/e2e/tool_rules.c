@@ -1,4 +1,4 @@
-// rules LOG PROBE CLAMP GUARD: what tests/tactile/rules.h says of the forces of a log.
+// rules LOG PROBE CLAMP GUARD: judge the forces of a log by tests/tactile/rules.h.
 #include "tests/tactile/rules.h"
 #include <stdlib.h>
 

@@ -1,12 +1,12 @@
-// send PROBE <<EOF: what a test wants a kneadd to hear, from a socket of its own, so that it can send anything.
+// send PROBE <<EOF: send any datagrams to a kneadd from a socket of its own, for tests.
 //
 //     poses COUNT session=S seq=Q [step=1] [rate=1000] [utime=U] [x=0] [z=0.2] [vz=0] [leave]
 //     flood COUNT seed=S [rate=50000]
 //     sleep MS
 //
-// poses: seq rises by step, utime is seq in ms; leave: the last one says that the session ends. flood: relatives of poses
-// (kn_random_datagram), each of its own session; rate=0: as fast as they are taken.
-// SIGTERM ends what is being sent. Prints how many datagrams it sent.
+// poses: seq rises by step, and utime is seq in ms. leave: the last pose announces the end of the session. flood:
+// variants of poses (kn_random_datagram), each of its own session. rate=0: as fast as possible. SIGTERM ends the
+// sending. The program prints the number of datagrams sent.
 #include "server/clock.h"
 #include "tests/server/datagram.h"
 #include <arpa/inet.h>
@@ -33,10 +33,10 @@ static void send_bytes(const unsigned char *bytes, size_t size)
 static double option(const char *line, const char *name, double otherwise)
 {
     const char *at = strstr(line, name);
-    return at ? strtod(at + strlen(name), NULL) : otherwise; // strtod reads nan and inf as well
+    return at ? strtod(at + strlen(name), NULL) : otherwise; // strtod also reads nan and inf
 }
 
-// Sleeps until the n-th of a stream is due; one that was held up catches up.
+// Sleep until the n-th message of a stream is due. A sender that was held up catches up.
 static void pace(int64_t start_ns, int64_t n, double rate)
 {
     int64_t ahead_ns = start_ns + (int64_t)(1e9 * (double)n / rate) - kn_now_ns();
@@ -55,7 +55,7 @@ static void send_poses(const char *line, int64_t count)
         unsigned char bytes[KN_TEST_DATAGRAM];
         pace(start_ns, n, option(line, " rate=", 1000));
         pose.seq = seq;
-        pose.utime = utime ? utime : 1000 * seq; // not the clock's: a held-up sender would make other speeds
+        pose.utime = utime ? utime : 1000 * seq; // not the clock's time: a held-up sender would give other speeds
         pose.sent_ns = kn_now_ns();
         if (n + 1 == count && strstr(line, " leave")) pose.buttons = KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
         size_t size = kn_pose_datagram(bytes, sizeof bytes, channel, &pose);
@@ -63,7 +63,7 @@ static void send_poses(const char *line, int64_t count)
     }
 }
 
-// --- many at once ---
+// --- many datagrams at once ---
 
 enum { BATCH = 64 };
 static unsigned char batch[BATCH][KN_TEST_DATAGRAM];

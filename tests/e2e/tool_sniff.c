@@ -1,5 +1,5 @@
-// sniff DEVICE: counts the IPv4 multicast datagrams and IGMP messages that leave by DEVICE until SIGTERM, then prints
-// the number. "ready" first, once it hears.
+// sniff DEVICE: count the IPv4 multicast datagrams and IGMP messages that leave by DEVICE until SIGTERM, then print
+// the number. First print "ready", once the socket hears.
 #include <arpa/inet.h>
 #include <linux/if_packet.h>
 #include <net/ethernet.h>
@@ -18,7 +18,8 @@ int main(int argc, char **argv)
     int fd = socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_ALL)), count = 0;
     device.sll_ifindex = argc == 2 ? (int)if_nametoindex(argv[1]) : 0;
     if (fd < 0 || !device.sll_ifindex || bind(fd, (struct sockaddr *)&device, sizeof device) != 0) return 3;
-    sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_term}, NULL); // without SA_RESTART: recvfrom returns
+    // without SA_RESTART, so that recvfrom returns
+    sigaction(SIGTERM, &(struct sigaction){.sa_handler = on_term}, NULL);
     puts("ready");
     fflush(stdout);
     while (!stop) {

@@ -1,11 +1,12 @@
-// steal PID: for 0.8 s, takes the time of kneadd's servo away, from above it, on the processor that it is pinned to.
+// steal PID: take the processor from kneadd's servo for 0.8 s, at a higher priority, on the processor that the servo
+// is pinned to.
 //
 //     this    |==== 0.9 ms ====|..|==== 0.9 ms ====|..|====    the servo gets the gaps in which this sleeps, for a tick
 //     servo                     ==                  ==         two or more of them
 //
-// What a tick needs and how long a sleep is are the machine's, so the gaps get shorter step by step. In all less than
-// the 0.95 s of every second that the kernel leaves real-time threads (sched_rt_runtime_us). Exit 77 and why: this may
-// not be done here.
+// The time of a tick and the length of a sleep depend on the machine, so the gaps get shorter step by step. The total
+// stays below the 0.95 s of every second that the kernel leaves to real-time threads (sched_rt_runtime_us). Exit 77
+// with a reason: this is not allowed here.
 #include "server/clock.h"
 #include <dirent.h>
 #include <errno.h>
@@ -19,7 +20,7 @@
 #define STEP_NS 200000000
 #define ABOVE_SERVO 90
 
-// The thread that kneadd calls "servo", 0: none.
+// Return the id of the thread that kneadd calls "servo", or 0 if there is none.
 static int find_servo(const char *pid)
 {
     char path[300], name[32] = "";

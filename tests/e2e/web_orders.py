@@ -1,5 +1,5 @@
-# Requests of pages that meet each other: every one is answered once, by its own page's queue, and what one page begins no
-# other page ends unasked. Driven by test_web_orders.sh.
+# Requests of several pages that interfere. Each request is answered once, by its own page's queue. No page ends
+# another page's activity unasked. Driven by test_web_orders.sh.
 import json
 import os
 import shutil
@@ -31,7 +31,7 @@ class Page(Wire):
     def of(self, id):
         return [a for a in self.answers if a["id"] == id]
 
-    def waits(self, id, seconds=20):  # its answer, or None
+    def waits(self, id, seconds=20):  # the answer, or None
         return until(lambda: self.hear() and self.of(id), seconds) and self.of(id)[0]
 
     def hears(self, what, seconds=15):
@@ -52,7 +52,7 @@ def recorded(page, number, seconds, id):
 
 
 def stop_while_it_waits(page, server):
-    server.kneadd.send_signal(signal.SIGSTOP)  # or the scene would be there within a second
+    server.kneadd.send_signal(signal.SIGSTOP)  # otherwise the scene would arrive within a second
     page.send_request(10, "record")
     check("record: taken", page.waits(10)["ok"], page.answers)
     page.hears(lambda: page.about["recording"])
@@ -76,7 +76,7 @@ def back_to_back(page, server):
         verify, play = page.waits(id + 1), page.waits(id, 30)
         check("play, then verify while the tool is let go: verify is told to wait",
               verify and not verify["ok"] and "being replayed" in verify["words"], verify)
-        if not play or "spoilt" not in play["words"]:  # a machine that stands still for 20 ms spoils it
+        if not play or "spoilt" not in play["words"]:  # a machine that stands still for 20 ms spoils the press
             break
     check("and play is answered at its end", play and play["ok"], play)
     page.send_request(24, "verify", value=2)
@@ -136,7 +136,7 @@ def stop_of_others(page, server):
 
 def own_answers(page, server):
     deaf = Page(server)
-    for i in range(40):  # and reads nothing
+    for i in range(40):  # and do not read
         deaf.send_request(100 + i, "view", azimuth=28, elevation=27, zoom=1)
     time.sleep(0.3)
     for i in range(8):

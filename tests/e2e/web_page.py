@@ -1,4 +1,5 @@
-# The live page, as its visitors have it. The gate presses by mouse, leaves the page, and ends its servers. Driven by test_web.sh.
+# The live page as visitors see it. The gate presses by mouse, leaves the page, and ends its servers. Driven by
+# test_web.sh.
 import json
 import os
 import struct
@@ -10,9 +11,9 @@ import served as results
 
 ARTEFACTS = os.environ.get("KN_ARTEFACTS", os.environ["KN_BUILD"] + "/tests")
 NIGHT = "KN_NIGHT" in os.environ
-TOP = (0.5, 0.4)  # of the picture: on the top of the block
+TOP = (0.5, 0.4)  # in shares of the picture: a point on the top of the block
 
-# What must be legible against what it is on (WCAG 2.1 AA), for whatever is shown.
+# Elements that must be legible against their background (WCAG 2.1 AA), if they are shown.
 CONTRAST = """
 const channels = (c) => c.match(/[\\d.]+/g).map(Number);
 const linear = (x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4;
@@ -29,7 +30,7 @@ return [...document.querySelectorAll('body *')]
     .sort((a, b) => a[0] - b[0])"""
 
 
-def pressed(page, bus, sentence, begin, end):  # begins a press, watches it, ends it
+def pressed(page, bus, sentence, begin, end):  # begin a press, watch it, end it
     bus_before = bus.dent_mm()
     begin()
     check(f"{sentence}: the force rises", until(lambda: page.now()["force_n"] > 0.5), page.now())
@@ -70,7 +71,7 @@ def by_mouse(page, bus):
         stroke(page, bus, dented)
 
 
-def stroke(page, bus, dented):  # and all that the mouse does else
+def stroke(page, bus, dented):  # a stroke, and the other actions of the mouse
     page.press(*TOP)
     until(lambda: page.now()["depth_mm"] > 4.7)
     wide = bus.dented()
@@ -97,7 +98,7 @@ def stroke(page, bus, dented):  # and all that the mouse does else
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
 
-    def as_before():  # once the tool is back and drawn
+    def as_before():  # wait until the tool is back and drawn
         page.keep("reset")
         return page.changed("new", "reset") < dented / 20
     check("the picture is as before", until(as_before), dented, page.changed("new", "reset"))
@@ -143,7 +144,7 @@ def click(page, id):
     page.run("document.getElementById(arguments[0]).click()", id)
 
 
-def said(page, words):  # the answer to the last order
+def said(page, words):  # wait for the answer to the last order
     return until(lambda: words in page.text("said"))
 
 
@@ -152,7 +153,7 @@ def ready(page):
     return page.now()["status"].startswith("ready")
 
 
-def dent(page, bus):  # a press from the page; how deep it stays
+def dent(page, bus):  # press from the page; return the depth that remains
     page.hover(*TOP)
     until(lambda: page.now()["status"].startswith("ready"))
     page.press(*TOP)
@@ -190,7 +191,7 @@ def by_traces(page):
 
 
 def by_operator(page, bus):
-    reset(page, bus, lambda: click(page, "reset"))  # an undo takes back the last press alone
+    reset(page, bus, lambda: click(page, "reset"))  # an undo takes back only the last press
     deep = dent(page, bus)
     click(page, "undo")
     check("undo: the dent is gone", said(page, "Undone") and until(lambda: bus.dent_mm() < deep / 4), deep,
@@ -200,7 +201,7 @@ def by_operator(page, bus):
     check("snapshot: on disk, by its number", said(page, "is on disk"), page.text("said"))
     click(page, "reset")
     check("reset: as new", said(page, "as new") and until(lambda: bus.dent_mm() < 0.01), page.text("said"))
-    time.sleep(1.2)  # kneadd has saved that, too
+    time.sleep(1.2)  # time for kneadd to save the reset too
     click(page, "restore")
     check("restore: the dent is back", said(page, "as in snapshot") and until(lambda: bus.dent_mm() > 0.7 * deep), deep,
           bus.dent_mm(), page.text("said"))
@@ -255,7 +256,7 @@ def by_colours(page, bus):
     click(page, "reset")
 
 
-def asks(page, what, **fields):  # {"ok", "words"}
+def asks(page, what, **fields):  # return {"ok", "words"}
     return page.driver.execute_async_script("ask(arguments[0], arguments[1]).then(arguments[2])", what, fields)
 
 
@@ -294,7 +295,7 @@ def by_recordings(page, bus):
     click(page, "reset")
 
 
-def by_slider(page):  # dragged away and back, by mouse: no change comes of it, and it follows kneadd again
+def by_slider(page):  # drag away and back by mouse: nothing changes, and the slider follows kneadd again
     page.run("document.getElementById('m-k1').scrollIntoView({ block: 'center' })")
     x, y, share = page.run("""const i = document.getElementById('m-k1'), b = i.getBoundingClientRect();
         return [b.x, b.y + b.height / 2, [(i.value - i.min) / (i.max - i.min), b.width]]""")
@@ -315,7 +316,7 @@ def by_slider(page):  # dragged away and back, by mouse: no change comes of it, 
     ctl("set", f"material.k1={wanted:.6g} Pa")
     check("both ways", until(lambda: page.run("return document.getElementById('m-k1').value") == value), value)
     page.run("picture.focus()")
-    page.key("Down", "Escape"), page.key("Up", "Escape")  # by keys again: the focus is seen from here on
+    page.key("Down", "Escape"), page.key("Up", "Escape")  # keys again: from here on the focus is visible
 
 
 def by_material(page):
@@ -409,7 +410,7 @@ def looks(page):
     check("every control and picture has a name", unnamed == [], unnamed)
 
 
-def by_tab(page):  # what the focus comes by, and whether it is seen there
+def by_tab(page):  # follow the focus by tab, and check that it is visible
     page.run("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
     page.run("window.scrollTo(0, 0); picture.focus()")
     came = []
@@ -451,7 +452,7 @@ def two_tabs(page, bus, address):
     driver.switch_to.new_window("window")
     page.open(address)
     second = driver.current_window_handle
-    driver.switch_to.window(first)  # 2 s untouched, its tool would be for anybody
+    driver.switch_to.window(first)  # after 2 s without a touch, the tool would be free for anybody
     page.hover(*TOP)
     driver.switch_to.window(second)
     check("a second page is told that another one holds the tool",
@@ -490,7 +491,7 @@ def goodbye(page, server):
 ORDERS = "#controls button, #more button, #more select, #sliders input, #view button, #view select"
 
 
-def complaints(page):  # but for connections that are refused while nobody is there
+def complaints(page):  # ignore connections refused while no server runs
     refused = "WebSocket connection to", "net::ERR_CONNECTION_REFUSED"
     return [line for line in page.complaints() if not any(words in line["message"] for words in refused)]
 
@@ -525,7 +526,7 @@ def without_web(page, server):
     check("what is the page's own can be asked for again", until(enabled))
     subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
     server.start("lan", ["knead", "web", "--address", "192.0.2.5"], "https://")
-    page.driver.get(opened("lan.log")[0])  # no picture to wait for
+    page.driver.get(opened("lan.log")[0])  # this page has no picture to wait for
     check("encrypted, at another address, it opens", until(lambda: "waiting for kneadd" in page.text("words")),
           page.text("words"))
     check("all with a clean console", not (log := complaints(page)), log)

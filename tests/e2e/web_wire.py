@@ -1,5 +1,6 @@
-# The wire of knead web, by hand: every refusal, every bad message, slow and idle clients. Driven by test_web_wire.sh;
-# web_wire.py --minutes N watches the memory for so long. At night it does so for 20 s, and asks whether the servo notices all this.
+# The wire of knead web, spoken by hand: every refusal, every bad message, slow and idle clients. Driven by
+# test_web_wire.sh. web_wire.py --minutes N watches the memory for that time. At night it does so for 20 s, and checks
+# that the servo is not affected.
 import contextlib
 import hashlib
 import json
@@ -32,7 +33,7 @@ def join(port, address="127.0.0.1"):  # a connection, encrypted off loopback
     return s if address == "127.0.0.1" else TLS.wrap_socket(s)
 
 
-def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head in small letters, body)
+def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head in lower case, body)
     lines = [f"GET {path} HTTP/1.1", f"Host: {host or f'{address}:{port}'}", "Connection: close", *headers, "", ""]
     with join(port, address) as s:
         s.sendall("\r\n".join(lines).encode())
@@ -85,7 +86,7 @@ class Wire:
         size = struct.pack(">B", 128 | len(payload)) if len(payload) < 126 else struct.pack(">BQ", 255, len(payload))
         self.s.sendall(struct.pack(">B", 128 * last | kind) + size + b"\0\0\0\0" + payload)  # a mask of zeros
 
-    def receive(self):  # (kind, payload); None: nothing within 10 s, or hung up. A ping is answered, as a browser does
+    def receive(self):  # (kind, payload), or None: nothing within 10 s, or hung up; pings are answered, as by a browser
         while True:
             try:
                 while len(self.got) < 2 or len(self.got) < self.frame()[1]:
@@ -100,14 +101,14 @@ class Wire:
             except OSError:
                 return None
 
-    def frame(self):  # where the payload of the first frame begins and ends
+    def frame(self):  # begin and end of the first frame's payload
         size = self.got[1] & 127
         form, begin = {126: (">H", 4), 127: (">Q", 10)}.get(size, (None, 2))
         if form and len(self.got) >= begin:
             size = struct.unpack_from(form, self.got, 2)[0]
         return begin, begin + size
 
-    def state(self, see=True):  # the next message: (what it says, bytes of the picture)
+    def state(self, see=True):  # the next message: (its object, bytes of the picture)
         got = self.receive()
         if got is None or got[0] != BINARY:
             return None, 0
@@ -121,7 +122,7 @@ class Wire:
         self.number += 1
         self.send(BINARY, message(POINTER, self.number, **where))
 
-    def status_at(self, **where):  # what is told of a tool that points there
+    def status_at(self, **where):  # the status of a tool that points there
         self.point(**where)
         return self.state()[0]["status"]
 
@@ -136,14 +137,14 @@ class Wire:
         ready()
         until(felt)
 
-    def ask(self, do, id=1, **fields):  # {"ok", "words"}; None: hung up
+    def ask(self, do, id=1, **fields):  # {"ok", "words"}, or None: hung up
         self.send(TEXT, json.dumps({"id": id, "do": do, **fields}).encode())
         while (now := self.state()[0]) is not None:
             for answer in now["answers"]:
                 if answer["id"] == id:
                     return answer
 
-    def closed(self):  # (code, words) of how it was closed, after whatever came before
+    def closed(self):  # (code, words) of the close, skipping earlier messages
         while got := self.receive():
             if got[0] == CLOSE:
                 return struct.unpack_from(">H", got[1])[0], got[1][2:].decode()
@@ -159,7 +160,7 @@ class Page(threading.Thread):
     def __init__(self, server, presses):
         super().__init__(daemon=True)
         self.wire, self.presses, self.frames, self.pictures, self.going = Wire(server), presses, 0, 0, True
-        self.lost = 0  # messages that said that the tool is not its own, once it was
+        self.lost = 0  # messages that say that the tool is not its own any more
         self.start()
 
     def run(self):
@@ -180,7 +181,7 @@ class Page(threading.Thread):
         self.join()
 
 
-def listens_on(port):  # addresses, from the kernel
+def listens_on(port):  # listening addresses, from the kernel
     found = []
     for table in "/proc/net/tcp", "/proc/net/tcp6":
         for line in open(table).readlines()[1:]:
@@ -370,7 +371,7 @@ def slow(server, bus):
         old += 1
     check("a client that slept for 5 s finds at most two old pictures", first and now and old <= 2, old)
     check("which nobody kept for it", server.memory_kb() - before < 1024, before, server.memory_kb())
-    for i in range(3000):  # says that it has seen everything, and reads nothing
+    for i in range(3000):  # claim to have seen everything, and read nothing
         wire.send(BINARY, message(SEEN, (now["frame"] + i) & 0xffffffff))
         time.sleep(0.001)
     check("one that lies about it costs no more", server.memory_kb() - before < 2048, before, server.memory_kb())
@@ -411,7 +412,8 @@ def strangers(server, page):
             with contextlib.suppress(OSError), join(server.port) as s:
                 s.settimeout(0.5)
                 while going:
-                    s.sendall(kinds[i % 4][:1 if i % 8 == 1 else None].encode())  # a byte, or all of it, twice a second
+                    # a byte, or a whole message, twice a second
+                    s.sendall(kinds[i % 4][:1 if i % 8 == 1 else None].encode())
                     with contextlib.suppress(TimeoutError):
                         while s.recv(65536):
                             pass
@@ -425,7 +427,7 @@ def strangers(server, page):
         thread.start()
     wires = []
 
-    def served():  # as a page does it: again when it was cut off
+    def served():  # as a page does: again if it was cut off
         with contextlib.suppress(OSError, IndexError):
             wires.append(Wire(server))
             return get(server.port, "/app.js")[0] == 200 and wires[-1].state()[0]
@@ -468,7 +470,7 @@ def generations(server, bus):
     for name in "bun.yaml", "dough.yaml", "dough-small.yaml":
         answer, seen = wire.ask("scene", name=name), {}
 
-        def drawn():  # the page was told of it, and has a picture of its mesh
+        def drawn():  # the page has heard of it, and has a picture of its mesh
             now, picture = wire.state()
             seen.update(now.get("about", {}))
             return seen.get("scene") == name and picture > 0 and not now["status"].startswith("waiting")
@@ -491,7 +493,7 @@ def dead_man(server, bus):
 
 
 def stopped(server):
-    wire = Wire(server)  # on which nobody points
+    wire = Wire(server)  # a page that does not point
     told = lambda: wire.state()[0]["status"]
     answer = wire.ask("estop")
     check("an untouched page tells the emergency stop", answer["ok"] and until(lambda: "emergency stop" in told(), 3),
@@ -541,7 +543,7 @@ def another_scene(server, bus):
     wire.close()
 
 
-def spoilt(bus, during):  # (seconds, those in which the servo missed a cycle that the machine does not explain)
+def spoilt(bus, during):  # (seconds, seconds in which the servo missed a cycle that the machine does not explain)
     time.sleep(1.1)  # a status comes every second
     before = bus.statuses, bus.spoilt
     during()
@@ -573,7 +575,7 @@ def memory(server, seconds):
 def main():
     night = "KN_NIGHT" in os.environ
     seconds = 60 * float(sys.argv[2]) if sys.argv[1:2] == ["--minutes"] else 20 if night else 0
-    # a build that checks addresses keeps what is freed, 256 MB of it: memory that no leak has grown
+    # A build that checks addresses keeps freed memory, 256 MB of it. That growth is no leak.
     os.environ["ASAN_OPTIONS"] = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
     server, bus = Served("dough-small.yaml"), Bus()
     check("it listens on 127.0.0.1 and nowhere else", listens_on(server.port) == ["0100007F"], listens_on(server.port))
@@ -587,7 +589,7 @@ def main():
         if not night:
             trouble()
             continue
-        # in turns, since a machine's other work comes and goes
+        # In turns, since a machine's other work comes and goes.
         for total, during in (calm, lambda: time.sleep(3)), (storm, trouble):
             total[:] = map(sum, zip(total, spoilt(bus, during)))
     rate = (page.frames - frames) / (time.monotonic() - begin)
@@ -595,7 +597,7 @@ def main():
     if night:
         print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, "
               f"{storm[1]} of {storm[0]} in trouble")
-        # seconds, not cycles: one standstill that its sentinel overlooks is 30 cycles at once
+        # Count seconds, not cycles: one standstill that the sentinel overlooks is 30 cycles at once.
         check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
     generations(server, bus)

@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_FUZZ_H
 #define KN_TESTS_FUZZ_H
-// libFuzzer's entries, and require().
+// libFuzzer's entry points, and require().
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-// Any line on the control socket: answered by one JSON object that says ok or an error, never by a crash, and an order
-// is given only by a line that is one.
+// libFuzzer target: any line on the control socket is answered by one JSON object with ok or an error, and never by a
+// crash. Only a valid order gives an order.
 #include "server/control.h"
 #include "server/operator.h"
 #include <stdlib.h>
@@ -15,7 +15,7 @@ static kn_backend backend;
 static kn_served served;
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
-static kn_skin skin; // that measures nothing
+static kn_skin skin; // a skin without measures
 static kn_operator operator;
 static kn_control_def def;
 static int stops;
@@ -60,7 +60,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     if (size >= KN_CONTROL_LINE) return 0; // refused before
     atomic_store(&loop.orders, 0);
-    atomic_store(&loop.obeyed, INT64_MAX); // a tick comes at once
+    atomic_store(&loop.obeyed, INT64_MAX); // obey at once, as if a tick came
     atomic_store(&loop.restored, 1);
     atomic_store(&operator.told, operator.now);
     stops = 0;

@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes as a table of creep, relaxation or a sweep are curves that a fit can take, or one line of
-// complaint.
+// libFuzzer target: any bytes as a table of creep, relaxation or a sweep give curves that a fit accepts, or one line
+// of error.
 #include "clients/identify/curve.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
@@ -8,7 +8,7 @@
 #include <stdarg.h>
 #include <string.h>
 
-static int complaints; // this one stands for clients/knead/complain.c
+static int complaints; // replaces clients/knead/complain.c
 
 int kn_complain(const char *subcommand, int code, const char *format, ...)
 {
@@ -65,7 +65,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     (void)argc;
     (void)argv;
-    require(freopen("/dev/null", "w", stdout) != NULL); // what was done to the readings
+    require(freopen("/dev/null", "w", stdout) != NULL); // drops the messages about corrected readings
     return 0;
 }
 

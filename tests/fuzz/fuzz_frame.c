@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes from a serial line are frames that say what was sent, or skipped and counted, each byte
-// once; and a whole frame behind any of them is heard once twenty bytes more have come.
+// libFuzzer target: bytes from a serial line are valid frames, or skipped and counted, each byte once. A whole frame
+// after any bytes is heard once, at the latest when twenty more bytes have come.
 #include "clients/tactile/frame.h"
 #include "tests/fuzz/fuzz.h"
 #include <string.h>

@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes from an Inverse Service are a state whose every number can be used, no such arm, or one
-// line of complaint; and whatever it calls its arm, what is said to it is shorter than a message may be.
+// libFuzzer target: any bytes from an Inverse Service are a state with usable numbers, a missing arm, or one line of
+// error. For any name of the arm, the answer is shorter than a message may be.
 #include "clients/tactile/haply_json.h"
 #include "tests/fuzz/fuzz.h"
 #include <math.h>

@@ -1,9 +1,9 @@
-// libFuzzer target: whatever a sequence of datagrams holds, a client's receiver hands on messages of a channel that it
-// hears, whole and within bounds, and what puts meshes and scenes together takes them or leaves them.
+// libFuzzer target: for any sequence of datagrams, a client's receiver passes on only messages of channels that it
+// listens to, whole and within bounds. The code that assembles meshes and scenes accepts or drops them.
 //
-// A record of the input is a control byte, then a datagram: bits 0-1: as it is, LC02, LC03 of bounds that fit, LC03 of any
-// bounds; bits 2-4: the channel; bits 5-7: which part,
-// of LC02 4 and above: signed, 6: as an answer to a hello.
+// A record of the input is a control byte, then a datagram. Bits 0-1: as it is, LC02, LC03 with valid bounds, LC03
+// with any bounds. Bits 2-4: the channel. Bits 5-7: the part; for LC02, 4 and above: signed, 6: as an answer to a
+// hello.
 #include "clients/knead/join.h"
 #include "clients/knead_mesh.h"
 #include "proto/knead_contact_force_t.h"
@@ -27,7 +27,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *use
     handed++;
     require(strncmp(channel, "KNEAD_", 6) == 0 && buf->data_size <= KN_JOIN_LARGEST);
     require(strcmp(channel, channels[5]) != 0 && strcmp(channel, channels[6]) != 0);
-    for (uint32_t i = 0; i < buf->data_size; i++) sum += bytes[i]; // all of it is there
+    for (uint32_t i = 0; i < buf->data_size; i++) sum += bytes[i]; // read every byte, so that a sanitizer checks it
     if (sum == 1) handed++;
     knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &force);
     kn_wire_scene_fits(buf->data, buf->data_size);
@@ -52,7 +52,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static unsigned char bytes[2048];
     char error[200];
-    kn_join *join[2]; // the first looks at no tag
+    kn_join *join[2]; // the first ignores tags
     for (int n = 0; n < 2; n++) {
         join[n] = kn_join_open(KN_MEMORY_URL, KN_FORCE_URL, error, sizeof error);
         require(join[n] != NULL);
@@ -76,7 +76,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         if ((control & 3) == 3)
             whole = kn_lc03(bytes, any, any, any >> part, (uint16_t)part, (uint16_t)any, channel, n);
         if ((control & 3) == 2) offset += (uint32_t)n;
-        unsigned char *copy = malloc(whole ? whole : 1); // of that size: a byte beyond it is found
+        // allocated with exactly that size, so that an access beyond is found
+        unsigned char *copy = malloc(whole ? whole : 1);
         memcpy(copy, bytes, whole);
         for (int i = 0; i < 2; i++) kn_join_take(join[i], copy, whole);
         free(copy);

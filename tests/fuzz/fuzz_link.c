@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes from a serial line. Each frame between two 0x00 is in one counter, what is taken is asked
-// of a device, whose reply answers it, and coded again it is what came; the same bytes as a payload of a good frame are
+// libFuzzer target: any bytes from a serial line. Each frame between two 0x00 is in one counter. An accepted frame is
+// answered by a device, and encoded again gives the same bytes. The same bytes as the payload of a valid frame are
 // heard and answered as well.
 #include "server/backend/frame.h"
 #include "tests/fuzz/fuzz.h"
@@ -14,7 +14,8 @@ static bool memory_read(void *self, uint32_t address, uint32_t *word)
 {
     memory *m = self;
     *word = m->words[address % 64];
-    return address % 1024 < 1000 && ++m->reads < 300; // more than a reply holds; no WAIT runs for its 16 million
+    // more than a reply holds; the limit keeps a WAIT from running for its 16 million reads
+    return address % 1024 < 1000 && ++m->reads < 300;
 }
 
 static bool memory_write(void *self, uint32_t address, uint32_t word)

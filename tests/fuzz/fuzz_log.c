@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes as a log are read to their end or to their damage; what is told of a record holds, and
-// its bytes are there. What a replay makes of it is fuzz_replay's.
+// libFuzzer target: any bytes as a log are read to their end or to their damage. The properties reported of a record
+// hold, and its bytes can be read. fuzz_replay tests the replay.
 #include "server/log.h"
 #include "tests/fuzz/memory_file.h"
 #include <math.h>
@@ -7,7 +7,7 @@
 
 static void check(const kn_log_record *r)
 {
-    unsigned sum = 0; // of every byte, so that the address sanitizer sees each
+    unsigned sum = 0; // sum of every byte, so that the address sanitizer checks each
     for (size_t i = 0; i < r->size; i++) sum += ((const unsigned char *)r->data)[i];
     require(sum <= 255 * r->size && r->utime >= 0 && r->utime <= KN_LOG_UTIME_MAX && strlen(r->channel) < 64);
     switch (r->kind) {

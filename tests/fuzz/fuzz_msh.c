@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes are either one line of complaint or a mesh that a lattice can be made of, no larger than
-// they are.
+// libFuzzer target: any bytes give either one line of error, or a mesh that a lattice can be built from, no larger
+// than the input.
 #include "core/scene/msh.h"
 #include "tests/fuzz/fuzz.h"
 #include <string.h>

@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes as a range image are heights that can be looked at, or one sentence of complaint. Checksums
-// of chunks are put right first: what they keep out would keep the fuzzer out of all that lies behind them.
+// libFuzzer target: any bytes as a range image give usable heights, or one sentence of error. Checksums of chunks are
+// corrected first: otherwise they would keep the fuzzer out of the code behind them.
 #include "clients/viewer/range_file.h"
 #include "tests/fuzz/memory_file.h"
 #include <math.h>
@@ -38,7 +38,7 @@ static void judge(const char *file, const kn_range_given *given)
     require(range.lowest_m >= 0 && range.highest_m >= range.lowest_m &&
             range.highest_m <= 65534 * range.step_m * 1.0001);
     int seen = 0;
-    for (int i = 0; i < range.width * range.height; i++) seen += level[i] > 0; // every pixel is there
+    for (int i = 0; i < range.width * range.height; i++) seen += level[i] > 0; // read every pixel
     require(seen > 0);
     free(level);
 }

@@ -1,6 +1,6 @@
-// libFuzzer target: whatever a sequence of datagrams holds, each ends in one counter, and what is accepted is a pose.
-// A record of the input is a control byte, then a datagram: as it is, or a good pose with bytes of it overwritten,
-// since chance alone finds neither the type hash nor a quaternion of length one.
+// libFuzzer target: for any sequence of datagrams, each ends in one counter, and every accepted one is a valid pose.
+// A record of the input is a control byte, then a datagram. The datagram is used as it is, or as bytes that overwrite
+// a valid pose, since chance alone finds neither the type hash nor a quaternion of length one.
 #include "server/receiver.h"
 #include "tests/server/datagram.h"
 #include "tests/fuzz/fuzz.h"
@@ -19,7 +19,7 @@ typedef struct reader {
 
 static unsigned take(reader *in) { return in->at < in->end ? *in->at++ : 0; }
 
-// Control: bits 0-1 what, 2 over lo, 3 the other probe, 4-7 how long after the one before.
+// Control byte: bits 0-1 kind, 2 over lo, 3 the other probe, 4-7 time since the datagram before.
 static kn_datagram next_datagram(reader *in, unsigned control, int64_t seq)
 {
     kn_datagram d = {.here = control & 4};

@@ -1,5 +1,5 @@
-// libFuzzer target: any bytes from a page are a request whose every field is within its bounds, or one line of complaint
-// that fits into a WebSocket's close reason.
+// libFuzzer target: any bytes from a page give a request with all fields within bounds, or one line of error that
+// fits into a WebSocket's close reason.
 #include "clients/web/request.h"
 #include "tests/fuzz/fuzz.h"
 #include <math.h>

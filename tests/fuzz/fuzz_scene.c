@@ -1,10 +1,11 @@
-// libFuzzer target: any bytes are either one line of complaint or a scene whose text is the scene.
-// What follows the first NUL is a --set.
+// libFuzzer target: any bytes give either one line of error, or a scene whose text parses to the same scene. The
+// bytes after the first NUL are a --set.
 #include "core/scene/scene.h"
 #include "tests/fuzz/fuzz.h"
 #include <string.h>
 
-// One line, "f.yaml:line:col: ...", "--set key: ..." or "--quality name: ...", printable: none of the file's own bytes are quoted.
+// Check for one line, "f.yaml:line:col: ...", "--set key: ..." or "--quality name: ...", all printable: no bytes of
+// the file are quoted.
 static void check_complaint(const char *error)
 {
     require(strncmp(error, "f.yaml:", 7) == 0 || strncmp(error, "--set ", 6) == 0 ||
@@ -29,7 +30,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     kn_scene *again = kn_scene_parse("f.yaml", scene->text, strlen(scene->text), NULL, 0, error, sizeof error);
     require(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
     kn_model_def def = again->model;
-    def.mesh = scene->model.mesh; // each has its own
+    def.mesh = scene->model.mesh; // each parse has its own mesh
     for (int p = 0; p < KN_PROBES_MAX; p++) def.probe[p].parts = scene->model.probe[p].parts;
     require(memcmp(&def, &scene->model, sizeof def) == 0);
     kn_scene_destroy(again);

@@ -1,4 +1,4 @@
-// libFuzzer target: any bytes as OBJ or STL are either one line of complaint or a surface that holds water.
+// libFuzzer target: any bytes as OBJ or STL give either one line of error or a closed surface.
 #include "core/scene/shell.h"
 #include "tests/fuzz/fuzz.h"
 #include <stdint.h>
@@ -13,7 +13,8 @@ static void judge(const char *name, const uint8_t *data, size_t size)
         for (const char *c = error; *c; c++) require(*c >= ' ' && *c <= '~');
         return;
     }
-    int odd = 0; // of the vertices at the ends of all edges: a closed surface has three edges to two triangles
+    // parity over the vertices at the ends of all edges: a closed surface has three edges for two triangles
+    int odd = 0;
     for (int t = 0; t < s->triangle_count; t++)
         for (int k = 0; k < 3; k++) {
             require(s->triangle[t][k] >= 0 && s->triangle[t][k] < s->vertex_count);

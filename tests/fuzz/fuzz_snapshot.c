@@ -1,6 +1,7 @@
-// Any bytes as a snapshot, sealed with the right length, hash and checksum, or else all would be refused for these: a
-// reason in one line, or an object and a servo that go on. What does not begin as a snapshot changes one: every three
-// bytes are an offset and a byte there, what is left of three is cut off at the end.
+// libFuzzer target: any bytes as a snapshot, sealed with the correct length, hash and checksum, since otherwise those
+// would refuse all. The result is a reason in one line, or an object and a servo that go on. Input that does not
+// begin as a snapshot modifies a valid one: every three bytes are an offset and a byte, and any rest cuts off the
+// end.
 #include "core/snapshot.h"
 #include "server/snapshot.h"
 #include "tests/fuzz/fuzz.h"
@@ -55,7 +56,8 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     return 0;
 }
 
-enum { WHOLE = 16, HASH = 128, LATTICE = 160 + KN_SETS_BYTES, DIGEST = 32 }; // offsets in a file, and its end
+// offsets in a file, and the size of its checksum at the end
+enum { WHOLE = 16, HASH = 128, LATTICE = 160 + KN_SETS_BYTES, DIGEST = 32 };
 
 static void put(size_t at, uint64_t value)
 {

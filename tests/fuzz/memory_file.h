@@ -1,12 +1,12 @@
 #ifndef KN_TESTS_MEMORY_FILE_H
 #define KN_TESTS_MEMORY_FILE_H
-// The fuzzer's bytes as a file that never meets a disk.
+// The fuzzer's input as a file that exists in memory only.
 #include "tests/fuzz/fuzz.h"
 #include <stdio.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-// Its path, until the next call.
+// Return the file's path, valid until the next call.
 static inline const char *memory_file(const uint8_t *data, size_t size)
 {
     static int fd = -1;

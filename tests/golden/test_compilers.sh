@@ -1,6 +1,6 @@
 #!/bin/sh
-# Same bits from gcc and clang at -O1 as from this build: builds the core and the golden presses with each and compares what they print.
-# At -O3, and on every instruction set, it is golden.golden of each preset that says so.
+# gcc and clang at -O1 give the same bits as this build. The script builds the core and the golden presses with each
+# compiler and compares the output. golden.golden checks -O3 and every instruction set in the presets that ask for it.
 # night: builds the core twelve times over; golden.golden compares the two builds of the gate
 set -eu
 out=$(mktemp -d)
@@ -13,7 +13,7 @@ for cc in gcc clang; do
 done
 test -n "$compilers" || { echo "skipped: no compiler"; exit 77; }
 
-# One line per object file, the flags as in CMakeLists.txt; all compiled together, as many at a time as there are processors.
+# One line per object file, with the flags of CMakeLists.txt. All are compiled in parallel, one job per processor.
 for cc in $compilers; do
     mkdir "$out/$cc"
     command="$cc -w -Wno-psabi -std=c17 -D_GNU_SOURCE -I. -ffp-contract=off -O1"
@@ -31,7 +31,8 @@ for cc in $compilers; do
     done
 done | xargs -P "$(nproc)" -I{} sh -c '{}'
 
-# the numbers pinned in test_golden.c do not matter here, only that all builds agree; one line each, whoever computed it
+# The numbers pinned in test_golden.c do not matter here, only that all builds agree. Each number gives one line, for
+# any instruction set.
 unset KN_ALL_ISAS
 hashes() { { "$@" 2>/dev/null || true; } | grep '^ *golden ' | sort -u; }
 presses=$(grep -c '^TEST(' tests/golden/test_golden.c)

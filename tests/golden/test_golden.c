@@ -1,8 +1,8 @@
-// Golden bits: the hash of state and force after fixed presses. Equal for gcc and clang, -O1 and -O3, AVX-512, AVX2 and
-// base (test_compilers.sh and physics/test_solvers.c show it), so a change of any of these numbers is a change of the
-// physics. To update after an intended change: run tests/one golden.golden, say in the commit message why
-// the bits moved and by how much the force did, and copy the printed numbers below. The law's table is fitted with
-// libm's exp and log: the numbers are those of glibc 2.36 (Debian 12).
+// Golden bits: the hash of state and force after fixed presses. The bits are equal for gcc and clang, -O1 and -O3,
+// AVX-512, AVX2 and base (shown by test_compilers.sh and physics/test_solvers.c). So a change of any of these numbers
+// is a change of the physics. To update after an intended change, run tests/one golden.golden and copy the printed
+// numbers below. Say in the commit message why the bits moved, and by how much the force did. The law's table is
+// fitted with libm's exp and log: the numbers are those of glibc 2.36 (Debian 12).
 #include "core/hash.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
@@ -67,8 +67,8 @@ TEST("a flat block of dough with weak diagonals and one pressure under a plate")
     check_golden("flat-pressure-plate", def, 0xde20870edbf890f4);
 }
 
-// Every tick counts, whoever computes it: a difference in the last digit of one would have ten seconds to show. All
-// instruction sets only where that is asked for (test_compilers.sh, -O3): fused operations in software take their time.
+// Every tick counts on every instruction set: a difference in a last digit has ten seconds to show. All instruction
+// sets run only on request (test_compilers.sh, -O3), because fused operations in software are slow.
 TEST("ten seconds of a press on dough-small")
 {
     const press p = {.depth_m = 0.01, .hold_s = 5};

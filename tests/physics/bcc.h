@@ -1,14 +1,15 @@
 #ifndef KN_TESTS_PHYSICS_BCC_H
 #define KN_TESTS_PHYSICS_BCC_H
-// A block of tetrahedra on a body-centred lattice: corners and centres of cubes of side h. Two neighbouring centres and
-// a side of the face between them are a tetrahedron; at the outside a centre stands over half a face. All edges but the
-// cubes' sides are alike, and it is nearly isotropic, so it is the best a net can do.
+// A block of tetrahedra on a body-centred lattice: the corners and centres of cubes of side h. A tetrahedron has two
+// neighbouring centres and a side of the face between them. At the outside a tetrahedron has one centre and half a
+// face. All edges except the cubes' sides are alike, and the lattice is nearly isotropic, so no other net does
+// better.
 #include "core/simplices.h"
 #include <stdlib.h>
 
 typedef struct bcc {
     kn_simplices *mesh;
-    const int *n; // cubes along x, y, z
+    const int *n; // number of cubes along x, y, z
 } bcc;
 
 static inline int bcc_corner(const bcc *b, int x, int y, int z) { return (z * (b->n[1] + 1) + y) * (b->n[0] + 1) + x; }
@@ -34,7 +35,8 @@ static inline void bcc_add(kn_simplices *s, int a, int b, int c, int d)
     e[0] = a, e[1] = turn > 0 ? b : c, e[2] = turn > 0 ? c : b, e[3] = d;
 }
 
-// The faces of cube (x, y, z) across axis a: the far one with its neighbour, both ends at the outside.
+// Add the tetrahedra on the faces of cube (x, y, z) across axis a: the far face with its neighbour, both end faces at
+// the outside.
 static inline void bcc_face(const bcc *b, const int at[3], int a, int far)
 {
     int u = (a + 1) % 3, v = (a + 2) % 3, corner[4], other[3] = {at[0], at[1], at[2]};
@@ -48,7 +50,7 @@ static inline void bcc_face(const bcc *b, const int at[3], int a, int far)
     int centre = bcc_centre(b, at[0], at[1], at[2]);
     other[a] += far ? 1 : -1;
     if (other[a] < 0 || other[a] == b->n[a]) {
-        int turn = (at[0] + at[1] + at[2]) & 1; // diagonals of the outside alternate
+        int turn = (at[0] + at[1] + at[2]) & 1; // diagonals alternate at the outside
         bcc_add(b->mesh, centre, corner[turn], corner[turn + 1], corner[turn + 2]);
         bcc_add(b->mesh, centre, corner[turn], corner[turn + 2], corner[(turn + 3) % 4]);
     } else if (far) {
@@ -57,7 +59,7 @@ static inline void bcc_face(const bcc *b, const int at[3], int a, int far)
     }
 }
 
-// Centred over the origin, base at z = 0. The caller frees it.
+// Make a block centred over the origin, with its base at z = 0. The caller frees it.
 static inline kn_simplices *bcc_block(const int n[3], double h)
 {
     int cubes = n[0] * n[1] * n[2], corners = (n[0] + 1) * (n[1] + 1) * (n[2] + 1);

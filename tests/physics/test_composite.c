@@ -1,10 +1,12 @@
-// Two resolutions in one block: what the border between them carries exactly, what it does not, and what a press feels.
+// Two resolutions in one block: the loads that their border transmits exactly, the loads that it does not, and the
+// force of a press.
 #include "core/composite.h"
 #include "core/scratch.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
-// A block of dough, 2 `pairs` cells of `h` across and 12 deep, with a box of half its width and half its depth.
+// Make a block of dough, 2 `pairs` cells of `h` across and 12 deep, with a fine box of half its width and half its
+// depth.
 static kn_model_def local(int pairs, double h, bool fine)
 {
     kn_model_def def = press_def(1);
@@ -35,7 +37,7 @@ typedef struct balance {
     double boundary, inside, corners, sum[3]; // largest force on a node of the outside, inside, at a corner of the box
 } balance;
 
-// What is left on the nodes of a springy block that follows the strain u = e x.
+// Return the net forces on the nodes of an elastic block that follows the strain u = e x.
 static balance strain(const double e[3][3])
 {
     kn_model_def def = tight(local(8, 0.005, true));
@@ -54,7 +56,7 @@ static balance strain(const double e[3][3])
     for (int i = 0; i < m->node_count; i++) {
         const double *x = m->rest_m[i], h = def.spacing_m, half = 8 * h;
         double size = 0, f;
-        if (m->support[i]) continue; // tied
+        if (m->support[i]) continue; // tied nodes
         bool outside = fabs(x[0]) > half - h / 2 || fabs(x[1]) > half - h / 2 || x[2] < h / 2 || x[2] > 11.5 * h;
         bool corner =
             fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 && fabs(x[2] - 6 * h) < h / 2;
@@ -95,7 +97,7 @@ TEST("mass and spread load are the uniform block's, its nodes are as many as its
     CHECK(m->node_count == kn_composite_nodes(&coarse));
 }
 
-// How far the middle of the top has gone down after 2 s under a load, where the base slides.
+// Return how far the middle of the top has gone down after 2 s under a load, with a sliding base.
 static double creep(kn_model_def def)
 {
     def = tight(def);
@@ -127,7 +129,7 @@ typedef struct played {
 
 enum { TICKS = 900 };
 
-// Down at 1 cm/s to 6 mm, there for 100 ms, and up.
+// Press down at 1 cm/s to 6 mm, hold for 100 ms, and lift.
 static played play(const kn_model_def *def, double x_m, double y_m, double slide_m_s, int ticks)
 {
     OWN(kn_model) *m = build(def);
@@ -180,7 +182,8 @@ TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, w
 
 NIGHT_TEST("a ball that slides over the box's border feels it as little as the nodes it slides over")
 {
-    // 6 cm/s through 54 mm from the middle: over the border at 15 mm, deep in the dough from 650 ms to 750 ms
+    // Slide at 6 cm/s through 54 mm from the middle: over the border at 15 mm, deep in the dough from 650 ms to 750
+    // ms.
     double jump[2] = {0};
     for (int i = 0; i < 2; i++) {
         kn_model_def def = local(12, 0.0025, i == 0);

@@ -1,4 +1,4 @@
-// One edge of dough against the one-dimensional element it is made of, and a lattice of them against the same curve.
+// One edge of dough compared with its one-dimensional element, and a lattice of edges compared with the same curve.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -25,12 +25,12 @@ static double height(const kn_model *model, const kn_state *state)
     return x[2];
 }
 
-// The oracle: strains of the Voigt part and of the damper as an ODE, Runge-Kutta 4 with step doubling to 1e-9 a step.
-// The load spreads over a section that grows as the height falls: P = W h/(S0 h0) (paper 1, eq. 4). Shares no code with
-// core.
+// The reference: strains of the Voigt element and of the damper as an ODE, Runge-Kutta 4 with step doubling to 1e-9 a
+// step. The load spreads over a section that grows as the height falls: P = W h/(S0 h0) (paper 1, eq. 4). The
+// reference shares no code with core.
 typedef struct element {
     kn_material m;
-    double load_pa; // at the initial section
+    double load_pa; // on the initial section
     bool area_grows;
     double voigt, damper; // strains, compression positive
 } element;
@@ -87,7 +87,7 @@ typedef struct creep {
     double final_m;             // after the recovery
 } creep;
 
-// 60 s under a load of so many gram-force, then `rest_s` without, on the bar.
+// Load the bar for 60 s with so many gram-force, then rest for `rest_s`.
 static creep bar_creep(double load_gf, kn_precision precision, double dt_s, double rest_s)
 {
     kn_model_def def = bar_def(dough, precision);
@@ -122,7 +122,7 @@ static creep oracle_creep(double load_gf, double rest_s)
 
 TEST("a 1 cm cube of dough under 50 gf for 60 s is 0.5266 cm high and carries 26.33 gf/cm^2 when released")
 {
-    // The paper measured 28 gf/cm^2 here; this is what its identified model gives, not what its dough did.
+    // The paper measured 28 gf/cm^2 here. This value comes from the paper's identified model, not from its dough.
     creep oracle = oracle_creep(50, 20);
     CHECK_NEAR(oracle.stress_pa / GF_CM2, 26.33, 0.005);
     CHECK_NEAR(oracle.height_m * 100, 0.5266, 0.00005);
@@ -153,7 +153,7 @@ TEST("under 10, 30, 70 and 90 gf the bar follows the element too, and keeps what
 
 TEST("with a constant damper creep and recovery follow F/k (1 - e^(-kt/c1)) + F t/c2 within 0.1 %")
 {
-    kn_material m = {.k1_pa = 4e4, .c1_pa_s = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e5}; // tau 0.5 s
+    kn_material m = {.k1_pa = 4e4, .c1_pa_s = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 4e5}; // time constant 0.5 s
     kn_model_def def = bar_def(m, KN_PRECISION_F64);
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
@@ -172,12 +172,13 @@ TEST("with a constant damper creep and recovery follow F/k (1 - e^(-kt/c1)) + F 
 
 TEST("a block of dough creeps under a spread load as the element does: to 0.1 % where it is linear, else 13 %")
 {
-    // Moduli times 1000 at the same stresses: strains are so small that the block keeps its shape, and only the
+    // Moduli times 1000 at the same stresses. The strains are so small that the block keeps its shape, and only the
     // lattice's share of the stress (gamma = 0.46) is compared. At full size the block grows sideways, which the
-    // element cannot. Between 6 and 20 gf/cm^2 only the sides along the load have passed p0, and they carry more than
-    // their share of stress. No gamma and no c2 that falls steadily with an edge's own force does better than 8 % there
-    // (one that first rises would). A gamma for each kind of edge brings the worst to 3 % along the axes, and makes loads
-    // along the diagonals creep three times too far.
+    // element cannot do.
+    // Between 6 and 20 gf/cm^2 only the sides along the load have passed p0, and they carry more than their share of
+    // stress. No gamma does better than 8 % there. A c2 that falls steadily with an edge's own force does no better
+    // either (a c2 that first rises would). A gamma for each kind of edge brings the worst error to 3 % along the
+    // axes, but makes loads along the diagonals creep three times too far.
     enum { LOADS = 9 };
     static const double stress[LOADS] = {3, 5, 8, 10, 14, 20, 28, 50, 70};
     static const double bound[LOADS] = {0.001, 0.04, 0.13, 0.13, 0.12, 0.08, 0.04, 0.08, 0.08};
@@ -197,7 +198,7 @@ TEST("a block of dough creeps under a spread load as the element does: to 0.1 % 
         kn_input in = {.top_load_n = stress[t] * 9 * GF_N}; // on 3 x 3 cm
         kn_output out;
         double difference = 0, size = 0;
-        for (int i = 1; i <= 4500; i++) { // 60 s loaded, 30 s not
+        for (int i = 1; i <= 4500; i++) { // 60 s loaded, 30 s unloaded
             if (i == 3001) in.top_load_n = e.load_pa = 0;
             kn_step(model, state, &in, &out);
             if (i % 50) continue;

@@ -1,13 +1,13 @@
-// Steps that end by their deadline: what they take, and what the hand feels of what they leave out.
+// Steps that end by their deadline: their cost, and the effect on the force.
 #include "core/deadline.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
 enum { TICKS = 160, TURN = 40 };
 
-typedef struct stroke { // of a tool at 10 cm/s, 4 mm in and out
+typedef struct stroke { // a tool at 10 cm/s, 4 mm in and out
     double force_n[TICKS][3];
-    int64_t units, over; // most of a step; how many took more than they may
+    int64_t units, over; // largest cost of a step; number of steps over their limit
     int capped;
     bool cap[TICKS];
     uint64_t hash;
@@ -56,7 +56,7 @@ TEST("no step takes more units than its deadline, if that is above the shortest 
 enum {
     REST = 38000,
     GUESS = 42000
-}; // of the plate: one line and five iterations, and a guess before them and one more
+}; // costs for the plate: one linearisation and five iterations; a guess before them and one more linearisation
 
 TEST("a deadline with room for every line changes no bit, and one that many steps reach gives the same bits everywhere")
 {

@@ -1,4 +1,4 @@
-// Work, stored energy and dissipation. The audit keeps strains of its own, from the positions alone.
+// Work, stored energy and dissipation. The audit keeps strains of its own, computed from the positions alone.
 #include "core/energy.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
@@ -11,8 +11,8 @@ typedef struct audit {
     double *strain, *length;
     double work_j, dissipated_j;
     double least_w, most_w;   // dissipation of an edge in a step
-    double shortest, longest; // length that an edge would relax to, of its rest length
-    int stopped;              // edges whose damper stands at a stop in the last step
+    double shortest, longest; // length that an edge would relax to, over its rest length
+    int stopped;              // edges whose damper was at a stop in the last step
 } audit;
 
 static double edge_length(const audit *a, const kn_state *state, const kn_edge *e)
@@ -45,14 +45,14 @@ static void audit_free(audit *a)
     free(a->length);
 }
 
-// gamma^2 kappa weight L0^2: turns (stress x strain) of an edge into joules.
+// Return gamma^2 kappa weight L0^2, which turns (stress x strain) of an edge into joules.
 static double edge_volume(const audit *a, const kn_edge *e)
 {
     double l = a->model->grid.gamma * e->rest_m;
     return l * l * a->model->grid.kappa_m * e->weight;
 }
 
-// Books one step: D += dt (c1 u'^2 + s (w - u')) over all edges, W += what the probe said it did.
+// Account for one step: D += dt (c1 u'^2 + s (w - u')) over all edges, W += the probe's work.
 static void audit_step(audit *a, const kn_state *state)
 {
     double dt = a->law.dt_s, gamma = a->model->grid.gamma;
@@ -61,7 +61,8 @@ static void audit_step(audit *a, const kn_state *state)
         const kn_edge *edge = &a->edges[e];
         double now = edge_length(a, state, edge), w = (now - a->length[e]) / (dt * a->model->grid.gamma * edge->rest_m);
         double b = a->law.a_pa_s * w + a->law.mat.k1_pa * a->strain[e], s = kn_law_stress(&a->law, b), free_s = s;
-        double left = 1 + (a->length[e] - edge->rest_m) / edge->rest_m - gamma * a->strain[e]; // Voigt part relaxed
+        // length with the Voigt element relaxed
+        double left = 1 + (a->length[e] - edge->rest_m) / edge->rest_m - gamma * a->strain[e];
         if (a->law.stroke)
             s = kn_law_stop(&a->law, s, b, (left - 1 - a->law.in) / gamma, (a->law.out - left + 1) / gamma);
         a->stopped += s != free_s;
@@ -86,7 +87,7 @@ static double stored(const audit *a)
     return sum;
 }
 
-// Energy of the gas in the cells, over that at rest.
+// Return the energy of the gas in the cells relative to that at rest.
 static double in_gas(const kn_model *model, const kn_state *state)
 {
     kn_cell *cells = malloc((size_t)kn_grid_cells(&model->grid, NULL) * sizeof *cells);
@@ -116,7 +117,7 @@ static double kinetic(const kn_model *model, const kn_state *state)
 
 static const press at_once = {.depth_m = 0.003, .hold_s = 0.1, .pace = 1};
 
-// Presses, holds and lifts off; returns (W - E - D)/W at the end.
+// Press, hold and lift off. Return (W - E - D)/W at the end.
 static double imbalance(kn_model_def def, double dt, press p)
 {
     def.solver.dt_s = dt;
@@ -132,7 +133,7 @@ static double imbalance(kn_model_def def, double dt, press p)
         for (int k = 0; k < 3; k++) work -= out.probe[0].force_n[k] * state->probe[0].velocity_m_s[k] * dt;
     }
     CHECK_NEAR(out.probe[0].work_j, work, 1e-3 * work);
-    kn_energy own; // what the server's audit makes of the same state
+    kn_energy own; // the server's audit of the same state
     CHECK(kn_energy_of(model, state, &own));
     double energy = stored(&a) + in_gas(model, state) + kinetic(model, state);
     double result = (out.probe[0].work_j - energy - a.dissipated_j) / work;
@@ -200,7 +201,7 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
         OWN(kn_state) *state = kn_state_create(model);
         AT_END(audit_free) audit a = audit_start(model, state);
         double energy = 0, force = 0;
-        int still = (int)lround(press_down_s(&p) * 1000) + 20; // the blow of the last slowing down is over
+        int still = (int)lround(press_down_s(&p) * 1000) + 20; // the impact of the last braking is over
         for (int i = 1; i <= still + 200; i++) {
             kn_input in = press_input(model, &p, i * 1e-3);
             kn_output out;

@@ -1,5 +1,5 @@
-// The lattice in integers is the lattice: pressed, it is the f64 one within half a per cent of the force. KN_HOLD=30
-// holds the dough for as long as the first paper did.
+// The lattice in integers behaves as the lattice: pressed, its force is within half a per cent of the f64 force.
+// KN_HOLD=30 holds the dough as long as the first paper did.
 #include "core/solver_fixed.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
@@ -20,7 +20,7 @@ static double peak_error(const run *a, const run *b)
     return most / peak_n(b);
 }
 
-// Largest difference of two shapes, of the depth that they were pressed to.
+// Return the largest difference of two shapes, relative to the depth of the press.
 static double shape_apart(const run *a, const run *b, double depth_m)
 {
     double most = 0;

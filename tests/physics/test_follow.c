@@ -1,10 +1,10 @@
-// Late, lost and repeated poses: the probe follows with its velocity, so one bad pose costs a few per cent of the force
-// where a plate pinned to the latest pose loses all of it (12.4 -> 0.14 -> 17.2 N). The server also carries an old pose
-// on by its velocity; here it is given as old as it is.
+// Late, lost and repeated poses. The probe follows with its velocity, so one bad pose costs a few per cent of the
+// force. A plate pinned to the latest pose loses the whole force (12.4 -> 0.14 -> 17.2 N). The server also
+// extrapolates an old pose by its velocity; here old poses are used unchanged.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
-// A press whose hand's input arrives as device data do: every 50th pose is late by `late` ms and the one before
+// Run a press whose input arrives as device data do: every 50th pose is late by `late` ms, and the one before
 // repeats.
 static run press_late(kn_model_def def, const press *p, double seconds, int late)
 {

@@ -1,9 +1,9 @@
-// Blows, and plates that slow down or are torn away: the answer of one step beside the converged one.
+// Impacts, and plates that slow down or are torn away: the result of one step compared with the converged result.
 #include "core/kernel.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
-// One step under a plate that has come from above at a speed; the force on it.
+// Run one step under a plate that arrives from above at a speed. Return the force on the plate.
 static double struck(const kn_model_def *def, double speed_m_s)
 {
     OWN(kn_model) *model = build(def);
@@ -42,7 +42,7 @@ TEST("a plate that is torn away at 1 m/s takes nothing along")
     kn_step(model, state, &in, &out);
     displacement(model, state, under, after);
     CHECK(out.probe[0].contacts == 0 && out.probe[0].force_n[2] == 0);
-    CHECK(fabs(after[2] - before[2]) < 1e-4); // it would be 1 mm
+    CHECK(fabs(after[2] - before[2]) < 1e-4); // a node taken along would move 1 mm
 }
 
 TEST("a heavy node that a plate has thrown flies on when the plate slows down")
@@ -55,7 +55,7 @@ TEST("a heavy node that a plate has thrown flies on when the plate slows down")
     OWN(kn_state) *state = kn_state_create(model);
     kn_input in = {.probe[0].attached = true};
     kn_output out;
-    for (int i = 0; i < 100; i++) { // to 0.1 m/s downwards in 50 ms, and to rest in as many
+    for (int i = 0; i < 100; i++) { // to 0.1 m/s downwards in 50 ms, and to rest in another 50 ms
         double speed = 0.002 * (i < 50 ? i + 1 : 99 - i);
         in.probe[0].velocity_m_s[2] = -speed;
         kn_step(model, state, &in, &out);
@@ -63,7 +63,7 @@ TEST("a heavy node that a plate has thrown flies on when the plate slows down")
     }
     double v[3];
     kn_state_velocity(model, state, 0, v);
-    CHECK_NEAR(v[2], -0.1, 3e-3); // let go one step late
+    CHECK_NEAR(v[2], -0.1, 3e-3); // the plate lets go one step late
 }
 
 TEST("a plate in steps of 0.1 s is where its pose is, not past it")
@@ -75,13 +75,14 @@ TEST("a plate in steps of 0.1 s is where its pose is, not past it")
     kn_input in = {.probe[0].attached = true};
     kn_output out;
     for (int i = 0; i < 20; i++) {
-        in.probe[0].position_m[2] = i == 0 ? 0.05 : 0.06; // clear of the block; 1 cm at once
+        in.probe[0].position_m[2] = i == 0 ? 0.05 : 0.06; // clear of the block; a jump of 1 cm
         kn_step(model, state, &in, &out);
     }
     CHECK_NEAR(out.probe[0].position_m[2], 0.06, 1e-12);
 }
 
-// A block whose upper cells begin without any volume is let go; where the middle of its top is after some steps.
+// Release a block whose upper cells start without any volume. Return the height of the middle of the top after so
+// many steps.
 static double sprung(const kn_model_def *def, int steps)
 {
     OWN(kn_model) *model = build(def);
@@ -108,7 +109,8 @@ TEST("gas that springs back at 1 MPa in steps of 10 ms moves the dough around it
         def.solver.dt_s = 0.01;
         kn_model_def exact = converged(def);
         exact.solver.passes = 100;
-        CHECK_NEAR(sprung(&def, steps[i % 3]), sprung(&exact, steps[i % 3]), 2e-5); // it was up to 1 mm off
+        // the error was once up to 1 mm
+        CHECK_NEAR(sprung(&def, steps[i % 3]), sprung(&exact, steps[i % 3]), 2e-5);
     }
 }
 
@@ -116,7 +118,7 @@ TEST("at rest an answer is converged after a few lines through the law, not neve
 {
     kn_model_def def = converged(press_def(1));
     def.solver.passes = 100;
-    def.solver.linearization = KN_LINEARIZATION_BLEND; // the secant creeps
+    def.solver.linearization = KN_LINEARIZATION_BLEND; // the secant converges too slowly
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     press p = {.depth_m = 0.002, .hold_s = 1};

@@ -1,4 +1,4 @@
-// What must not matter: the direction of the axes, the place, the side of a mirror, the order of memory.
+// Properties without influence: the direction of the axes, the place, the side of a mirror, the order of memory.
 #include "tests/check.h"
 #include "tests/dice.h"
 #include "tests/physics/press.h"
@@ -13,7 +13,7 @@ TEST("a press on a block turned by a quarter about z gives the same force, altho
     across.probe[0].size_m[0] = 0.04, across.probe[0].size_m[1] = 0.01;
     for (int precision = 0; precision < 2; precision++) {
         along.solver.precision = across.solver.precision = (kn_precision)precision;
-        if (precision) { // else a rounding may decide whether a step takes one iteration more
+        if (precision) { // otherwise a rounding may decide whether a step takes one more iteration
             along.solver.tolerance = across.solver.tolerance = 1e-12;
             along.solver.iterations_max = across.solver.iterations_max = 400;
         }
@@ -23,10 +23,11 @@ TEST("a press on a block turned by a quarter about z gives the same force, altho
     }
 }
 
-// Two balls squeeze a free block from both sides along one axis; the force of the first, along that axis.
+// Squeeze a free block with two balls from both sides along one axis. Record the force of the first ball along that
+// axis.
 static void squeeze(int axis, double *force_n, int steps)
 {
-    static const int sides[3] = {7, 6, 5}; // nodes along the squeeze, and along the two axes after it
+    static const int sides[3] = {7, 6, 5}; // nodes along the squeeze, and along the next two axes
     kn_model_def def = press_def(2);
     def.support = KN_SUPPORT_NONE;
     for (int k = 0; k < 3; k++) def.nodes[(axis + k) % 3] = sides[k];
@@ -54,7 +55,7 @@ static void squeeze(int axis, double *force_n, int steps)
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
         force_n[i] = out.probe[0].force_n[axis];
         CHECK_NEAR(out.probe[1].force_n[axis], -force_n[i], 1e-6 + 1e-6 * fabs(force_n[i]));
-        for (int k = 1; k < 3; k++) // the face is symmetric about the ball: nothing pushes it aside
+        for (int k = 1; k < 3; k++) // the face is symmetric about the ball, so no force pushes the ball aside
             CHECK_NEAR(out.probe[0].force_n[(axis + k) % 3], 0, 1e-6 + 1e-6 * fabs(force_n[i]));
     }
 }
@@ -147,7 +148,7 @@ TEST("a free body carried 5 cm away feels a ball as it did at home")
     for (int away = 0; away < 2; away++) {
         kn_model_def def = ball_def(1);
         def.support = KN_SUPPORT_NONE;
-        def.density_kg_m3 = 1e5; // heavy enough to stay while it is dented
+        def.density_kg_m3 = 1e5; // heavy enough to stay in place while it is dented
         def.solver.precision = KN_PRECISION_F64;
         OWN(kn_model) *model = build(&def);
         OWN(kn_state) *state = kn_state_create(model);

@@ -1,4 +1,4 @@
-// One law, three materials (second paper): what comes back after a press, and what stays.
+// One law, three materials (second paper): recovery after a press, and the remaining dent.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

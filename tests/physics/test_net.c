@@ -1,12 +1,12 @@
-// Lattices of tetrahedra and triangles: their elasticity and creep against the element's, their step against
-// Runge-Kutta, their laws of conservation, and a press beside that of the regular block.
+// Lattices of tetrahedra and triangles: their elasticity and creep compared with the element's, their step compared
+// with Runge-Kutta, their conservation laws, and a press compared with that of the regular block.
 #include "tests/check.h"
 #include "tests/physics/bcc.h"
 #include "tests/physics/press.h"
 
 #include <stdint.h>
 
-// The block of press.h, of tetrahedra with 1/per_cm cm between corners.
+// Make the block of press.h from tetrahedra with 1/per_cm cm between corners.
 static kn_model_def net_def(kn_simplices **mesh, int per_cm)
 {
     kn_model_def def = press_def(per_cm);
@@ -25,7 +25,7 @@ static double top_height(const kn_model *model, const kn_state *state)
     return sum;
 }
 
-// Mean height of the nodes that were as high once.
+// Return the mean height of the nodes whose rest height is height_m.
 static double layer_height(const kn_model *model, const kn_state *state, double height_m)
 {
     double sum = 0, x[3];
@@ -39,8 +39,8 @@ static double layer_height(const kn_model *model, const kn_state *state, double 
     return sum / count;
 }
 
-// Strain of a block with a free base and sides under a load that stays, after so many steps of dt: of its whole height,
-// or as an extensometer on the middle third reads it.
+// Return the strain of a block with a free base and free sides under a constant load, after so many steps of dt. The
+// strain is of the whole height, or of the middle third as an extensometer reads it.
 static double strain_under(kn_model_def def, double stress_pa, double dt_s, int steps, bool middle)
 {
     def.support = KN_SUPPORT_FRICTIONLESS;
@@ -74,7 +74,7 @@ TEST("a block of tetrahedra under a small load yields by load over k1 and its ow
     }
 }
 
-// Directions of the springs and E V/L^2 give C11 = 10/9, C12 = C44 = 4/9 of E.
+// The directions of the springs and E V/L^2 give C11 = 10/9, C12 = C44 = 4/9 of E.
 TEST("a body-centred lattice has the constants of its directions: nu 2/7, shear 4/3 of an isotropic body's, within 3 %")
 {
     OWN(kn_simplices) *mesh = NULL;
@@ -88,7 +88,7 @@ TEST("a body-centred lattice has the constants of its directions: nu 2/7, shear 
     CHECK_NEAR(own->shear * 2 * (1 + own->poisson), 4.0 / 3, 0.04);
 }
 
-// 60 s of the element under a constant stress: p and then the damper, in small steps.
+// Return the strain of the element after 60 s under a constant stress: the Voigt element plus the damper.
 static double element_strain(const kn_material *m, double stress_pa)
 {
     return stress_pa / m->k1_pa * -expm1(-60 * m->k1_pa / m->c1_pa_s) + 60 * kn_material_flow(m, stress_pa);
@@ -97,12 +97,12 @@ static double element_strain(const kn_material *m, double stress_pa)
 NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % at 20 and 30 gf/cm^2, in the middle of "
            "a block")
 {
-    // Under a dead load the corners, which few springs hold, sink deeper than what is below them once their dampers
-    // thin: with 1 cm between corners the whole height shrinks by a quarter more, and no gamma serves both.
+    // Under a dead load the corners, held by few springs, sink deeper than the nodes below once their dampers thin.
+    // With 1 cm between corners the whole height shrinks by a quarter more, and no gamma fits both.
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
     for (double gf = 20; gf <= 30; gf += 10) {
-        // the load is small against k1, so that the block's own area hardly changes: a tenth of the modulus everywhere
+        // Twenty times the moduli: the load is then small against k1, so that the block's own area hardly changes.
         kn_model_def stiff = def;
         stiff.material.k1_pa *= 20, stiff.material.c1_pa_s *= 20, stiff.material.alpha_pa_s *= 20;
         double element = element_strain(&stiff.material, gf * GF_CM2);
@@ -179,7 +179,7 @@ TEST("a net has the same bits on every instruction set")
     }
 }
 
-// A press of 1 mm by the fast step and by Runge-Kutta, with the mass scaled so that it is stable.
+// Compare a press of 1 mm by the fast step with Runge-Kutta, with the mass scaled for stability.
 static void compare(const char *what, kn_model_def implicit)
 {
     implicit.solver.mass_scale = 1000;

@@ -1,4 +1,5 @@
-// The fast step against the papers' own method: explicit Runge-Kutta in f64, with the mass scaled so that it is stable.
+// The fast step compared with the papers' own method: explicit Runge-Kutta in f64, with the mass scaled for
+// stability.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -8,7 +9,7 @@ static void compare(kn_model_def implicit, const press *p, double seconds, doubl
     exact.solver.kind = KN_SOLVER_RK4;
     exact.solver.precision = KN_PRECISION_F64;
     exact.solver.mass_scale = implicit.solver.mass_scale = 100;
-    exact.solver.dt_s = 1.8e-5; // just below the limit
+    exact.solver.dt_s = 1.8e-5; // just below the stability limit
     implicit.solver.dt_s = 2.5e-4;
     implicit = converged(implicit);
     AT_END(run_free) run oracle = press_run(&exact, p, seconds, 9e-3), fast = press_run(&implicit, p, seconds, 9e-3);

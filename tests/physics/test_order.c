@@ -1,4 +1,4 @@
-// How the answer depends on the time step and on the calibration of the lattice.
+// The dependence of the result on the time step and on the calibration of the lattice.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -7,7 +7,7 @@ TEST("the step is of first order: half the step, half the error of force and sha
     press p = {.depth_m = 0.001, .hold_s = 0.05};
     kn_model_def def = converged(press_def(1));
     run r[4];
-    for (int i = 0; i < 4; i++) { // 2, 1, 0.5 ms against 0.125 ms; without the very touch
+    for (int i = 0; i < 4; i++) { // 2, 1, 0.5 ms against 0.125 ms; without the first touch
         def.solver.dt_s = i < 3 ? 2e-3 / (1 << i) : 1.25e-4;
         r[i] = press_run(&def, &p, 0.16, 2e-3);
         memset(r[i].force_n, 0, 5 * sizeof *r[i].force_n);
@@ -18,16 +18,16 @@ TEST("the step is of first order: half the step, half the error of force and sha
         shape[i] = shape_error(&r[i], &r[3]);
         printf("     %g ms: force %.3f %%, shape %.4f %%\n", 2.0 / (1 << i), 100 * force[i], 100 * shape[i]);
     }
-    // at 1 ms, of a press whose every tick speeds up or slows down half of the time
+    // At 1 ms, for a press that accelerates or brakes half of the time.
     CHECK(force[1] < 2e-2 && shape[1] < 2e-3);
-    for (int i = 0; i < 2; i++) { // the reference has a quarter of the finest error: 2.1, 2.3
+    for (int i = 0; i < 2; i++) { // the reference has a quarter of the finest error: expected ratios 2.1, 2.3
         CHECK(force[i] / force[i + 1] > 1.8 && force[i] / force[i + 1] < 2.6);
         CHECK(shape[i] / shape[i + 1] > 1.6 && shape[i] / shape[i + 1] < 2.6);
     }
     for (int i = 0; i < 4; i++) run_free(&r[i]);
 }
 
-// Settled strain of a block under a small spread load: along z, and sideways along x.
+// Measure the settled strain of a block under a small distributed load: along z, and sideways along x.
 static void patch(kn_model_def def, double stress_pa, double *along, double *sideways)
 {
     def.material = (kn_material){.k1_pa = 1e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE}; // settles in 10 ms
@@ -48,7 +48,7 @@ static void patch(kn_model_def def, double stress_pa, double *along, double *sid
     displacement(model, state, model->grid.nodes - 1, high);
     *along = (high[2] - low[2]) / ((def.nodes[2] - 1) * h);
     *sideways = (high[0] - low[0]) / ((def.nodes[0] - 1) * h);
-    // uniform: every node moves as its place says
+    // Uniform strain: every node moves in proportion to its position.
     for (int i = 0; i < model->grid.nodes; i++) {
         double x[3], u[3];
         kn_grid_rest(&model->grid, i, x);

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# bench/papers --quick: every statement of the papers that a short run can bear out, its pictures and its tables.
+# bench/papers --quick: every statement of the papers that a short run can confirm, its pictures and its tables.
 # night: a minute of presses; the sentences of physics/ hold most of what it finds
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -7,7 +7,7 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 command -v gnuplot >/dev/null || { echo "skipped: gnuplot is not installed"; exit 77; }
 "$KN_SOURCE"/bench/papers --quick --out papers >out 2>&1 || { fail "bench/papers: exit $?"; tail -n 5 out; }
 
-# measure EXPERIMENT COLUMN: of experiments.csv
+# measure EXPERIMENT COLUMN: print an entry of experiments.csv.
 measure() {
     awk -F, -v name="$1" -v column="$2" 'NR == 1 { for (i = 1; i <= NF; i++) if ($i == column) c = i }
         $1 == name { print $c }' papers/experiments.csv

@@ -1,5 +1,5 @@
-// A block under its own weight for five minutes: the force-dependent damper keeps its shape, a linear one of the viscosity that
-// a press meets does not, and without diagonals nothing does.
+// A block under its own weight for five minutes. The force-dependent damper keeps the block in shape. A linear damper
+// of the viscosity that a press meets does not, and without diagonals no damper does.
 #include "core/scene/scene.h"
 #include "core/state.h"
 #include "core/step.h"
@@ -12,7 +12,7 @@ static kn_scene *weighed(const char *const *sets, int count)
     return load_scene("dough-small.yaml", all, 1 + count);
 }
 
-// Leans the block by so much of its height: no edge along an axis gets longer or shorter by it, to first order.
+// Lean the block by so much of its height. To first order, no edge along an axis changes its length.
 static void lean(const kn_model *model, kn_state *state, double share)
 {
     float *moved = state->displacement;
@@ -23,7 +23,7 @@ static void lean(const kn_model *model, kn_state *state, double share)
     }
 }
 
-// How far the top face has moved along an axis, in the mean, m.
+// Return the mean displacement of the top face along an axis, m.
 static double top_after(const kn_scene *scene, double seconds, double leaning, int axis)
 {
     OWN(kn_model) *model = build(&scene->model);
@@ -45,19 +45,19 @@ static double top_after(const kn_scene *scene, double seconds, double leaning, i
 
 static double height_m(const kn_scene *scene) { return scene->model.spacing_m * (scene->model.nodes[2] - 1); }
 
-// Share of its height that it has come down.
+// Return the fall of the top as a share of the height.
 static double sag_after(const kn_scene *scene, double seconds, double leaning)
 {
     return -top_after(scene, seconds, leaning, 2) / height_m(scene);
 }
 
-// How far it has leant over beyond where it stood.
+// Return the increase of the lean beyond its start.
 static double drift_after(const kn_scene *scene, double seconds, double leaning)
 {
     return top_after(scene, seconds, leaning, 0) - leaning * height_m(scene);
 }
 
-static double predicted(const kn_scene *scene, double seconds) // as knead check has it
+static double predicted(const kn_scene *scene, double seconds) // as knead check predicts
 {
     const kn_model_def *def = &scene->model;
     double weight_pa = def->density_kg_m3 * def->gravity_m_s2 * def->spacing_m * (def->nodes[2] - 1);

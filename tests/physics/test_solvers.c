@@ -1,4 +1,4 @@
-// Every linearisation, precision and instruction set gives the same answer within a stated bound.
+// Every linearisation, precision and instruction set gives the same result within a stated bound.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -67,7 +67,7 @@ TEST("two references that share only the physics agree: tangent and secant, both
     CHECK_NEAR(shape_error(&blend, &secant), 0, 1e-3);
 }
 
-// -1: this processor lacks the instruction set.
+// Compute the hash of a press. Return -1 if this processor lacks the instruction set.
 static int hash_of(kn_model_def def, kn_isa isa, const press *p, uint64_t *hash, double *peak)
 {
     char error[256];

@@ -1,13 +1,14 @@
-// A ball sliding over the block: contact that lives on nodes would make the force jump by 60-76 % per millisecond.
+// A ball sliding over the block. With a contact at single nodes the force would jump by 60-76 % per millisecond.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
 typedef struct slide {
-    double mean_n, jump, ripple, buzz; // of the mean: largest change in 1 ms, rms about the mean, rms above 10 Hz
-    int fewest;                        // contacts
+    // relative to the mean: largest change in 1 ms, rms about the mean, rms above 10 Hz
+    double mean_n, jump, ripple, buzz;
+    int fewest; // smallest number of contacts
 } slide;
 
-// Removes what is slower than about 10 Hz by subtracting a centred mean over 100 ms.
+// Return the rms of the force above about 10 Hz, by subtracting a centred mean over 100 ms.
 static double rms_above_10hz(const double *f, int n)
 {
     double sum = 0;
@@ -20,7 +21,7 @@ static double rms_above_10hz(const double *f, int n)
     return sqrt(sum / used);
 }
 
-// 2 mm deep, 10 mm/s along x from -8 mm, off the line of nodes; measured over the last three cells of the way.
+// Slide 2 mm deep at 10 mm/s along x from -8 mm, off the line of nodes. Measure over the last three cells.
 static slide slide_over(kn_model_def def, double radius_m)
 {
     enum { DOWN = 300, WAIT = 200, ALONG = 2000, SKIP = 500 };

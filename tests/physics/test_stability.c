@@ -1,4 +1,4 @@
-// Extremes: eight decades of stiffness and viscosity may be wrong guesses of a user; none may break the step.
+// Extremes: a user's guess of stiffness or viscosity may be wrong by eight decades, and no guess may break the step.
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -60,13 +60,13 @@ TEST("a dead load only ever lowers the top, at every scale and at steps of 0.1 t
         kn_model_def def = converged(press_def(1));
         def.nodes[0] = def.nodes[1] = 3;
         def.probe_count = 0;
-        def.density_kg_m3 = 0.01; // no inertia, which may ring where c1 is small
+        def.density_kg_m3 = 0.01; // no inertia, since it may oscillate where c1 is small
         scale_material(&def.material, t / 5 % 3, scales[t % 5]);
         def.solver.dt_s = steps[t / 15];
         OWN(kn_model) *model = build(&def);
         OWN(kn_state) *state = kn_state_create(model);
         double before = 0, u[3];
-        // a load that bends the softest of them by a tenth at most
+        // A load that bends the softest of them by a tenth at most.
         kn_input in = {.top_load_n = 4e-4 * fmin(400, fmin(def.material.k1_pa / 10, def.material.c1_pa_s / 10))};
         kn_output out;
         for (int i = 0; i < 60; i++) {

@@ -1,5 +1,5 @@
-// End stops of the damper: one edge driven by hand, by the referee (law.h), by every kernel and by Runge-Kutta; then
-// blocks.
+// End stops of the damper. One edge is driven by hand, by the reference (law.h), by every kernel and by Runge-Kutta.
+// Then whole blocks.
 #include "core/kernel.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
@@ -28,15 +28,15 @@ static kn_material element(double c2, double a0, double a_min, double a_max)
 }
 
 typedef struct edge_run {
-    double peak_pa, missing;                // of the work: neither stored nor dissipated
+    double peak_pa, missing;                // share of the work neither stored nor dissipated
     double least_rate_w;                    // smallest dissipation of a step, W per unit volume
-    double shortest, longest;               // length the edge would relax to, of its rest length
-    double invariant[2];                    // least and most of (a - c2/(c1 + c2)) L
-    int turns;                              // times the damper stopped or came free
+    double shortest, longest;               // length that the edge would relax to, over its rest length
+    double invariant[2];                    // smallest and largest (a - c2/(c1 + c2)) L
+    int turns;                              // how often the damper stopped or came free
     double stress_pa[16001], strain[16001]; // s, u of each step
 } edge_run;
 
-// The referee: law.h (1) and (2), an edge of rest length 1 with gamma = 1.
+// The reference: law.h (1) and (2), an edge of rest length 1 with gamma = 1.
 static edge_run *drive_referee(const kn_material *mat, double dt)
 {
     edge_run *r = calloc(1, sizeof *r);
@@ -55,12 +55,12 @@ static edge_run *drive_referee(const kn_material *mat, double dt)
         double lost = mat->c1_pa_s * rate * rate + s * flow;
         r->least_rate_w = fmin(r->least_rate_w, lost);
         work += dt * s * w;
-        spent += dt * (lost + 0.5 * dt * mat->k1_pa * rate * rate); // what backward Euler loses of the spring's energy
+        spent += dt * (lost + 0.5 * dt * mat->k1_pa * rate * rate); // loss of the spring's energy by backward Euler
         u += dt * rate;
         r->peak_pa = fmax(r->peak_pa, fabs(s));
         r->turns += i > 0 && (s != free_s) != stopped;
         stopped = s != free_s;
-        double length = 1 + driven_strain((i + 1) * dt), left = length - u; // with the Voigt part relaxed
+        double length = 1 + driven_strain((i + 1) * dt), left = length - u; // with the Voigt element relaxed
         r->shortest = fmin(r->shortest, left);
         r->longest = fmax(r->longest, left);
         double invariant = mat->ratio + u - kept * length;
@@ -89,7 +89,7 @@ TEST(
         CHECK_NEAR(r->peak_pa / GF_CM2, cycles[i].peak, 1);
         CHECK(r->missing <= 1e-6);
         CHECK(r->least_rate_w >= 0);
-        CHECK(r->turns <= 4); // a stop is met and left once each way; it does not chatter
+        CHECK(r->turns <= 4); // a stop is met and left once each way, without chatter
         free(r);
     }
 }
@@ -157,11 +157,11 @@ static void keep_largest(double error[3], double one)
         }
 }
 
-// Largest difference of a kernel's stress from the referee's, of its peak, in all steps but `but`. Positions and
-// velocities are prescribed.
+// Return the largest difference between a kernel's stress and the reference's, relative to the peak, leaving out the
+// `but` worst steps. Positions and velocities are prescribed.
 static double kernel_error(const kn_material *mat, kn_precision precision, kn_isa isa, int but)
 {
-    double error[3] = {0}; // the largest ones, falling
+    double error[3] = {0}; // the largest ones, descending
     kn_model_def def = bar_def(mat, precision, isa);
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
@@ -186,7 +186,7 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
     return error[but];
 }
 
-// In f32 a stop may be met one step sooner or later, in which the force is neither.
+// In f32 a stop may be met one step sooner or later, and that step's force is neither of the two values.
 TEST("every kernel gives the referee's force: to 1e-9 in f64, to 1e-4 in f32 but for the steps in which a stop is met")
 {
     kn_material flowing = dough;
@@ -209,13 +209,13 @@ TEST("every kernel gives the referee's force: to 1e-9 in f64, to 1e-4 in f32 but
     }
 }
 
-// Like kernel_error: the force that holds the lower node.
+// The same as kernel_error, from the force that holds the lower node.
 static double runge_kutta_error(const kn_material *mat, double dt, int but)
 {
     kn_model_def def = bar_def(mat, KN_PRECISION_F64, KN_ISA_AUTO);
     def.solver.kind = KN_SOLVER_RK4;
     def.solver.dt_s = dt;
-    def.solver.mass_scale = 1e9; // both nodes are held: only the edge's own time constant is left
+    def.solver.mass_scale = 1e9; // both nodes are held, so only the edge's own time constant matters
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
     edge_run *r = drive_referee(mat, 1e-3);
@@ -272,7 +272,8 @@ TEST("the bench's integrator meets the same stops: the implicit step at 1 ms wit
 
 // ---- blocks and meshes
 
-// Force of a plate that goes 3 mm into an object and stays; the object of a scene, as this material.
+// Return the force of a plate that goes 3 mm into an object and stays. The object comes from a scene, with this
+// material.
 static double *press_scene(const char *object, const char *material, const char *precision, int steps)
 {
     char text[600], error[512];
@@ -333,7 +334,7 @@ TEST("blocks and meshes meet them: with a stroke of nothing, or of 1e-10 and 1e-
             double gap = largest_gap(voigt, almost, STEPS);
             printf("     %s %s: %.1e of the force\n", o ? "mesh" : "block", precision[f32], gap);
             CHECK_NEAR(gap, 0, f32 ? 1e-3 : 1e-6);
-            CHECK_NEAR(largest_gap(voigt, rigid, STEPS), 0, 0.01); // of 46 against 46.09 kPa
+            CHECK_NEAR(largest_gap(voigt, rigid, STEPS), 0, 0.01); // of 46 compared with 46.09 kPa
             free(voigt);
             free(rigid);
             free(almost);

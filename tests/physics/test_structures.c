@@ -20,10 +20,10 @@ static kn_model_def with_gas(kn_model_def def, kn_pressure pressure, double diag
 }
 
 typedef struct shape {
-    double peak_n, end_n, dip_n; // dip: most that the force has fallen while the plate goes down
-    double bulge_m[2];           // farthest that a side along x, y has come out
-    double grown, least;         // of the object's volume; smallest V/V0 of a cell that was seen
-    bool stayed;                 // in its plane
+    double peak_n, end_n, dip_n; // dip: largest fall of the force while the plate goes down
+    double bulge_m[2];           // largest outward displacement of a side along x, y
+    double grown, least;         // relative change of the object's volume; smallest V/V0 of a cell seen
+    bool stayed;                 // the object stayed in its plane
 } shape;
 
 static void measure_cells(const kn_model *m, const kn_state *state, const kn_cell *cells, int count, shape *s)
@@ -54,7 +54,7 @@ static void measure_sides(const kn_model *m, const kn_state *state, shape *s)
     }
 }
 
-// Down by 1 cm at 1 cm/s and held.
+// Press down by 1 cm at 1 cm/s and hold.
 static shape press_shape(kn_model_def def, double hold_s)
 {
     const press p = {.depth_m = 0.01, .hold_s = hold_s};
@@ -92,7 +92,8 @@ NIGHT_TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, k
     CHECK(b.dip_n <= 0.01 * b.peak_n && c.dip_n <= 0.01 * c.peak_n);
     CHECK(b.least > 0.5 && c.least > 0.5);
     CHECK(c.peak_n > 23 && c.peak_n < 27);
-    // what it is for: without gas cells beside the plate turn inside out and the force falls on the way down
+    // The purpose of the gas: without gas, cells beside the plate turn inside out and the force falls on the way
+    // down.
     CHECK(a.least < 0 && a.dip_n > 0.3 * a.peak_n);
 }
 
@@ -113,7 +114,7 @@ TEST(
     CHECK(b.bulge_m[0] >= 3 * a.bulge_m[0] && c.bulge_m[0] >= 2 * a.bulge_m[0]);
     CHECK(fabs(b.grown) <= 0.03 && fabs(c.grown) <= 0.05 && b.least > 0.5 && c.least > 0.5);
     CHECK(a.stayed && b.stayed && c.stayed);
-    // roots of 2 are rounded, and where the tolerance is wide a rounding may decide whether a step takes one iteration more
+    // Roots of 2 are rounded. With a wide tolerance a rounding may decide whether a step takes one more iteration.
     kn_model_def thin = with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 1), thick;
     thin.solver.precision = KN_PRECISION_F64;
     thin.solver.tolerance = 1e-9;
@@ -125,7 +126,7 @@ TEST(
     CHECK_NEAR(d.bulge_m[0], e.bulge_m[0], 1e-6 * e.bulge_m[0]);
 }
 
-// Force of a disc of 1.5 cm radius that presses the middle 5 mm deep at 1 cm/s, held by a hand that far off the plane.
+// Run a disc of 1.5 cm radius that presses the middle 5 mm deep at 1 cm/s. The hand is aside_m off the plane.
 static run press_disc(double thickness_m, double aside_m)
 {
     kn_model_def def = flat(ball_def(2));
@@ -201,7 +202,8 @@ NIGHT_TEST("and so do a block, one pressure for the whole object, and weak diago
     compare("cells, weak diagonals", with_gas(press_def(1), KN_PRESSURE_CELLS, 0.1));
 }
 
-// --- what must not matter -------------------------------------------------------------------------------------------
+// --- properties without influence
+// -----------------------------------------------------------------------------------
 
 static double *component(const kn_model *m, void *field, int node, int k)
 {
@@ -215,7 +217,7 @@ static kn_model_def free_body(kn_pressure pressure)
     def.probe_count = 0;
     def.nodes[0] = 5, def.nodes[1] = 4, def.nodes[2] = 6;
     def.solver.precision = KN_PRECISION_F64;
-    def.solver.tolerance = 1e-15; // else a rounding may decide whether a step takes one iteration more
+    def.solver.tolerance = 1e-15; // otherwise a rounding may decide whether a step takes one more iteration
     def.solver.iterations_max = 500;
     return def;
 }
@@ -243,7 +245,7 @@ TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e
     }
 }
 
-// A general rotation, by Rodrigues about (1, 2, 3).
+// Apply a general rotation, by Rodrigues about (1, 2, 3).
 static void rotate(const double x[3], double out[3])
 {
     const double angle = 0.7, axis[3] = {1 / sqrt(14), 2 / sqrt(14), 3 / sqrt(14)};
@@ -345,7 +347,7 @@ TEST("a press turned by a quarter about z gives the same force with gas, althoug
     CHECK_NEAR(force_error(&a, &b), 0, 1e-9);
 }
 
-// Mean number of CG iterations that a step takes to 1e-4 of the residual it started from.
+// Return the mean number of CG iterations in which a step reaches 1e-4 of its initial residual.
 static double iterations(kn_model_def def)
 {
     const press p = {.depth_m = 0.01, .hold_s = 1};
@@ -360,7 +362,7 @@ static double iterations(kn_model_def def)
     for (int i = 1; i <= steps; i++) {
         kn_input in = press_input(m, &p, i * 1e-3);
         kn_output out;
-        state->residual_scale = 0; // of this step alone
+        state->residual_scale = 0; // scale of this step alone
         kn_step(m, state, &in, &out);
         sum += out.iterations;
     }

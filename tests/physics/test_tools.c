@@ -1,4 +1,5 @@
-// Tools of any shape: friction, adhesion, the coupling in the solve, a table that can be left, two fingers that lift.
+// Tools of any shape: friction, adhesion, the virtual coupling in the solve, a table that can be left, two fingers
+// that lift.
 #include "core/scratch.h"
 #include "core/shape.h"
 #include "core/turn.h"
@@ -55,7 +56,7 @@ static void close_scene(scene *s)
 
 static void step(scene *s) { CHECK(kn_step(s->model, s->state, &s->in, &s->out) == KN_OK); }
 
-// Moves tool p at a speed for a while.
+// Move tool p at a speed for some time.
 static void move(scene *s, int p, double vx, double vz, double seconds)
 {
     double dt = s->model->def.solver.dt_s;
@@ -102,12 +103,12 @@ TEST("a box on a stiff coupling presses as one that follows its pose within 1 %,
                                                               .friction = 10});
     AT_END(run_free) run a = press_run(&plate, &p, 0.8, 0.001), rigid = press_run(&box, &p, 0.8, 0.001);
     box.probe[0].coupling_n_m = 1e7;
-    box.probe[0].coupling_n_s_m = 2e5; // 20 ms, as a rigid one catches up
+    box.probe[0].coupling_n_s_m = 2e5; // 20 ms, the time in which a rigid tool catches up
     AT_END(run_free) run coupled = press_run(&box, &p, 0.8, 0.001);
     printf("     force %.2f %% from the rigid box, of %.2f N at most where a plate's is %.2f N; worst residual %.1e\n",
            100 * force_error(&coupled, &rigid), peak_n(&rigid), peak_n(&a), coupled.worst_residual);
     CHECK(force_error(&coupled, &rigid) < 0.01);
-    CHECK(fabs(peak_n(&rigid) / peak_n(&a) - 1) < 0.1); // it holds nodes, the box a smooth skin
+    CHECK(fabs(peak_n(&rigid) / peak_n(&a) - 1) < 0.1); // the plate holds nodes, the box meets a smooth skin
 }
 
 TEST("what the object does to a coupled tool is what its coupling does, to rounding")
@@ -134,7 +135,7 @@ TEST("what the object does to a coupled tool is what its coupling does, to round
     CHECK(worst < 1e-9 * s.out.probe[0].force_n[2]);
 }
 
-// A mallet: a box, and a capsule that leans across it.
+// A mallet: a box, and a tilted capsule across it.
 static kn_probe_def mallet(kn_shape *parts)
 {
     const double c = cos(0.4), s = sin(0.4), turn[3][3] = {{c, 0, s}, {0, 1, 0}, {-s, 0, c}};
@@ -165,7 +166,7 @@ static kn_probe_def of_field(kn_field *field, kn_shape *parts)
                           .coupling_n_s_m = 3};
 }
 
-// An egg that lies askew, of triangles, with its origin where a box has it.
+// A tilted egg of triangles, with its origin where a box has its own.
 static kn_probe_def egg(kn_shape *parts)
 {
     surface_of s = surface_ball(1, 16);
@@ -176,7 +177,7 @@ static kn_probe_def egg(kn_shape *parts)
     return of_field(surface_field(s, 0.0006), parts);
 }
 
-// Its lowest point begins on a free block.
+// Check Newton's third law with a tool whose lowest point starts above_m over a free block.
 static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
 {
     kn_model_def def = with_tool(converged(press_def(2)), tool);
@@ -195,7 +196,7 @@ static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
         move(&s, 0, 0.02, -0.03, 0.001);
         memcpy(at, old->probe[0].attached ? old->probe[0].position_m : s.out.probe[0].position_m, sizeof at);
         for (int n = 0; n < s.model->node_count; n++)
-            for (int w = 0; w < 2; w++) { // about where the tool was: there the step takes its moments
+            for (int w = 0; w < 2; w++) { // about the tool's former position, which the step uses for its moments
                 double m = s.model->node_mass_kg[n] / 1e-3, *sum = w ? after : before;
                 kn_state_position(s.model, old, n, x);
                 kn_state_velocity(s.model, w ? s.state : old, n, v);
@@ -223,7 +224,7 @@ TEST("what the object gains in momentum and spin is what the tool lost: Newton's
     third_law(egg(&parts), 0, KN_SKIN_SPLINE);
 }
 
-// A ball in jelly, 2 mm deep, dragged along x.
+// Drag a ball along x in jelly, 2 mm deep.
 static void drag(double friction, double *ratio_first, double *ratio_last)
 {
     kn_model_def def = with_tool(press_def(2), ball(friction));
@@ -245,7 +246,7 @@ TEST("a ball that slides is held back by its friction times what it presses with
     drag(0, &smooth_first, &smooth_last);
     printf("     sideways over normal: %.3f sticking, %.3f sliding at mu 0.3; %.3f, %.3f smooth\n", first, last,
            smooth_first, smooth_last);
-    CHECK(fabs(smooth_last) < 0.1); // the dent's own slope
+    CHECK(fabs(smooth_last) < 0.1); // the slope of the dent itself
     CHECK(last - smooth_last > 0.27 && last - smooth_last < 0.36 * 1.05);
     CHECK(first < 0.9 * last && first > 0);
 }
@@ -267,7 +268,7 @@ TEST("a tool that sticks at half of its cone does not creep on what does not")
     CHECK_NEAR(s.out.probe[0].position_m[0], early, 1e-6);
 }
 
-// Most that a flat foot on jelly pulls with on its way up.
+// Return the largest pull of a flat foot on jelly on its way up.
 static double pull(double adhesion_pa, double *left_at_m, double *work_j)
 {
     kn_probe_def tool = {.name = "foot",
@@ -282,7 +283,7 @@ static double pull(double adhesion_pa, double *left_at_m, double *work_j)
     double most = 0;
     move(&s, 0, 0, -0.01, 0.1);
     move(&s, 0, 0, 0, 0.3);
-    for (int i = 0; i < 1500; i++) { // slower than jelly comes back
+    for (int i = 0; i < 1500; i++) { // slower than the recovery of jelly
         move(&s, 0, 0, 0.002, 0.001);
         most = fmax(most, -s.out.probe[0].force_n[2]);
         if (s.out.probe[0].contacts > 0) *left_at_m = s.in.probe[0].position_m[2] - 0.03;
@@ -302,7 +303,7 @@ TEST("what sticks is pulled up by as much as its adhesion over what is touched, 
            weak / (200 * foot_m2), strong / (800 * foot_m2), 1e3 * dry_at, 1e3 * weak_at, 1e3 * strong_at, 1e3 * dry_j,
            1e3 * weak_j, 1e3 * strong_j);
     CHECK(dry == 0);
-    CHECK(weak > 0.3 * 200 * foot_m2 && weak < 1.05 * 200 * foot_m2); // it peels from the rim inwards
+    CHECK(weak > 0.3 * 200 * foot_m2 && weak < 1.05 * 200 * foot_m2); // the skin peels from the rim inwards
     CHECK(strong > 2 * weak && strong < 1.05 * 800 * foot_m2);
     CHECK(strong_at > weak_at && weak_at > dry_at && strong_j > weak_j && weak_j > dry_j);
 }
@@ -327,7 +328,7 @@ TEST("a block rests on its table; a push below friction leaves it there, one abo
     AT_END(close_scene) scene s = open_scene(&def);
     double weight = kn_model_mass(s.model) * g, c[3], from[3];
     s.in.probe[0].position_m[0] = -0.015 - 0.008 - 1e-4;
-    s.in.probe[0].position_m[2] = 0.004; // low: it slides rather than falls over
+    s.in.probe[0].position_m[2] = 0.004; // low, so that the block slides rather than falls over
     move(&s, 0, 0, 0, 0.3);
     centre(&s, from);
     CHECK_NEAR(lowest(&s), 0, 2e-4);
@@ -344,7 +345,7 @@ TEST("a block rests on its table; a push below friction leaves it there, one abo
     CHECK(fabs(c[1]) < 1e-5 && lowest(&s) > -3e-4);
 }
 
-// Two fingers on a block: closed by 3 mm a side, raised by 3 cm in 2 s, held.
+// Close two fingers on a block by 3 mm a side, raise them by 3 cm in 2 s, and hold.
 static void pinch_and_lift(scene *s, double squeeze_m)
 {
     for (int i = 0; i < 4500; i++) {
@@ -377,7 +378,8 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
            its);
     for (int p = 0; p < 2; p++) CHECK_NEAR(s.out.probe[p].force_n[2], -0.5 * weight, 0.01 * weight);
     CHECK(low > 0.027 && c[2] > 0.042 && fabs(c[0]) < 1e-4 && fabs(c[1]) < 1e-4);
-    CHECK(its < 8); // nothing holds it but the fingers: without rigid motions in the preconditioner 24 are not enough
+    // only the fingers hold the block: without rigid motions in the preconditioner 24 iterations are not enough
+    CHECK(its < 8);
     for (int p = 0; p < 2; p++) s.in.probe[p].attached = false;
     for (int i = 0; i < 1000; i++) step(&s);
     double mark = 0, x[3];
@@ -392,7 +394,7 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
 
 NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the grip bears tears loose")
 {
-    for (int gripped = 0; gripped < 3; gripped++) { // not, by 5 N, by less than it weighs
+    for (int gripped = 0; gripped < 3; gripped++) { // without grip, with 5 N, with less than the weight
         kn_model_def def = block_on_table(0.5);
         def.probe_count = 2;
         for (int p = 0; p < 2; p++) {
@@ -428,12 +430,12 @@ TEST("a stiff tool thrown at a thin block at 1 m/s does not come out on the othe
         for (int k = 0; k < 200; k++) step(&s), deepest = fmin(deepest, s.out.probe[0].position_m[2]);
         printf("     %s%s: ball's centre down to %.1f mm, feels %.1f N\n", names[i % 3], i >= 3 ? " on a table" : "",
                1e3 * deepest, s.out.probe[0].force_n[2]);
-        CHECK(deepest > 0.002); // its centre never reaches the table
+        CHECK(deepest > 0.002); // the ball's centre never reaches the table
         CHECK(s.out.probe[0].force_n[2] > 1);
     }
 }
 
-// What a rigid tool feels, in N, in a slide of 1.2 s at 10 mm/s, 2 mm deep.
+// Record the force on a rigid tool, in N, in a slide of 1.2 s at 10 mm/s, 2 mm deep.
 enum { SLIDE = 1200 };
 static void slide_along(kn_probe_def tool, double force_n[SLIDE])
 {
@@ -459,7 +461,7 @@ TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per m
     for (int i = 0; i < SLIDE; i++) mean += exact[i] / SLIDE;
     for (int i = 0; i < SLIDE; i++) {
         off = fmax(off, fabs(own[i] - exact[i]) / mean);
-        if (i < 200) continue; // the start of the slide itself
+        if (i < 200) continue; // leave out the start of the slide
         jump[0] = fmax(jump[0], fabs(exact[i] - exact[i - 1]) / mean);
         jump[1] = fmax(jump[1], fabs(own[i] - own[i - 1]) / mean);
     }
@@ -469,7 +471,7 @@ TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per m
     CHECK(jump[1] < 1.1 * jump[0] && jump[1] < 0.005);
 }
 
-// Its edges are round: pressed along nodes, a sharp one that is 0.1 um wider feels 3 % more.
+// The edges are round: pressed along nodes, a sharp box that is 0.1 um wider feels 3 % more force.
 TEST("a box of triangles presses as the box does within 1 %")
 {
     const double size[3] = {0.02, 0.02, 0.015}, edge = 0.003;
@@ -505,7 +507,7 @@ TEST("a coupled tool that comes in inside is pushed out gently: its force grows 
     CHECK(peak > 0.2 && jump < 0.05);
 }
 
-// A quarter turn of everything about z.
+// Rotate by a quarter turn about z.
 static void quarter(const double in[3], double out[3]) { out[0] = -in[1], out[1] = in[0], out[2] = in[2]; }
 
 static void turned_by_a_quarter(kn_probe_def tool, kn_skin_form skin)

@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_BOARD_H
 #define KN_TESTS_BOARD_H
-// knead-simdev as a process of its own, in the build's folder.
+// knead-simdev as a process of its own, started in the build folder.
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
@@ -17,15 +17,16 @@ typedef struct kn_board {
     char uri[160];
 } kn_board;
 
-// argument: its options, NULL behind the last. The board may not be ready yet. It dies with the thread that called this, however
-// that ends: a board that is left holds the test's stderr open, and ctest waits until that is closed.
+// Start knead-simdev. argument: its options, ending with NULL. The board may not be ready yet. The board dies with
+// the calling thread, however the thread ends. A board left running would hold the test's stderr open, and ctest
+// waits until stderr is closed.
 static inline kn_board kn_board_spawn(const char *const argument[])
 {
     const char *all[20] = {"setpriv", "--pdeathsig", "KILL", "bin/knead-simdev"};
     int pipe_of[2];
     kn_board b = {0};
     for (int i = 0; argument[i] && i < 15; i++) all[i + 4] = argument[i];
-    posix_spawn_file_actions_t actions; // no fork: this process's pages stay its own
+    posix_spawn_file_actions_t actions; // spawn instead of fork: this process's pages stay its own
     if (pipe2(pipe_of, O_CLOEXEC) || posix_spawn_file_actions_init(&actions)) exit(1);
     posix_spawn_file_actions_adddup2(&actions, pipe_of[1], 1);
     if (posix_spawnp(&b.pid, all[0], &actions, NULL, (char *const *)all, environ)) exit(1);
@@ -36,7 +37,7 @@ static inline kn_board kn_board_spawn(const char *const argument[])
     return b;
 }
 
-// One that is ready. Ends the program when there is none.
+// Start a board and wait until it is ready. End the program on failure.
 static inline kn_board kn_board_start(const char *const argument[])
 {
     kn_board b = kn_board_spawn(argument);
@@ -55,7 +56,7 @@ static inline void kn_board_kill(kn_board *b)
     fclose(b->out);
 }
 
-// Kills it for good, and removes its link or the file of its memory.
+// Kill the board, and remove its link or the file of its memory.
 static inline void kn_board_end(kn_board *b)
 {
     char kind[8], name[128], path[160];

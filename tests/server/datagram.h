@@ -1,15 +1,15 @@
 #ifndef KN_TESTS_DATAGRAM_H
 #define KN_TESTS_DATAGRAM_H
-// LC02 datagrams as any LCM sender makes them, and as none should: for the tests and the fuzz target of the receiver.
+// LC02 datagrams, valid and invalid, for the tests and the fuzz target of the receiver.
 #include "proto/knead_probe_pose_t.h"
 #include "server/auth.h"
 #include "server/wire.h"
 #include <math.h>
 #include <string.h>
 
-#define KN_TEST_DATAGRAM 600 // room, beyond what the receiver keeps
+#define KN_TEST_DATAGRAM 600 // size of the buffer, more than the receiver keeps
 
-// "LC02" | sequence | channel, NUL | payload; returns the size, 0 when it does not fit
+// Write "LC02" | sequence | channel, NUL | payload. Return the size, or 0 if the datagram does not fit.
 static inline size_t kn_lc02(unsigned char *bytes, size_t room, const char *channel, const void *payload,
                              size_t payload_size)
 {
@@ -37,8 +37,9 @@ static inline uint64_t kn_random_bits(uint64_t *state) // splitmix64
     return z ^ z >> 31;
 }
 
-// Of the pose's datagram a relative that differs somewhere or nowhere: a poisoned field, a jump, an old seq or stamp,
-// bytes overwritten, another magic, no NUL, cut or grown. Structure-aware, so that every later check is reached too.
+// Make a random variant of the pose's datagram: a poisoned field, a jump, an old seq or stamp, overwritten bytes,
+// another magic, no NUL, cut or grown, or no change. The variants follow the structure of the message, so that later
+// checks are reached too.
 static inline size_t kn_random_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
                                         knead_probe_pose_t pose)
 {
@@ -61,7 +62,7 @@ static inline size_t kn_random_datagram(unsigned char bytes[KN_TEST_DATAGRAM], u
 
 // --- with a key ---
 
-// Sign a datagram, which has room for KN_AUTH_TRAILER more.
+// Sign a datagram. The buffer has room for KN_AUTH_TRAILER more bytes.
 static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const char *channel, const kn_auth *auth,
                                       kn_auth_stamp stamp)
 {
@@ -69,10 +70,11 @@ static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const c
     return head + kn_auth_sign(auth, channel, bytes + head, size - head, stamp);
 }
 
-// Make what a server with this key may not take, though all of it is well-formed: a pose (good, of now, of a session of
-// its own) without a tag, with a random one, another key's or another tool's; a true one with a bit of it flipped, 0.9 s
-// late, 0.2 s early or of another life; what has been recorded of a holder (NULL: nothing), as it was or with another
-// session, seq or stamp. stamp: of now.
+// Make a well-formed datagram that a server with this key must refuse. `pose` is valid, current and of a session of
+// its own. The variants are: no tag, a random tag, a tag by another key or of another tool; a valid tag with one bit
+// of the message flipped, 0.9 s late, 0.2 s early or of another life; a recorded datagram of the key's holder, as it
+// was or with another session, seq or stamp.
+// recorded: NULL if there is none. stamp: the current stamp.
 static inline size_t kn_forged_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
                                         knead_probe_pose_t pose, const kn_auth *auth, kn_auth_stamp stamp,
                                         const void *recorded, size_t recorded_size)
@@ -109,8 +111,8 @@ static inline void kn_put32(unsigned char *bytes, uint32_t value)
     for (int i = 0; i < 4; i++) bytes[i] = (unsigned char)(value >> (24 - 8 * i));
 }
 
-// LC03: "LC03" | sequence | size of the message | offset of this part | number of it u16 | parts u16 | channel, NUL in
-// part 0 | data
+// LC03: "LC03" | sequence | size of the message | offset of this part | number of this part u16 | parts u16 |
+// channel, NUL in part 0 | data
 static inline size_t kn_lc03(unsigned char *bytes, uint32_t sequence, uint32_t whole, uint32_t offset, uint16_t part,
                              uint16_t parts, const char *channel, size_t data)
 {

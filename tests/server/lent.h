@@ -1,6 +1,6 @@
 #ifndef KN_TESTS_LENT_H
 #define KN_TESTS_LENT_H
-// What kneadd lends a loop: small dough, the processor or a circuit, and a screen on a mesh bus that stays in memory.
+// The objects that kneadd lends a loop: small dough, the processor or a circuit, and a mesh bus that stays in memory.
 #include "server/backend/fpga.h"
 #include "server/loop.h"
 #include "tests/built.h"
@@ -17,7 +17,7 @@ typedef struct kn_lent {
     kn_loop loop;
 } kn_lent;
 
-// uri: of a circuit, NULL: the processor. Ends the program when something cannot be had.
+// uri: address of a circuit, or NULL for the processor. End the program on failure.
 static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int count, const char *uri)
 {
     char error[KN_LINK_WHY] = "";
@@ -34,7 +34,7 @@ static inline void kn_lent_open_on(kn_lent *l, const char *const *sets, int coun
     exit(1);
 }
 
-// set: of the scene, NULL: none.
+// set: a setting of the scene, or NULL.
 static inline void kn_lent_open(kn_lent *l, const char *set) { kn_lent_open_on(l, &set, set ? 1 : 0, NULL); }
 
 static inline void kn_lent_close(kn_lent *l)

@@ -5,7 +5,7 @@
 #define MS KN_PERIOD_NS
 
 static kn_account account;
-static kn_servo servo; // an account looks at its counters only
+static kn_servo servo; // an account reads only the servo's counters
 static kn_pose pose = {.session = 1};
 static kn_tick_in in;
 static kn_tick_out out;
@@ -81,9 +81,9 @@ TEST("success is the share of the last 100 cycles that ran with a fresh pose of 
     CHECK_NEAR(status().success_rate, 0.70, 1e-12);
     for (int n = 0; n < 100; n++) tick(0, 0, 0);
     CHECK_NEAR(status().success_rate, 1, 0);
-    tick(1000, 0, 0); // a machine that slept
+    tick(1000, 0, 0); // the machine slept
     CHECK_NEAR(status().success_rate, 0.01, 1e-12);
-    in.pose[0] = NULL; // nobody is waiting for a pose
+    in.pose[0] = NULL; // no hand, so no pose is expected
     for (int n = 0; n < 100; n++) tick(0, 0, 0);
     CHECK_NEAR(status().success_rate, 1, 0);
 }
@@ -154,7 +154,7 @@ TEST("rates and times are of the last whole second of the grid, of the first one
     start();
     int64_t at_ns = 0;
     for (int n = 0; n < 2500; n++) {
-        wake = (kn_wake){.tick = n, .now_ns = at_ns += n % 2 ? MS / 2 : 3 * MS / 2}; // of 1 ms on the average
+        wake = (kn_wake){.tick = n, .now_ns = at_ns += n % 2 ? MS / 2 : 3 * MS / 2}; // 1 ms on average
         kn_account_tick(&account, &servo, &in, &out, &wake, n < 1000 ? 20000 : n % 2 ? 100000 : 300000, true);
         knead_health_t h = health();
         if (n == 10) CHECK_NEAR(h.execution_us[0], 20, 1e-9);
@@ -165,7 +165,7 @@ TEST("rates and times are of the last whole second of the grid, of the first one
     CHECK_NEAR(h.execution_us[1], 100, 1e-9);
     CHECK_NEAR(h.execution_us[2], 100, 1e-9);
     CHECK_NEAR(h.execution_us[3], 300, 1e-9);
-    CHECK_NEAR(h.periodicity_hz[0], 1000, 1e-6); // not that of the single rates, 1333
+    CHECK_NEAR(h.periodicity_hz[0], 1000, 1e-6); // the mean of the single rates would be 1333
     CHECK_NEAR(h.periodicity_hz[1], 500, 1e-6);
     CHECK_NEAR(h.periodicity_hz[2], 1000 / 1.5, 1e-6);
     CHECK_NEAR(h.periodicity_hz[3], 2000, 1e-6);

@@ -40,8 +40,9 @@ TEST("a key is 64 hexadecimal digits that nobody else may read")
 
 TEST("the tag is keyed BLAKE2b of 16 bytes over the channel, its NUL, the payload, life and age")
 {
-    // python3: hashlib.blake2b(b"KNEAD_POSE_hand\0" + b"payload" + struct.pack(">qq", 7, 1000000), key=bytes(range(32)),
-    //                          digest_size=16)
+    // From python3:
+    //     hashlib.blake2b(b"KNEAD_POSE_hand\0" + b"payload" + struct.pack(">qq", 7, 1000000), key=bytes(range(32)),
+    //                     digest_size=16)
     static const unsigned char tag[KN_AUTH_TAG] = {0x69, 0xb4, 0xbc, 0xf9, 0x6a, 0x2f, 0x43, 0x25,
                                                    0xae, 0xee, 0x0f, 0x20, 0xd1, 0x66, 0x46, 0xbe};
     kn_auth auth;

@@ -41,11 +41,11 @@ TEST("anything else is refused in one line that names what was expected")
                          "udpm://239.255.76.67:7667?ttl=1",
                          "udpm://239.255.76.67:7667?a=b&ttl=255",
                          "udpm://239.255.76.67:7667?a=b,ttl=1",
-                         "udpm://239.255.76.67:7667?ttl=0&ttl=1", // liblcm takes the last
+                         "udpm://239.255.76.67:7667?ttl=0&ttl=1", // liblcm takes the last ttl
                          "udpm://239.255.76.67:7667?ttl=0&ttl=0",
                          "udpm://239.255.76.67:7667?ttl=0,ttl=1",
                          "udpm://239.255.76.67:7667?attl=0&ttl=1",
-                         "udpm://239.255.76.67:7667?ttl= 0x1", // and any number
+                         "udpm://239.255.76.67:7667?ttl= 0x1", // liblcm takes any notation of numbers
                          "udpm://239.255.76.67:7667?ttl= 0",
                          "udpm://239.255.76.67:7667?ttl=0x1",
                          "udpm://239.255.76.67:7667?ttl=0x0",
@@ -65,7 +65,7 @@ TEST("anything else is refused in one line that names what was expected")
     }
 }
 
-// --- beside another interface
+// --- another interface beside lo ---
 
 static bool write_text(const char *path, const char *text)
 {
@@ -75,7 +75,7 @@ static bool write_text(const char *path, const char *text)
     return written;
 }
 
-// A network of this process alone: lo, and a card with an address.
+// Enter a network of this process alone: lo, and a card with an address.
 static bool enter_network(void)
 {
     char map[40];
@@ -86,7 +86,7 @@ static bool enter_network(void)
                          "ip addr add 10.9.0.1/24 dev card && ip link set card up && ip link set far up") == 0;
 }
 
-// Whoever sends over an interface hears himself over it, as whoever is on its other end.
+// Send over an interface. The sender also hears the datagram itself over that interface, like the other end.
 static bool send_over(const char *interface, const kn_bus *bus, const char *text)
 {
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0), size = (int)strlen(text);
@@ -102,13 +102,13 @@ TEST("what another interface brings is not of this bus, nor heard unless somebod
     kn_bus bus;
     static kn_batch batch;
     char error[256] = "";
-    if (kn_test_failures > 0) return; // which a skip would hide
+    if (kn_test_failures > 0) return; // SKIP would hide an earlier failure
     if (!enter_network()) SKIP("no network of its own, or no ip (package iproute2)");
     CHECK(kn_bus_parse(&bus, "udpm://239.255.76.67:7667?ttl=0", NULL, error, sizeof error));
     int fd = kn_bus_listen(&bus, 1 << 20, error, sizeof error);
     if (fd < 0) KN_TEST_FAIL("%s", error);
     const struct ip_mreqn too = {.imr_multiaddr = bus.group.sin_addr, .imr_ifindex = (int)if_nametoindex("card")};
-    int other = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0); // who has the group come over the card for himself
+    int other = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0); // another socket joins the group on the card
     CHECK(other >= 0 && setsockopt(other, IPPROTO_IP, IP_ADD_MEMBERSHIP, &too, sizeof too) == 0);
     CHECK(send_over("lo", &bus, "lo") && send_over("card", &bus, "card"));
     kn_bus_read(&bus, fd, KN_BATCH, &batch);

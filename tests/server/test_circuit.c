@@ -1,5 +1,5 @@
-// A circuit in step with its twin, at 1 kHz, against knead-simdev: what the queue between them is for, and the
-// deadline. KN_LOSSES=N: times that it is lost by each fault (5).
+// A circuit in step with its twin, at 1 kHz, against knead-simdev: the purpose of the queue between them, and the
+// deadline. KN_LOSSES=N: how often each fault makes the circuit lost (5).
 // gate in release: a board in real time
 #include "core/scene/scene.h"
 #include "core/order.h"
@@ -16,11 +16,11 @@ static kn_board start(const char *baud, const char *fault)
     snprintf(name, sizeof name, "/tmp/knead-circuit-%d", (int)getpid());
     const char *const all[] = {"--uart", "--link", name, "--baud", baud, fault ? "--fault" : NULL, fault, NULL};
     kn_board b = kn_board_start(all);
-    strcat(b.uri, "?miss=10"); // of a busy machine
+    strcat(b.uri, "?miss=10"); // allows for a busy machine
     return b;
 }
 
-// As a card's memory, whose file is at path.
+// Start a circuit in a card's memory, whose file is at `path`.
 static kn_board start_card(char path[96])
 {
     snprintf(path, 96, "/dev/shm/knead-circuit-%d", (int)getpid());
@@ -48,8 +48,8 @@ static object make(const char *file)
     return o;
 }
 
-// Puts the object on the circuit at this address; its queue may take `room` bytes. A busy machine may not answer at once,
-// so it tries twenty times. Returns the seconds of the try that succeeded; -1: refused.
+// Put the object on the circuit at this address. `room`: bytes allowed for the queue. A busy machine may not answer
+// at once, so this function tries up to twenty times. Return the seconds of the successful try, or -1 if refused.
 static double attach_with(object *o, const char *uri, size_t room, char why[KN_LINK_WHY])
 {
     bool device = true;
@@ -77,7 +77,7 @@ static void unmake(object *o)
     kn_scene_destroy(o->scene);
 }
 
-// The grid's next tick; what is late is not made up for.
+// Sleep until the grid's next tick. Lost time is not made up for.
 static void next(object *o, int64_t period_ns)
 {
     int64_t now_ns = kn_now_ns();
@@ -85,12 +85,12 @@ static void next(object *o, int64_t period_ns)
     kn_clock_sleep(o->due_ns += period_ns);
 }
 
-// A tick. Returns how it ended, and when its wait did.
+// Run a tick. Return its status, and in *returned_ns the end of its wait.
 static kn_backend_status tick(object *o, int64_t period_ns, int64_t *returned_ns)
 {
     kn_output output;
     next(o, period_ns);
-    double phase = 0.001 * o->ticks++; // a plate that comes and goes, off the dough for most of the time
+    double phase = 0.001 * o->ticks++; // the plate comes and goes; most of the time it is off the dough
     double depth = 0.001 * (phase - (int)phase < 0.1);
     o->input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - 2 * depth}, {0, 0, 0}, {1, 0, 0, 0}, false};
     o->backend.submit(o->backend.self, &o->input);
@@ -100,7 +100,7 @@ static kn_backend_status tick(object *o, int64_t period_ns, int64_t *returned_ns
     return status;
 }
 
-// A tick at leisure, a plate pressed so deep: who waits for the circuit misses none.
+// Run a tick without a deadline, with a plate pressed to this depth. No answer of the circuit is missed.
 static void press(object *o, double depth_m)
 {
     kn_output output;
@@ -110,15 +110,15 @@ static void press(object *o, double depth_m)
     if (o->backend.afterwards) o->backend.afterwards(o->backend.self);
 }
 
-// Ticks until the circuit has computed 50 of them in step, whether by their deadlines or later; -1: never. They come
-// every millisecond for 4 s, in which a load has to arrive, then every two, four, eight: a busy machine has to catch up
-// as well.
+// Run until the circuit has computed 50 ticks in step, whether by their deadlines or later. Return the number of
+// ticks, or -1 if that never happens. Ticks come every millisecond for 4 s, in which a load has to arrive. After that
+// they come every two, four, eight and sixteen milliseconds, so that a busy machine can catch up too.
 static int until_in_step(object *o)
 {
     const int64_t began_ns = kn_now_ns();
     int64_t returned_ns, lasted_s = 0;
     kn_fpga_counts c;
-    int64_t out = 0; // of those computed, the last while it was not in step
+    int64_t out = 0; // ticks on the circuit up to the last one out of step
     for (int n = 0; lasted_s < 60; n++) {
         lasted_s = (kn_now_ns() - began_ns) / 1000000000;
         int64_t period_ns = (int64_t)KN_PERIOD_NS << (lasted_s < 16 ? lasted_s / 4 : 4);
@@ -137,7 +137,7 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
     const double load_s = attach(&o, b.uri);
-    CHECK(load_s > 1.024); // as many ticks as the least queue holds
+    CHECK(load_s > 1.024); // the smallest queue holds as many ticks as 1.024 s has
     for (int kill = 0; kill < 2; kill++) {
         int first = until_in_step(&o);
         CHECK(first >= 0);
@@ -184,16 +184,16 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
     kn_fpga_counts n;
     attach(&o, strcat(b.uri, "?miss=500"));
     for (int i = 0; i < PRESSES * TICKS; i++) {
-        double deepest_m = 0.003 * (1 + i / TICKS); // than the dent of the press before
+        double deepest_m = 0.003 * (1 + i / TICKS); // deeper than the dent of the press before
         double depth_m = deepest_m * (i % TICKS < TICKS / 2) * fmin(1, 0.02 * (i % TICKS));
         press(&o, depth_m);
-        if (i % TICKS == TICKS - 1) kn_clock_sleep(kn_now_ns() + 100000000); // until it is in step
+        if (i % TICKS == TICKS - 1) kn_clock_sleep(kn_now_ns() + 100000000); // time to get in step again
     }
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
     printf("     %d presses: lost %lld times, loaded %lld, %lld ticks of %d on the circuit\n", PRESSES,
            (long long)n.losses, (long long)n.loads, (long long)n.on_circuit, PRESSES * TICKS);
     CHECK(n.because[KN_LOSS_BOUNDS] == PRESSES && n.losses == PRESSES && n.different == 0);
-    CHECK(n.loads == PRESSES + 1 || n.loads == PRESSES); // the last press's is on its way
+    CHECK(n.loads == PRESSES + 1 || n.loads == PRESSES); // the load after the last press may be under way
     CHECK(n.on_circuit > TICKS);
     unmake(&o);
     kn_board_end(&b);
@@ -211,10 +211,10 @@ TEST("a circuit that has another object than it was given is given all of it aga
         const int i = ticks;
         press(&o, 0.003);
         if (i == 400) o.backend.reset(o.backend.self);
-        if (i == 400) // its edges are of another material, which a load of the state alone does not cure
+        if (i == 400) // change the material of the circuit's edges; a load of the state alone does not repair that
             for (uint32_t e = 0; e < 400; e++)
                 CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * ((off_t)KN_WINDOW_EDGES + 8 * e + 1)) == 4);
-        if (i > 400) kn_clock_sleep(kn_now_ns() + 200000); // others have something to do
+        if (i > 400) kn_clock_sleep(kn_now_ns() + 200000); // leave the processor to the other processes
         kn_backend_fpga_counts(&o.backend, &n);
     }
     printf("     %lld other numbers, loaded %lld times; on the circuit %lld ticks of %d\n", (long long)n.different,
@@ -229,7 +229,8 @@ TEST("a circuit that has another object than it was given is given all of it aga
     kn_board_end(&b);
 }
 
-// At 1 kHz, until it has come back so often from a loss for this reason: ms until it was in step again.
+// Run at 1 kHz until the circuit has come back that often from a loss for this reason. Measure the ms until it was in
+// step again.
 static void be_lost(const char *const board[], kn_loss reason, const char *what, int times)
 {
     enum { MOST = 1000, PATIENCE = 60000 };
@@ -238,7 +239,7 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
     object o = make("dough-small.yaml");
     kn_fpga_counts n = {0};
     int64_t returned_ns, since_ns = 0, seen = 0, blamed = 0;
-    if (reason != KN_LOSS_TIMEOUT) strcat(b.uri, "?miss=10"); // of a busy machine
+    if (reason != KN_LOSS_TIMEOUT) strcat(b.uri, "?miss=10"); // allows for a busy machine
     int back = 0;
     attach(&o, b.uri);
     while (back < times && back < MOST && o.ticks < PATIENCE) {
@@ -290,7 +291,8 @@ TEST("a circuit to which a state is none is given all of its object again")
     kn_fpga_counts n = {0};
     attach(&o, b.uri);
     for (int i = 0; i < 100; i++) press(&o, 0.003);
-    int fd = open(path, O_RDWR); // a setting that a load of the state alone does not bring, and its checksum notices
+    // change a setting that a load of the state alone does not restore, and that the state's checksum notices
+    int fd = open(path, O_RDWR);
     CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * (off_t)KN_REG_EDGE_COUNT) == 4);
     o.backend.reset(o.backend.self);
     for (int i = 0; i < 20000 && (n.loads < 2 || !n.in_step); i++) {
@@ -306,8 +308,8 @@ TEST("a circuit to which a state is none is given all of its object again")
     kn_board_end(&b);
 }
 
-// The next tick on a backend that has no circuit, then a sleep until one would have been waited for: what the machine
-// makes of that. Returns when it ended.
+// Run the next tick on a backend without a circuit, then sleep until the end of the wait for a circuit. The result
+// shows the machine's own lateness. Return the time of the end.
 static int64_t step_and_sleep(object *o, kn_backend *plain)
 {
     kn_output output;
@@ -342,7 +344,7 @@ TEST("a circuit that hangs costs no tick its deadline: the wait ends when a slee
     printf("     %d ticks, %lld of them without an answer: %d ended late, %d of as many with a sleep\n", TICKS,
            (long long)n.shadowed, waited, slept);
     CHECK(n.shadowed > TICKS / 2);
-    CHECK(early < TICKS / 10); // it did wait
+    CHECK(early < TICKS / 10); // the wait lasted as long as it should
     CHECK(waited <= 2 * slept + TICKS / 20);
     unmake(&o);
     kn_board_end(&b);

@@ -8,7 +8,7 @@
 #define MS KN_PERIOD_NS
 #define START (70 * (int64_t)MS)
 
-static int64_t step_s; // by which somebody has set the wall clock
+static int64_t step_s; // step of the wall clock, s
 
 int clock_gettime(clockid_t clock, struct timespec *t)
 {
@@ -45,7 +45,7 @@ TEST("cycles that passed are counted and skipped, and the next deadline is ahead
     kn_clock clock;
     kn_clock_start(&clock, START);
     kn_wake wake = kn_clock_wake(&clock, START - 1, START + 10);
-    wake = kn_clock_wake(&clock, START + 200000, START + 37 * MS + 5); // asleep for 36 ms too long
+    wake = kn_clock_wake(&clock, START + 200000, START + 37 * MS + 5); // slept 36 ms too long
     CHECK(wake.tick == 37 && wake.missed == 36 && !wake.overrun && wake.late_ns == 36 * MS + 5);
     wake = kn_clock_wake(&clock, START + 37 * MS + 300000, START + 38 * MS + 5);
     CHECK(wake.tick == 38 && wake.missed == 0 && wake.due_ns == START + 38 * MS);

@@ -59,7 +59,7 @@ TEST("turns of a wrist after the clutch are turns of the tool about the room's a
     kn_pose device = {.orientation_wxyz = {1}, .buttons = KN_BUTTON_CLUTCH}, tool;
     kn_clutch_open(&clutch);
     kn_clutch_move(&clutch, &device, &tool);
-    turn_about(2, pi / 2, device.orientation_wxyz); // unseen
+    turn_about(2, pi / 2, device.orientation_wxyz); // turned while the clutch is held
     kn_clutch_move(&clutch, &device, &tool);
     device.buttons = 0;
     kn_clutch_move(&clutch, &device, &tool);
@@ -77,7 +77,7 @@ TEST("pressed again and again it adds up, and a new hand starts without any of i
     kn_clutch clutch;
     kn_pose device = {.orientation_wxyz = {1}}, tool;
     kn_clutch_open(&clutch);
-    for (int stroke = 0; stroke < 5; stroke++) { // rows: 10 cm on with the tool, 10 cm back without
+    for (int stroke = 0; stroke < 5; stroke++) { // rowing: 10 cm forward with the tool, 10 cm back without it
         device.buttons = 0, device.position_m[1] = 0;
         kn_clutch_move(&clutch, &device, &tool);
         CHECK_NEAR(tool.position_m[1], 0.1 * stroke, 1e-15);

@@ -18,9 +18,9 @@
 OWNS(kn_control, kn_control_close)
 
 static char path[64];
-static sem_t hurry; // what a slow answer waits for
+static sem_t hurry; // a slow answer waits for this semaphore
 static _Atomic int answered;
-static int silent[2]; // and where stderr is put meanwhile
+static int silent[2]; // the real stderr, and the pipe that replaces it
 
 static json_t *answer(void *self, const json_t *request)
 {
@@ -69,7 +69,7 @@ static int dial(void)
     return fd;
 }
 
-// What came back after some turns: "" nothing, "closed" an end without a word.
+// Return the reply after some turns: "" for none, "closed" for an end without a word.
 static const char *hear(kn_control *c, int fd)
 {
     static char text[1 << 16];
@@ -90,7 +90,7 @@ static const char *say(kn_control *c, int fd, const char *line)
     return hear(c, fd);
 }
 
-static void hush(void) // stderr into a pipe
+static void hush(void) // redirect stderr into a pipe
 {
     fflush(stderr);
     int keep = dup(2), ends[2];
@@ -119,13 +119,13 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     CHECK_STR(say(c, fd, "{}\n{}\n{"), "{\"ok\":true,\"request\":{}}\n{\"ok\":true,\"request\":{}}\n");
     CHECK_STR(say(c, fd, "}\n"), "{\"ok\":true,\"request\":{}}\n");
     close(fd);
-    fd = dial(); // a request whose sender does not wait for the answer
+    fd = dial(); // the sender does not wait for the answer
     CHECK(send(fd, "{\"b\":2}\n", 8, 0) == 8);
     close(fd);
     answered = 0;
     for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
     CHECK(answered == 1);
-    fd = dial(); // one without a newline, and half a one
+    fd = dial(); // a request without a newline, then half a request
     CHECK(send(fd, "{\"c\":3}\n{\"d\":4}", 15, 0) == 15 && shutdown(fd, SHUT_WR) == 0);
     CHECK_STR(hear(c, fd), "{\"ok\":true,\"request\":{\"c\":3}}\n{\"ok\":true,\"request\":{\"d\":4}}\n");
     close(fd);
@@ -137,7 +137,7 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     CHECK(access(path, F_OK) != 0);
 }
 
-// What another user hears who asks for something; "refused" when the socket's file already says no.
+// Send a request as another user and return the reply. Return "refused" if the mode of the socket's file forbids it.
 static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
 {
     static char told[300];
@@ -150,7 +150,7 @@ static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
         int fd = socket(AF_UNIX, SOCK_STREAM, 0);
         bool there = setgroups(0, NULL) == 0 && setgid(gid) == 0 && setuid(uid) == 0 &&
                      connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
-        if (there) send(fd, "{}\n", 3, MSG_NOSIGNAL); // who is refused may be so before it has said anything
+        if (there) send(fd, "{}\n", 3, MSG_NOSIGNAL); // a refusal may come before the request
         ssize_t size = there ? recv(fd, told, sizeof told, 0) : -1;
         if (size < 0) size = snprintf(told, sizeof told, "%s", errno == EACCES ? "refused" : strerror(errno));
         _exit(write(ends[1], told, (size_t)size) == size ? 0 : 1);
@@ -166,10 +166,10 @@ static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
 TEST("nobody commands but root, the server's own user and its group; whoever does not is refused, and told of")
 {
     enum { NOBODY = 65534 };
-    if (geteuid() != 0) return; // who is not root cannot be anybody else
+    if (geteuid() != 0) return; // only root can become another user
     OWN(kn_control) *c = start();
     CHECK_STR(ask_as(c, NOBODY, NOBODY), "refused");
-    chmod(path, 0666); // even if the file lets everybody
+    chmod(path, 0666); // even if the file's mode allows everybody
     hush();
     for (int i = 0; i < 3; i++)
         CHECK_STR(ask_as(c, NOBODY, NOBODY), "{\"ok\":false,\"error\":\"uid 65534 may not command this server\"}\n");
@@ -198,7 +198,7 @@ TEST("what is no JSON object is told where, and nothing is asked")
             KN_TEST_FAIL("%s is answered %s", bad[i].line, told);
     }
     CHECK(answered == 0);
-    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n"); // and the next one is heard
+    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n"); // the next request is still answered
     close(fd);
 }
 
@@ -234,7 +234,7 @@ TEST("after a hundred commands at once a peer gets a hundred a second, and anoth
     int refused = 0;
     int64_t start_ns = kn_now_ns();
     for (int i = 0; i < 300; i++) refused += strstr(say(c, fd, "{}\n"), "commands a second") != NULL;
-    int64_t paid = (kn_now_ns() - start_ns) / 10000000; // by the time that went by
+    int64_t paid = (kn_now_ns() - start_ns) / 10000000; // commands allowed by the time passed
     CHECK(answered >= 100 && answered <= 101 + paid && refused == 300 - answered);
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     close(fd), close(other);
@@ -285,7 +285,7 @@ TEST("a ninth peer takes the place of the one that was silent for longest")
     }
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
         if (i != 3) CHECK_STR(say(c, fd[i], "{}\n"), "{\"ok\":true,\"request\":{}}\n");
-    CHECK_STR(say(c, fd[3], "{\"command\":"), ""); // begins, and goes no further
+    CHECK_STR(say(c, fd[3], "{\"command\":"), ""); // begins a request and does not finish it
     int late = dial();
     CHECK_STR(say(c, late, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     CHECK(strstr(hear(c, fd[3]), "yours was silent for longest"));
@@ -368,7 +368,7 @@ TEST("all of a request stands in the log, and how many lines there were that are
     hush();
     int64_t from_ns = kn_now_ns();
     for (int i = 0; i < 50; i++) say(c, fd, "no request\n");
-    kn_control_close(c); // the rest is told
+    kn_control_close(c); // closing reports the rest
     told = unhush();
     for (lines = 0; (told = strstr(told, "more than 100 a second: ")); lines++) bad += atoi(told += 24);
     CHECK(bad == 50 && lines >= 1 && lines <= 2 + (kn_now_ns() - from_ns) / 1000000000);
@@ -401,17 +401,18 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     for (int i = 0; i < 10; i++) CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     sem_post(&hurry);
     CHECK_STR(await(c, fd, 1), "{\"ok\":true,\"request\":{\"slow\":1}}\n");
-    sem_post(&hurry); // the other peer's is next, who has waited for longer
+    sem_post(&hurry); // next is the request of the other peer, who has waited longer
     CHECK_STR(await(c, second, 1), "{\"ok\":true,\"request\":{\"slow\":3}}\n");
     for (int i = 0; i < 5000 && answered < 13; i++) usleep(1000);
-    close(fd); // with one at work
+    close(fd); // while one of its requests is at work
     sem_post(&hurry);
     for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
     CHECK(answered == 10 + 3 + 1);
     fd = dial();
     CHECK_STR(say(c, fd, "{\"slow\":4}\n{}\n"), "");
-    CHECK_STR(say(c, fd, "{\"urgent\":1}\n"), ""); // behind the peer's own: done at once, answered in turn
+    // queued behind the peer's own requests: done at once, answered in order
+    CHECK_STR(say(c, fd, "{\"urgent\":1}\n"), "");
     for (int i = 0; i < 5000 && answered < 16; i++) usleep(1000);
     CHECK(answered == 16);
     sem_post(&hurry);
@@ -420,7 +421,7 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     CHECK(answered == 17);
     CHECK_STR(say(c, fd, "{\"slow\":5}\n{}\n"), "");
     CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
-    close(fd); // with an answer unread, and one at work
+    close(fd); // with an answer unread and a request at work
     for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
     sem_post(&hurry);
     for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
@@ -430,7 +431,7 @@ TEST("everybody is heard in turn, a line each, and nobody waits for another one'
     close(second), close(other);
 }
 
-static const char *heard(int fd) // by who turns no more
+static const char *heard(int fd) // without a turn of the server
 {
     static char text[4096];
     ssize_t got = recv(fd, text, sizeof text - 1, MSG_DONTWAIT);
@@ -447,11 +448,11 @@ TEST(
     int fd = dial(), second = dial(), third = dial();
     CHECK_STR(say(c, fd, "{\"slow\":1}\n{\"stop\":1}\n{\"slow\":2}\n"), "");
     CHECK_STR(say(c, second, "{\"slow\":3}\n{\"stop\":2}\n{\"half\":"), "");
-    CHECK(send(third, "{\"stop\":3}\n", 11, MSG_NOSIGNAL) == 11); // nobody has looked there yet
+    CHECK(send(third, "{\"stop\":3}\n", 11, MSG_NOSIGNAL) == 11); // the server has not read from this peer yet
     int fourth = dial();
     CHECK(send(fourth, "{\"stop\":4}\n", 11, MSG_NOSIGNAL) == 11);
     kn_control_end(c);
-    kn_control_work(c); // its last one
+    kn_control_work(c); // finish the last slow request
     kn_control_drain(c);
     char both[300];
     snprintf(both, sizeof both, "{\"ok\":true,\"request\":{\"slow\":1}}\n{\"ok\":true,\"request\":{\"stop\":1}}\n%s",

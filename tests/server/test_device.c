@@ -1,6 +1,6 @@
 // The driver of a circuit against knead-simdev, a process of its own, over a pseudo-terminal and shared memory.
-//     KN_TICKS=N   ticks of each comparison (1000)        KN_KILLS=N   times that the device is killed in a run (4)
-//     KN_ENGINE=rtl   the circuit itself steps, under Verilator, in a time of its own; nano: the small one
+//     KN_TICKS=N   ticks of each comparison (1000)        KN_KILLS=N   how often the device is killed in a run (4)
+//     KN_ENGINE=rtl   the circuit itself steps, under Verilator, at its own speed; nano: the small circuit
 // a program of its own: malloc and its kin are interposed
 #include "server/backend/device.h"
 #include "hdl/registers.h"
@@ -72,10 +72,10 @@ static kn_device *open_patient(const sim *s, double miss_ms)
 
 typedef struct pair {
     kn_device *device;
-    rig *before, *after; // the twin; and when the tick under way has been taken
+    rig *before, *after; // the twin before the tick under way, and after that tick
     uint64_t seed;
     int count;
-    int taken, unseen, resumed, loaded; // results that came; ticks whose results were lost on the way
+    int taken, unseen, resumed, loaded; // results received; ticks whose results were lost on the way
 } pair;
 
 static pair begin(kn_device *device, uint64_t seed)
@@ -97,7 +97,7 @@ static void copy(rig *to, const rig *from)
     to->fixed.flags = from->fixed.flags;
 }
 
-// Nodes at random, each once, held or pushed.
+// Hold or push random nodes, each of them once.
 static void choose(pair *p)
 {
     kn_fixed_bound *b = p->after->bound;
@@ -112,7 +112,8 @@ static void choose(pair *p)
     p->count = within(&p->seed, 0, 4) ? within(&p->seed, 0, 8) : within(&p->seed, 0, NODES);
 }
 
-// IDENTIFIED and SYNCED again, whatever it takes; true: the tick under way had been taken.
+// Bring the device to IDENTIFIED and SYNCED again by any means. Return true if the device had taken the tick under
+// way.
 static bool recover(pair *p)
 {
     for (int64_t until = after_ms(20000); kn_now_ns() < until;) {
@@ -139,7 +140,7 @@ static bool same(const pair *p, const kn_device_result *r)
     return equal;
 }
 
-// One tick of both. Any result that comes is the twin's.
+// Run one tick of the device and of the twin. Every result received must equal the twin's.
 static void step(pair *p)
 {
     kn_device_result result;
@@ -177,7 +178,7 @@ static void check_states(pair *p)
     CHECK(kn_fixed_crc(&read->fixed) == crc);
 }
 
-// ---- sentences
+// ---- tests
 
 TEST("an URI that is none is refused in one line that says what was expected")
 {
@@ -272,11 +273,11 @@ TEST("a name that leads to another line by now is looked up again, once the one 
     strcat(s.uri, name_of_link);
     kn_device *d = open_patient(&s, 1);
     CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_IO && kn_device_loss(d) == KN_LOSS_TIMEOUT);
-    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_IO); // again, and again silent
+    CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_IO); // the second try is silent as well
     unlink(name_of_link);
     CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_GONE && kn_device_loss(d) == KN_LOSS_REMOVED);
     s = start_on(false, NULL, "1");
-    kn_link_status status = KN_LINK_GONE; // where its answer is late, it is asked again
+    kn_link_status status = KN_LINK_GONE; // a late answer is asked for again
     for (int64_t until = after_ms(5000); status != KN_LINK_OK && kn_now_ns() < until; usleep(1000))
         status = kn_device_identify(d, after_ms(5000));
     CHECK(status == KN_LINK_OK);
@@ -358,7 +359,8 @@ TEST("a load that was broken off is no state to resume, though all that its chec
     CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_OK);
     CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(2000)) == KN_LINK_OK);
     for (int slices = 1; slices < 60 && kn_device_state_of(d) != KN_DEVICE_LOST; slices++) {
-        for (int e = 0; e < EDGES; e++) r->image.edge[e].kv ^= 0xffff; // another material; at rest as before
+        // another material; the state at rest is the same
+        for (int e = 0; e < EDGES; e++) r->image.edge[e].kv ^= 0xffff;
         kn_link_status status = KN_LINK_LATE;
         for (int i = 0; i < slices && status == KN_LINK_LATE; i++) {
             status = kn_device_load(d, &r->image, &r->fixed, 0);
@@ -368,7 +370,7 @@ TEST("a load that was broken off is no state to resume, though all that its chec
         broken_off++;
         CHECK(kn_device_identify(d, after_ms(5000)) == KN_LINK_OK);
         if (kn_device_resume(d, &r->fixed, after_ms(5000)) != KN_LINK_OK) continue;
-        kn_device_result result; // the last reply was all that was missing
+        kn_device_result result; // only the last reply was missing
         move_all(r, &seed, 1 << 12);
         tick(r, 10);
         CHECK(kn_device_submit(d, r->bound, 10) == KN_LINK_OK);
@@ -425,7 +427,8 @@ TEST("nothing is allocated but by open")
         allocations = 0;
         for (int i = 0; i < 300; i++) {
             move_all(r, &seed, 1 << 14);
-            bool lost = kn_device_state_of(d) != KN_DEVICE_SYNCED; // then the link may be opened again
+            // then the link may be opened again, which may allocate
+            bool lost = kn_device_state_of(d) != KN_DEVICE_SYNCED;
             if (lost) lost = kn_device_identify(d, after_ms(5000)) == KN_LINK_OK;
             armed = true;
             if (lost && kn_device_resume(d, &r->fixed, after_ms(5000)) != KN_LINK_OK)
@@ -488,7 +491,7 @@ TEST("whatever goes wrong on the way or in the device, no wrong result is taken,
                  "", false}};
     for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
         char line[256], seed[16];
-        if (!golden() && strstr(runs[i].fault, "torn")) continue; // the circuit steps when it is asked
+        if (!golden() && strstr(runs[i].fault, "torn")) continue; // the real circuit steps only when asked
         snprintf(seed, sizeof seed, "%zu", i + 1);
         sim s = start_on(runs[i].bar, runs[i].fault, seed);
         pair p = begin(open_patient(&s, runs[i].bar ? 1.6 : 3), 100 + i);
@@ -503,7 +506,7 @@ TEST("whatever goes wrong on the way or in the device, no wrong result is taken,
         end(&p);
         stop(&s, SIGTERM, line);
         bool struck = strstr(line, runs[i].at), waited = strcmp(runs[i].at, "delay") == 0 || !golden();
-        CHECK(struck || !golden()); // its ticks are slow and few
+        CHECK(struck || !golden()); // the real circuit's ticks are slow and few
         CHECK(!struck || waited || stats.retries + stats.lost + stats.link.stray > 0);
         line[strcspn(line, "\n")] = 0;
         printf(
@@ -537,7 +540,7 @@ TEST("killed in the middle and started again, it is loaded again and goes on wit
         }
         for (int more = 50; more > 0; more--, ticks++) step(&p);
         check_states(&p);
-        CHECK(p.loaded + p.resumed - loads >= kills); // resumed: a load had arrived, its last reply had not
+        CHECK(p.loaded + p.resumed - loads >= kills); // resumed: the load had arrived, only its last reply had not
         printf("     %-4s %d kills, %d ticks, %d loads\n", bar ? "shm" : "pty", kills, ticks, p.loaded);
         end(&p);
         stop(&s, SIGTERM, line);
@@ -576,7 +579,7 @@ TEST("why it was lost has a name")
     }
 }
 
-// ---- what no board was there for
+// ---- without a board
 
 TEST("a serial line by its name: its speed, a hasty adapter, the same frames")
 {
@@ -644,7 +647,7 @@ TEST("a card's registers are its resource0; all ones are a card that is gone")
     CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_GONE);
     CHECK(pwrite(fd, &id, 4, 0) == 4);
     CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_OK);
-    CHECK(ftruncate(fd, 0) == 0); // its memory is taken away, as a card's that is removed
+    CHECK(ftruncate(fd, 0) == 0); // take the memory away, as when a card is removed
     CHECK(link.submit(link.self, &r) == KN_LINK_OK && link.wait(link.self, 0, &reply) == KN_LINK_GONE);
     kn_request_write(&r, KN_WINDOW_NODES, (const uint32_t[]){42}, 1);
     kn_request_wait(&r, KN_REG_STATUS, KN_STATUS_BUSY, 0, 0);

@@ -1,5 +1,5 @@
-// The serial link's frames and the operations in them. KN_FRAMES=N: frames whose payload is made of chance, and as many
-// that are spoilt on the wire (1000000).
+// The frames of the serial link and the operations in them. KN_FRAMES=N: number of frames with random payload, and of
+// frames spoilt on the wire (1000000).
 #include "server/backend/frame.h"
 #include "tests/check.h"
 
@@ -11,7 +11,7 @@ static uint32_t chance(uint32_t below)
     return (uint32_t)((seed >> 32) * below >> 32);
 }
 
-// COBS once more, as the paper draws it: the length of a block is written when the block has ended.
+// A second COBS encoder, written as in the paper: the length of a block is written when the block has ended.
 static size_t stuff(const uint8_t *bytes, size_t size, uint8_t *wire)
 {
     size_t length_at = 0, out = 1;
@@ -36,7 +36,7 @@ static size_t hear(kn_framer *f, const uint8_t *wire, size_t size)
     return heard;
 }
 
-// A payload of the given kind: 0 zeros, 1 none of them, 2 few, 3 as they come.
+// Fill a payload. kind: 0 zeros, 1 no zeros, 2 few zeros, 3 random bytes.
 static void fill(uint8_t *payload, size_t size, int kind)
 {
     for (size_t i = 0; i < size; i++)
@@ -80,7 +80,7 @@ TEST("an empty block behind one of 254 bytes at the end is a second way to write
     uint8_t payload[250], wire[KN_FRAMER_WIRE];
     kn_framer f = {0};
     size_t bytes;
-    do { // until the checksum has no 0
+    do { // repeat until the checksum contains no 0
         fill(payload, sizeof payload, 1);
         bytes = kn_framer_encode(payload, sizeof payload, wire);
     } while (bytes != 256 || wire[0] != 255);
@@ -101,7 +101,7 @@ TEST("each wrong frame is in one counter: length, coding or checksum")
     fill(longest, sizeof longest, 3);
     CHECK(hear(&f, wire, stuff(longest, sizeof longest - 1, wire)) == 0 && f.crc == 1);
     CHECK(hear(&f, wire, stuff(longest, sizeof longest, wire)) == 0 && f.length == 2);
-    memset(wire, 1, sizeof wire); // a thousand zeros and more, coded without end
+    memset(wire, 1, sizeof wire); // more than a thousand zeros, encoded without an end
     CHECK(hear(&f, wire, sizeof wire) == 0 && f.length == 2);
     CHECK(hear(&f, empty, 1) == 0 && f.length == 3);
     CHECK(f.frames == 0 && f.crc == 1 && f.cobs == 1);
@@ -134,7 +134,7 @@ TEST("no frame with one bit flipped and none that is cut off is taken; the next 
 
 static int64_t wanted(void) { return getenv("KN_FRAMES") ? atoll(getenv("KN_FRAMES")) : 1000000; }
 
-// A frame of bytes made another; its new size. What stands between its first byte and its 0x00 is what changes.
+// Spoil the bytes of a frame between its first byte and its 0x00. Return the new size.
 enum { BITS, BURST, CUT, MORE, SPLICE, KINDS };
 static size_t spoil(int kind, uint8_t *wire, size_t size, const uint8_t *other, size_t other_size)
 {
@@ -173,7 +173,7 @@ TEST("no frame that was spoilt on the wire is taken: bits, bursts, bytes lost or
         for (size_t at = 0, used, more; at <= now; at += used)
             if ((more = kn_framer_read(&f, wire + at, now + 1 - at, &used)) != 0) memcpy(got, f.bytes, heard = more);
         spoilt += now != bytes[n] || memcmp(wire, frame[n], now) != 0;
-        bool sent = false; // by chance the whole of one is in there, and garbage beside it
+        bool sent = false; // by chance a whole sent frame may remain, with garbage beside it
         for (int k = 0; k < 2; k++) sent |= heard == size[k] && memcmp(got, payload[k], heard) == 0;
         whole += f.frames > 0 && sent;
         taken[kind] += f.frames > 0 && !sent;
@@ -225,10 +225,10 @@ TEST("whatever came before, a frame behind a 0x00 is heard, and at worst the one
 
 // ---- operations ----
 
-typedef struct memory { // 256 words from address 2^24 - 128 on, over the end; others are bus errors
+typedef struct memory { // 256 words from address 2^24 - 128 on, wrapping around; other addresses are bus errors
     uint32_t words[256];
     int reads, writes;
-    int met_at; // of the word at address 0: from this read on it is 7
+    int met_at; // from this read on the word at address 0 is 7
 } memory;
 
 static uint32_t *find(memory *m, uint32_t address)
@@ -338,14 +338,14 @@ TEST("of a malformed operation nothing is done, of those before it everything")
         {1, 0, {4}},                                      // unknown
         {1, 0, {0xff}},                                   // unknown
         {1, 0, {1}},                                      // READ, cut off
-        {4, 0, {1, 1, 0, 0}},                             // READ without its count
+        {4, 0, {1, 1, 0, 0}},                             // READ without a count
         {5, 0, {1, 1, 0, 0, 0}},                          // READ of no words
-        {4, 0, {2, 1, 0, 0}},                             // WRITE without its count
+        {4, 0, {2, 1, 0, 0}},                             // WRITE without a count
         {5, 0, {2, 1, 0, 0, 0}},                          // WRITE of no words
         {8, 0, {2, 1, 0, 0, 1, 9, 9, 9}},                 // WRITE, a word cut off
         {13, 0, {2, 1, 0, 0, 3, 1, 1, 1, 1, 2, 2, 2, 2}}, // WRITE, a word missing
         {13, 0, {3}},                                     // WAIT, cut off
-        {10, 1, {1, 2, 0, 0, 1, 1, 2, 0, 0, 255}},        // READ beyond what a reply holds
+        {10, 1, {1, 2, 0, 0, 1, 1, 2, 0, 0, 255}},        // READ of more than a reply holds
         {6, 1, {1, 2, 0, 0, 1, 7}},                       // bytes behind the last operation
     };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {

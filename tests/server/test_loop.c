@@ -8,15 +8,15 @@
 #include "tests/check.h"
 #include "tests/server/lent.h"
 
-// A loop, what its screen has been told, and a hand over the plate; one call per tick.
+// A loop, the mesh that its screen received, and a hand over the plate. One call is one tick.
 typedef struct rig {
     kn_lent lent;
     kn_mesh mesh;
     kn_pose pose;
-    int64_t tick, took_ns; // took_ns: that a tick seems to take
+    int64_t tick, took_ns; // took_ns: apparent duration of a tick
     kn_tick_out out;
     int kinds[KNEAD_EVENT_T_KIND_OVERLOAD + 1]; // events seen so far
-    double audit[5];                            // arg of the last checkpoint
+    double audit[5];                            // arguments of the last checkpoint
 } rig;
 
 static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
@@ -48,7 +48,7 @@ static void move(rig *r, double vz_m_s)
     kn_loop_post(&r->lent.loop, 0, &r->pose);
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns() - r->took_ns};
     kn_loop_tick(&r->lent.loop, &wake);
-    r->lent.loop.execution_ns = 0; // on a slow machine it would be an overload
+    r->lent.loop.execution_ns = 0; // a slow machine would report an overload
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {
@@ -64,7 +64,7 @@ static void hover(rig *r, int ms)
     for (int i = 0; i < ms; i++) move(r, 0.0);
 }
 
-// Engages in air, touches at rest, goes 5 mm deep at 1 cm/s.
+// Engage in air, rest on the surface, then go 5 mm deep at 1 cm/s.
 static void press(rig *r)
 {
     r->pose.position_m[2] = 0.031;
@@ -76,7 +76,7 @@ static void press(rig *r)
 
 static double given_n(const rig *r) { return r->out.force[0].force_n[2]; }
 
-// Lowest of the object's upper side under the middle of the plate, as the screen has it.
+// Return the lowest height of the object's top under the middle of the plate, as the screen shows it.
 static double dent_m(rig *r)
 {
     kn_skin_publish_topology(&r->lent.skin, 0);
@@ -109,7 +109,7 @@ static bool tells(rig *r, const float *told, kn_measure what)
     return told && most > 0 && wrong <= 1e-6 * most;
 }
 
-// So that what the screen has last is the state of now.
+// Publish a mesh of the current state.
 static void show_now(rig *r)
 {
     r->lent.skin.next_tick = 0;
@@ -151,7 +151,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     CHECK(change);
     if (!change) return;
     r.lent.loop.change = change;
-    r.lent.loop.deadline = 1000000000; // this change has none of its own
+    r.lent.loop.deadline = 1000000000; // this change has no deadline of its own
     kn_loop_order(&r.lent.loop, KN_ORDER_CHANGE, 0);
     move(&r, 0.0);
     CHECK(r.lent.loop.servo.model == change->model && r.lent.loop.deadline == 1000000000);
@@ -171,7 +171,8 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     kn_clock_hand(&time);
     kn_loop *loop = &r.lent.loop;
     const double budget_ns = 1e9 * r.lent.scene->budget_s;
-    const int64_t least = kn_deadline_least(r.lent.model), given = 3 * least / 2; // which every step takes half of
+    // every step uses half of this deadline
+    const int64_t least = kn_deadline_least(r.lent.model), given = 3 * least / 2;
     loop->deadline = loop->priced = given;
     move(&r, 0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 1 && loop->servo.deadline == given);
@@ -179,18 +180,18 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     move(&r, 0), move(&r, 0);
     r.took_ns = 0;
     move(&r, 0);
-    CHECK(loop->deadline == given); // two are none
+    CHECK(loop->deadline == given); // two long steps are not enough
     r.took_ns = (int64_t)(0.9 * budget_ns);
     for (int i = 0; i < 4; i++) move(&r, 0);
     CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) &&
           r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
     for (int i = 0; i < 40; i++) move(&r, 0);
-    CHECK(loop->servo.deadline == least); // and no less
+    CHECK(loop->servo.deadline == least); // the deadline never goes lower
     r.took_ns = (int64_t)(0.64 * budget_ns);
     for (int i = 0; i < KN_LOOP_CHEAP + 1; i++) move(&r, 0);
     CHECK(loop->servo.deadline == (int64_t)(1.125 * (double)least));
     for (int i = 0; i < 8 * KN_LOOP_CHEAP; i++) move(&r, 0);
-    CHECK(loop->servo.deadline == given && loop->deadline == given); // nor more
+    CHECK(loop->servo.deadline == given && loop->deadline == given); // the deadline never goes higher
     kn_clock_hand(NULL);
 }
 
@@ -256,7 +257,7 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     CHECK(!kn_loop_estopped(&r.lent.loop));
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RECOVER] == 1 && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
-    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0); // of both before a tick the later one
+    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0); // two orders before the same tick: the later one counts
     CHECK(kn_loop_estopped(&r.lent.loop));
     kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
     hover(&r, 1);
@@ -339,7 +340,7 @@ TEST("checkpoints tell the audit: what is stored, the tools' work, what was diss
     rig_open(&r, "material=jelly");
     press(&r);
     double work_j = r.lent.backend.state(r.lent.backend.self)->probe[0].work_j;
-    for (double v = -0.01; v < 0; v += 0.0002) move(&r, v); // stays there
+    for (double v = -0.01; v < 0; v += 0.0002) move(&r, v); // comes to rest there
     hover(&r, 3000);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_CHECKPOINT] >= 4);
     CHECK(r.audit[2] >= work_j && work_j > 0);
@@ -352,11 +353,11 @@ TEST("checkpoints tell the audit: what is stored, the tools' work, what was diss
     kn_account_health(&r.lent.loop.account, &health);
     CHECK(health.audited_s >= 3 && health.trips[KNEAD_HEALTH_T_TRIP_PASSIVITY] == 0);
     CHECK(health.energy_balance_mj > 0 &&
-          health.energy_balance_mj < 1e3 * r.audit[2]); // of a jelly, some of it dissipated
+          health.energy_balance_mj < 1e3 * r.audit[2]); // the balance of a jelly, with some energy dissipated
 
     kn_state *state = (kn_state *)(uintptr_t)r.lent.backend.state(r.lent.backend.self);
     kn_model *m = r.lent.model;
-    for (int n = 0; n < m->node_count; n++) { // deeper by half, by nobody
+    for (int n = 0; n < m->node_count; n++) { // increase the displacements by half, without any work
         size_t z = m->offset[n] + 2 * m->stride;
         kn_real_set(m, state->displacement, z, 1.5 * kn_real_get(m, state->displacement, z));
     }

@@ -8,13 +8,13 @@
 #define MS INT64_C(1000000)
 #define US INT64_C(1000)
 
-// A servo whose ticks wake 5 to 30 us late, and one sender per probe. Times are of one clock, ns.
+// A servo whose ticks wake 5 to 30 us late, and one sender for each probe. All times in ns of one clock.
 typedef struct sender {
-    double next_ns, period_ns, jitter_ns; // poses come at next_ns plus up to jitter_ns, mostly near to none
-    double late_ns;                       // of the next one
+    double next_ns, period_ns, jitter_ns; // poses come at next_ns plus up to jitter_ns, mostly nearly on time
+    double late_ns;                       // delay of the next pose
     int64_t session, arrived_ns, earlier_ns, seq;
-    double dropped, lost, repeated, waits, waited_ns; // counts since the run began; dropped: by the link
-    double loss;                                      // share that it drops
+    double dropped, lost, repeated, waits, waited_ns; // counts since the start of the run; dropped: by the link
+    double loss;                                      // share that the link drops
     bool engaged;
 } sender;
 
@@ -40,7 +40,7 @@ static void start(rig *r)
     r->sender[0].engaged = true;
 }
 
-// As the servo does it: looks for a late pose every 15 us.
+// Wait as the servo does: look for a late pose every 15 us.
 static void hold(const rig *r, kn_wake *wake)
 {
     int probe = kn_phase_awaits(&r->phase);
@@ -60,7 +60,8 @@ static kn_arrival arrival(rig *r, sender *s, double now_ns)
         if (!drop) s->earlier_ns = s->arrived_ns;
         if (!drop) s->arrived_ns = (int64_t)(s->next_ns + s->late_ns);
         s->late_ns =
-            s->jitter_ns * pow(kn_dice(&r->random), 6); // half of them within 2 % of it, 1 in 16 beyond two thirds
+            // half of the delays within 2 % of jitter_ns, 1 in 16 beyond two thirds
+            s->jitter_ns * pow(kn_dice(&r->random), 6);
         s->next_ns += s->period_ns;
         s->seq += !drop;
         s->dropped += drop;
@@ -188,7 +189,7 @@ TEST("when poses stop the grid stands, and takes up where it was when they come 
     r.sender[0].next_ns += 500e6; // half a second of silence
     run(&r, 500);
     CHECK(r.clock.start_ns == start_ns && r.phase.locked && r.phase.held <= held + 5);
-    r.sender[0].session = 0; // and then the session's end
+    r.sender[0].session = 0; // then the session ends
     r.sender[0].next_ns += 1000e6;
     run(&r, 1000);
     CHECK(r.clock.start_ns == start_ns && !r.phase.locked && r.phase.probe == -1);
@@ -206,13 +207,13 @@ TEST("poses at 5 kHz and at 500 Hz leave the slew bounded and every tick in its 
     r.sender[0].jitter_ns = 10e3;
     run(&r, 10);
     run(&r, 5000);
-    CHECK(mean_wait_us(&r, 0) < 200 && r.sender[0].repeated == 0); // the newest is never older
+    CHECK(mean_wait_us(&r, 0) < 200 && r.sender[0].repeated == 0); // the newest pose is recent enough
     check_slew(&r);
     start(&r);
     r.sender[0].period_ns = 2e6;
     run(&r, 2000);
     run(&r, 5000);
-    CHECK(r.phase.locked && r.phase.held == 0 && mean_wait_us(&r, 0) < 120); // the late ones wait a whole period
+    CHECK(r.phase.locked && r.phase.held == 0 && mean_wait_us(&r, 0) < 120); // late poses wait a whole period
     check_slew(&r);
 }
 
@@ -228,7 +229,7 @@ TEST("of two senders the one that was engaged first drives, until it is not; bef
     r.sender[1].engaged = true;
     run(&r, 1000);
     CHECK(r.phase.probe == 1 && r.phase.locked);
-    r.sender[0].engaged = true; // the second to be
+    r.sender[0].engaged = true; // engaged second
     run(&r, 3000);
     CHECK(r.phase.probe == 1 && mean_wait_us(&r, 1) < 80 && mean_wait_us(&r, 0) > 300);
     r.sender[1].engaged = false;
@@ -244,7 +245,7 @@ TEST("a pose that is late is waited for, 0.3 ms at most, and the next tick is du
     start(&r);
     r.sender[0].jitter_ns = 5e3;
     run(&r, 3000);
-    for (int late_us = 60; late_us <= 420; late_us += 90) { // 240 still, 330 no more
+    for (int late_us = 60; late_us <= 420; late_us += 90) { // 240 us is waited for, 330 us is not
         run(&r, 50);
         int64_t held = r.phase.held, start_ns = r.clock.start_ns;
         r.sender[0].late_ns = late_us * 1e3;

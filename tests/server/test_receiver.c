@@ -119,7 +119,7 @@ static kn_auth key;
 
 static kn_auth_stamp stamp_of_now(void) { return (kn_auth_stamp){key.life, (now_ns - key.born_ns) / 1000}; }
 
-// As a holder of the key sends it.
+// Sign a pose as a holder of the key does.
 static kn_datagram signed_pose(const kn_auth *auth, const char *channel, const knead_probe_pose_t *pose)
 {
     kn_datagram d = datagram_of(channel, pose);
@@ -146,7 +146,7 @@ TEST("with a key only what its holders send is taken: no other key, channel or b
     other.key[31] ^= 1;
     bad = signed_pose(&other, "KNEAD_POSE_hand", &pose);
     CHECK_VERDICT(judge(&bad), KN_REJECT_MAC);
-    bad = signed_pose(&key, "KNEAD_POSE_thumb", &pose); // of another tool, sent as this one's
+    bad = signed_pose(&key, "KNEAD_POSE_thumb", &pose); // signed for another tool, sent as this tool's
     kn_datagram moved = datagram_of("KNEAD_POSE_hand", &pose);
     memcpy(moved.bytes + moved.size, bad.bytes + bad.size - KN_AUTH_TRAILER, KN_AUTH_TRAILER);
     moved.size += KN_AUTH_TRAILER;
@@ -158,7 +158,7 @@ TEST("with a key only what its holders send is taken: no other key, channel or b
     }
     CHECK(receiver.accepted == 0);
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
-    receiver.auth = NULL; // who has no key does not look
+    receiver.auth = NULL; // a receiver without a key ignores the tag
     start();
     good = signed_pose(&key, "KNEAD_POSE_hand", &pose);
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
@@ -191,7 +191,7 @@ TEST("without a key a flipped bit may still be a pose, but none that is further 
             speed_m_s += got.velocity_m_s[i] * got.velocity_m_s[i];
         }
         CHECK(sqrt(speed_m_s) <= 5.0);
-        // a later stamp buys a longer way
+        // A later stamp allows a longer distance.
         CHECK(sqrt(way_m) <= 5.0 * 1e-6 * fmax(1000.0, (double)(got.utime - pose.utime)));
     }
     printf("%d of %d bits\n", taken, bits);
@@ -211,21 +211,21 @@ TEST("what was recorded of a holder of the key is never taken again, not after i
     }
     kn_receiver before = receiver;
     kn_receiver_leave(&receiver, 0, 1);
-    for (int turn = 0; turn < 30; turn++, now_ns += 100 * MS) // of a session that left
+    for (int turn = 0; turn < 30; turn++, now_ns += 100 * MS) // after a session that left
         for (int i = 0; i < COUNT; i++) CHECK(judge(&recorded[i]) != KN_ACCEPTED);
     CHECK(receiver.rejected[KN_REJECT_STALE] > 0 && receiver.rejected[KN_REJECT_REPLAYED] > 20 * COUNT);
-    receiver = before; // of one that fell silent
+    receiver = before; // after a session that fell silent
     receiver.source[0].last.buttons = 0;
     now_ns -= 3000 * MS;
     for (int turn = 0; turn < 300; turn++, now_ns += 10 * MS) {
         kn_receiver_expire(&receiver, now_ns);
         for (int i = 0; i < COUNT; i++) CHECK(judge(&recorded[i]) != KN_ACCEPTED);
     }
-    knead_probe_pose_t pose = good_pose(1, 1); // the holder comes again
+    knead_probe_pose_t pose = good_pose(1, 1); // the holder comes back
     kn_datagram next = signed_pose(&key, "KNEAD_POSE_hand", &pose);
     CHECK_VERDICT(judge(&next), KN_ACCEPTED);
     start_keyed();
-    key.life = 4712; // a restart at the moment of the recording
+    key.life = 4712; // a restart at the time of the recording
     for (int i = 0; i < COUNT; i++, now_ns += MS) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
 }
 
@@ -249,7 +249,7 @@ TEST("a hello with the key is handed to be answered, ten thousand times a second
     CHECK_VERDICT(judge(&hello), KN_REJECT_CHANNEL);
 }
 
-// KN_FORGED=1000000: as many.
+// KN_FORGED=1000000: number of messages.
 TEST("of many forged messages none is accepted: wrong keys, tools and times, flipped bits, what was recorded")
 {
     enum { RECORDED = 1000 };
@@ -262,7 +262,7 @@ TEST("of many forged messages none is accepted: wrong keys, tools and times, fli
         recorded[i] = signed_pose(&key, "KNEAD_POSE_hand", &pose);
         CHECK_VERDICT(judge(&recorded[i]), KN_ACCEPTED);
     }
-    now_ns += 1100 * MS; // the tool is free again, and for the taking
+    now_ns += 1100 * MS; // the tool is free again
     kn_receiver_expire(&receiver, now_ns);
     uint64_t random = 1;
     for (int64_t n = 0; n < count; n++, now_ns += MS / 10) {
@@ -293,7 +293,8 @@ TEST("a second hand with the key, whatever its clock says, does not disturb the 
     }
     now_ns += 1100 * MS;
     for (int i = 0; i < 500;
-         i++, now_ns += MS) { // once it has gone the other one has its turn, and the first comes back
+         // after the first hand has gone, the other hand may take the tool, and later the first one comes back
+         i++, now_ns += MS) {
         knead_probe_pose_t pose = good_pose(8, 1000 + i);
         pose.utime += 40000000;
         kn_datagram d = signed_pose(&key, "KNEAD_POSE_hand", &pose);
@@ -361,9 +362,9 @@ TEST("late, repeated and replayed poses are stale; a clock that runs backwards i
     CHECK_VERDICT(send_pose(pose), KN_REJECT_STALE);
     pose = good_pose(1, 12), pose.utime = 9999;
     CHECK_VERDICT(send_pose(pose), KN_REJECT_CLOCK);
-    pose.utime = 10000; // the same microsecond is no reason
+    pose.utime = 10000; // the same microsecond is accepted
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
-    CHECK_VERDICT(send_pose(good_pose(1, 14)), KN_ACCEPTED); // losses are no reason either
+    CHECK_VERDICT(send_pose(good_pose(1, 14)), KN_ACCEPTED); // a gap in seq is accepted
 }
 
 TEST("the first session owns its probe until it has been silent for a second; other probes are free")
@@ -383,9 +384,10 @@ TEST("the first session owns its probe until it has been silent for a second; ot
     now_ns += 1 * MS;
     CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
     CHECK(kn_receiver_expire(&receiver, now_ns) == 0);
-    CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED); // the same number from the start: a log played again
+    // the same session number from the start: a log played again
+    CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED);
     now_ns += 1000 * MS;
-    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // judged by arrival, even when nobody called expire
+    CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // decided at arrival, even if expire was not called
 }
 
 TEST("a session that has said its last is stale for a second, and over when the servo says so")
@@ -393,7 +395,7 @@ TEST("a session that has said its last is stale for a second, and over when the 
     start();
     knead_probe_pose_t last = good_pose(1, 7);
     CHECK_VERDICT(send_pose(good_pose(1, 6)), KN_ACCEPTED);
-    CHECK(!kn_receiver_leave(&receiver, 0, 1)); // it has not said so
+    CHECK(!kn_receiver_leave(&receiver, 0, 1)); // the session has not announced its end
     last.buttons = KN_BUTTON_LEAVING;
     CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
     CHECK_VERDICT(send_pose(good_pose(1, 8)), KN_REJECT_STALE);
@@ -405,13 +407,13 @@ TEST("a session that has said its last is stale for a second, and over when the 
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED);
     CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_REJECT_STALE);
     const kn_packets *n = &receiver.source[0].packets;
-    CHECK(n->duplicate == 0 && n->reordered == 0 && n->lost == 0); // a session that is over counts nowhere
+    CHECK(n->duplicate == 0 && n->reordered == 0 && n->lost == 0); // a session that is over is not counted
     last = good_pose(2, 2), last.buttons = KN_BUTTON_LEAVING;
     CHECK_VERDICT(send_pose(last), KN_ACCEPTED);
     CHECK(kn_receiver_leave(&receiver, 0, 2));
     for (int i = 0; i < 3; i++, now_ns += 600 * MS) CHECK_VERDICT(send_pose(good_pose(1, 11 + i)), KN_REJECT_STALE);
     last = good_pose(3, 1), last.buttons = KN_BUTTON_LEAVING;
-    CHECK_VERDICT(send_pose(last), KN_REJECT_STALE); // of a session that nobody has opened
+    CHECK_VERDICT(send_pose(last), KN_REJECT_STALE); // a session that was never opened
     now_ns += 1000 * MS;
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // a log played again
 }
@@ -435,11 +437,11 @@ TEST("a tool does not jump: 5 m/s by its own velocity or by its way")
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
     pose = good_pose(1, 2), pose.position_m[0] = 0.0051;
     CHECK_VERDICT(send_pose(pose), KN_REJECT_JUMP);
-    pose = good_pose(1, 3), pose.position_m[0] = 0.0099; // 2 ms after the last accepted one
+    pose = good_pose(1, 3), pose.position_m[0] = 0.0099; // 2 ms after the last accepted pose
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
     pose = good_pose(1, 4), pose.position_m[0] = 0.3;
     for (; pose.seq < 62; pose.seq++, pose.utime += 1000) CHECK_VERDICT(send_pose(pose), KN_REJECT_JUMP);
-    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED); // 0.29 m in 59 ms: it may have walked there
+    CHECK_VERDICT(send_pose(pose), KN_ACCEPTED); // 0.29 m in 59 ms is possible
     pose = good_pose(1, 63), pose.utime = INT64_MAX;
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
 }
@@ -449,14 +451,15 @@ TEST("poses close in time: one small step is no jump, many of them are")
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
-    pose.seq++, pose.utime += 10, pose.position_m[0] = 0.001; // a held-up sender catching up: 100 m/s by the stamps
+    // a sender that catches up after a delay: 100 m/s by its stamps
+    pose.seq++, pose.utime += 10, pose.position_m[0] = 0.001;
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
     int accepted = 0;
     for (int i = 0; i < 50; i++) {
         pose.seq++, pose.utime += 10, pose.position_m[0] += 0.003;
         accepted += send_pose(pose) == KN_ACCEPTED;
     }
-    CHECK(accepted == 1); // 5 mm within the millisecond and not more
+    CHECK(accepted == 1); // no more than 5 mm within the millisecond
 }
 
 TEST("a probe takes 5 000 poses per second and lets a late sender catch up; a flood by others costs its owner nothing")
@@ -490,7 +493,7 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
     uint64_t random = 1;
     for (int64_t n = 0; n < COUNT; n++, now_ns += MS / 10) {
         if (n % 500 == 0)
-            now_ns += 1000 * MS; // the sender starts anew: one accepted seq far ahead makes all later ones stale
+            now_ns += 1000 * MS; // the sender starts anew, since one accepted seq far ahead makes all later ones stale
         unsigned char bytes[KN_TEST_DATAGRAM];
         size_t size = kn_random_datagram(bytes, &random, n % 8 ? "KNEAD_POSE_hand" : "KNEAD_POSE_thumb",
                                          good_pose(n % 64 ? 1 : 2, n % 500));
@@ -498,7 +501,7 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
         memcpy(d.bytes, bytes, d.size);
         int probe = -1;
         kn_pose pose;
-        memset(&pose, 0xff, sizeof pose); // NaN everywhere
+        memset(&pose, 0xff, sizeof pose); // all fields NaN
         if (kn_receiver_judge(&receiver, &d, now_ns, &probe, &pose) != KN_ACCEPTED) continue;
         CHECK(fabs(norm(pose.orientation_wxyz, 4) - 1) <= 1e-3);
         CHECK(norm(pose.position_m, 3) <= 1 && norm(pose.velocity_m_s, 3) <= 5);
@@ -509,12 +512,12 @@ TEST("whatever arrives, each datagram ends in one counter, and what is accepted 
     CHECK(receiver.received == COUNT && sum == COUNT);
     CHECK(receiver.accepted > COUNT / 20);
     for (int i = 0; i < KN_REJECT_COUNT;
-         i++) // the mix reaches every reason; rate and what follows have tests of their own
+         i++) // the mix reaches every reason; rate and the later reasons have their own tests
         if (i != KN_REJECT_RATE && i < KN_REJECT_PEER && receiver.rejected[i] == 0)
             KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
 }
 
-// seq after the next, `late_ms` later behind the one before than it was sent behind that.
+// Send a pose with this seq. late_ms: delay added to its interval from the pose before.
 static void arrive(int64_t seq, double late_ms)
 {
     static int64_t last;
@@ -536,14 +539,14 @@ TEST("what a probe's link loses, repeats, swaps and delays is counted by its own
     arrive(12, 0);
     arrive(14, 0);
     CHECK(n->lost == 2 && n->reordered == 1 && n->duplicate == 2);
-    arrive(15, 0.4); // with the half above: 0.9 ms behind
+    arrive(15, 0.4); // with the 0.5 ms above: 0.9 ms behind
     CHECK(n->late == 0);
     arrive(16, 1.1);
     CHECK(n->late == 1);
     arrive(17, -1); // in a burst
     CHECK(n->late == 1);
     arrive(117, 0);
-    arrive(18, 0); // too far behind to be told from one that comes again
+    arrive(18, 0); // too far behind to be told from a duplicate
     CHECK(n->lost == 2 + 99 && n->lost_in_a_row_max == 99 && n->duplicate == 3 && n->reordered == 1);
     CHECK(receiver.rejected[KN_REJECT_STALE] == n->duplicate + n->reordered &&
           receiver.source[1].packets.accepted == 0);
@@ -569,7 +572,7 @@ TEST("what is refused is not lost; a session that opens has lost nothing; number
         far.utime = INT64_MAX;
         CHECK_VERDICT(send_pose(far), KN_ACCEPTED);
     }
-    CHECK(n->lost == 1 && n->lost_in_a_row_max == 1); // numbers that began anew, not 2^62 poses
+    CHECK(n->lost == 1 && n->lost_in_a_row_max == 1); // the numbers began anew; 2^62 poses are not lost
 }
 
 TEST("a pose that is refused has come, for whatever reason and however often")
@@ -590,7 +593,7 @@ TEST("a pose that is refused has come, for whatever reason and however often")
     CHECK_VERDICT(send_pose(wild), KN_REJECT_JUMP);
     CHECK_VERDICT(send_pose(wild), KN_REJECT_JUMP);
     CHECK_VERDICT(send_pose(good_pose(1, 7)), KN_ACCEPTED);
-    CHECK(n->lost == 1); // 6
+    CHECK(n->lost == 1); // seq 6
     CHECK_VERDICT(send_pose(wild), KN_REJECT_STALE);
     CHECK(n->lost == 1 && n->reordered == 0 && n->duplicate == 1);
     CHECK_VERDICT(send_pose(good_pose(1, 6)), KN_REJECT_STALE);

@@ -7,7 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// What a process says whose stderr, or stdout, is somebody else's: a pipe or a terminal with a reader of its own.
+// A child process writes to stderr or stdout. The other end is a pipe or a terminal with a reader in the test.
 typedef struct listener {
     int reads, writes;
 } listener;
@@ -31,7 +31,7 @@ static pid_t speak(listener at, int fd, int (*says)(int fd))
     fflush(stdout);
     pid_t child = fork();
     if (child == 0) {
-        alarm(20); // held up, it ends by that
+        alarm(20); // ends the child if it is held up
         close(at.reads);
         dup2(at.writes, fd);
         kn_say_start();
@@ -72,17 +72,19 @@ TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held
         listener to = by[i]();
         CHECK(ended(speak(to, STDERR_FILENO, says_much)) == 0);
         hear(to.reads);
-        int lines = 0, next = 0, lost, told = 0; // a terminal may find room again, once its driver has made some
-        bool whole = false, counted = false; // the line before; it may lack but its end, and be counted as lost, too
+        int lines = 0, next = 0, lost, told = 0; // a terminal has room again once its driver has worked
+        // whether the previous line was whole; a whole line that lacked only its newline may also be counted as lost
+        bool whole = false, counted = false;
         for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
             if (sscanf(line, "kneadd: %d lines", &lost) == 1 && strstr(line, "read them")) {
-                next += lost - told; // the one before lacked but its end, and is told again
+                next += lost - told; // the previous line lacked only its newline, and is included in the next count
                 told = lost;
                 counted |= whole;
                 whole = false;
                 continue;
             }
-            if (!strchr(line, ' ') || strspn(strrchr(line, ' ') + 1, "0") != 400) continue; // torn: one of those
+            // a torn line is one of the lost ones
+            if (!strchr(line, ' ') || strspn(strrchr(line, ' ') + 1, "0") != 400) continue;
             int number = atoi(line + 5);
             CHECK((number == next || (counted && number == next - 1)) && ++lines);
             next = number + 1;
@@ -114,7 +116,7 @@ TEST("what was dropped is counted in the line before the next one, once")
     dup2(in, STDIN_FILENO), dup2(out, STDOUT_FILENO);
     char word;
     CHECK(read(done.reads, &word, 1) == 1);
-    ssize_t size = read(to.reads, text, sizeof text - 1); // all that there is
+    ssize_t size = read(to.reads, text, sizeof text - 1); // everything written so far
     text[size] = '\0';
     int heard = 0, dropped = 0;
     for (const char *at = text; (at = strstr(at, "line ")); at++) heard++;
@@ -130,7 +132,7 @@ TEST("what was dropped is counted in the line before the next one, once")
 static int says_to_nobody(int fd)
 {
     struct pollfd left = {.fd = fd};
-    if (poll(&left, 1, 10000) != 1) return 2; // until the reader has gone
+    if (poll(&left, 1, 10000) != 1) return 2; // wait until the reader has gone
     kn_say_out("a line");
     return kn_say_whole(fd) ? 1 : 0;
 }
@@ -149,7 +151,7 @@ static int says_long(int fd)
     memset(lines, 'x', 10000);
     strcpy(lines + 8999, "\nsecond\n");
     kn_say_lines(fd, lines);
-    kn_say("%s", lines); // cut
+    kn_say("%s", lines); // cut to its maximum length
     return 0;
 }
 

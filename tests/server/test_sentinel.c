@@ -29,7 +29,7 @@ TEST("a miss is explained when the machine stalled the sentinel too, within 2 ms
     stall(210, 215); // 3 ms after the second
     stall(295, 298); // 2 ms before the third
     CHECK(kn_sentinel_judge(&sentinel, 1000 * MS) == 5 + 2);
-    CHECK(kn_sentinel_judge(&sentinel, 2000 * MS) == 5 + 2); // each is judged once
+    CHECK(kn_sentinel_judge(&sentinel, 2000 * MS) == 5 + 2); // each miss is judged once
     kn_sentinel_free(&sentinel);
 }
 
@@ -64,7 +64,7 @@ TEST("what the servo was busy is no stall of the machine, however long it took")
     CHECK(kn_sentinel_stalled_ns(&s, &wake) == 20000);
     CHECK(kn_sentinel_stalled_ns(&(kn_sentinel){0}, &wake) == 400000);
 
-    wake = (kn_wake){.due_ns = 200500000, .now_ns = 203300000}; // behind an overrun of 3 ms and the tick after it
+    wake = (kn_wake){.due_ns = 200500000, .now_ns = 203300000}; // after an overrun of 3 ms and the tick that followed
     kn_busy_tell(&busy, 2, 200 * MS, 203 * MS);
     kn_busy_tell(&busy, 3, 203 * MS, 203250000);
     CHECK(kn_sentinel_stalled_ns(&s, &wake) == 50000);

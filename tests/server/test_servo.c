@@ -3,7 +3,7 @@
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
 
-// A servo on the small dough, one call per tick, poses straight from the test.
+// A servo on the small dough. One call is one tick, and the poses come directly from the test.
 typedef struct rig {
     kn_scene *scene;
     kn_model *model;
@@ -49,7 +49,7 @@ static void tick(rig *r)
     r->in.missed = 0;
 }
 
-// A tick with a new pose of probe p, moved by velocity.
+// Run a tick with a new pose of probe p, moved by the velocity.
 static void move(rig *r, int p, double vz_m_s)
 {
     kn_pose *pose = &r->pose[p];
@@ -67,13 +67,14 @@ static void hover(rig *r, int p, int ms)
     for (int i = 0; i < ms; i++) move(r, p, 0.0);
 }
 
-// The plate from air to depth below the top: touch at rest, 0 -> 1 cm/s in 50 ms, as the paper does. Ends in motion.
+// Move the plate from air to `depth` below the top: rest on the surface, 0 -> 1 cm/s in 50 ms, as in the paper. Ends
+// in motion.
 static void press(rig *r, double depth_m)
 {
     r->pose[0].position_m[2] = 0.031;
     hover(r, 0, 401);
     r->pose[0].position_m[2] = 0.03;
-    hover(r, 0, 300); // the model's plate follows within 20 ms; it must not arrive with any speed
+    hover(r, 0, 300); // the model's plate follows within 20 ms and must not arrive with any speed
     double v = 0.0;
     while (r->pose[0].position_m[2] > 0.03 - depth_m) {
         v = v > -0.0098 ? v - 0.0002 : -0.01;
@@ -111,7 +112,7 @@ TEST("local models of every tool with a session, where they are asked for, chang
     CHECK(memcmp(&told->out.force, &plain->out.force, sizeof told->out.force) == 0);
     const kn_contact_unit *unit = told->out.contact[0];
     CHECK(unit->session == told->pose[0].session && unit->pose_seq == told->pose[0].seq);
-    CHECK(unit->flags == told->out.force[0].flags && unit->contact_count == 0); // no round of the mobility yet
+    CHECK(unit->flags == told->out.force[0].flags && unit->contact_count == 0); // no iteration of the mobility yet
     for (int i = 0; i < 40; i++) {
         told->backend.afterwards(told->backend.self);
         move(told, 0, -0.01);
@@ -250,7 +251,7 @@ TEST("a reset makes the object new and takes the probe out of it")
     CHECK(r->out.force[0].force_n[2] == 0.0 && !r->servo.safety[0].attached);
 }
 
-// The hand goes, the tool leaves the model.
+// End the session of a probe; the tool leaves the model.
 static void leave(rig *r, int p)
 {
     r->in.pose[p] = NULL;
@@ -258,7 +259,7 @@ static void leave(rig *r, int p)
     r->pose[p].session++;
 }
 
-// With the finger, of a radius of 15 mm, down into the dough in 0.4 s.
+// Move the finger, radius 15 mm, down into the dough in 0.4 s.
 static void finger_in(rig *r, double depth_m)
 {
     r->pose[1].position_m[2] = 0.048;
@@ -288,7 +289,7 @@ TEST("undo takes back one press after the other, a reset too; a press in air is 
     uint64_t untouched = object_hash(r);
     knead(r, 0.006);
     r->pose[1].position_m[2] = 0.06;
-    hover(r, 1, 450); // in air: it enters the model and leaves it
+    hover(r, 1, 450); // in air: the tool enters the model and leaves it
     leave(r, 1);
     knead(r, 0.009);
     CHECK(points.count == 2);
@@ -321,7 +322,7 @@ TEST("sixteen presses are remembered, of a large object as many as fit, and the 
     for (int i = 1; i <= 20; i++) {
         ((float *)state->displacement)[0] = 1e-3f * (float)i;
         kn_undo_keep(&points, state);
-        kn_undo_keep(&points, state); // nothing has touched it
+        kn_undo_keep(&points, state); // the object is unchanged since the last point
         kn_undo_touched(&points);
     }
     for (int i = 20; i >= 5; i--) {
@@ -354,7 +355,7 @@ TEST("an object that is restored under a tool lets go of it through zero, and is
         hover(r, 1, 1);
     }
     CHECK(last == 0 && steepest <= kn_safety_slope(&r->servo.safety[1].limits) + 1e-9);
-    CHECK(r->out.force[1].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT); // it is inside
+    CHECK(r->out.force[1].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT); // the tool is inside the object
 }
 
 TEST("stopping takes every force to zero before the loop may end")
@@ -375,7 +376,7 @@ TEST("stopping takes every force to zero before the loop may end")
     "accurate: {iterations: 12, passes: 2}"
 #define OVER_NS 900000 // the budget is 0.8 ms
 
-// Still, in the dough, n ticks that each came after one of that length.
+// Hold the tool still in the dough for n ticks, each after a tick that took so long.
 static void hold(rig *r, int n, int64_t execution_ns)
 {
     for (int i = 0; i < n; i++) {
@@ -397,7 +398,7 @@ TEST("ten ticks running over the budget take the next lower point, through zero 
     OWN(rig) *r = rig_make("quality={chosen: accurate, " POINTS "}");
     press_and_rest(r);
     hold(r, 200, 700000);
-    for (int i = 0; i < 20; i++) hold(r, 9, OVER_NS), hold(r, 1, 700000); // never ten running
+    for (int i = 0; i < 20; i++) hold(r, 9, OVER_NS), hold(r, 1, 700000); // never ten in a row
     CHECK(told(r) == 0 && r->servo.quality == KN_QUALITY_ACCURATE);
     double before = r->out.force[0].force_n[2], slope = kn_safety_slope(&r->servo.safety[0].limits);
     CHECK(before > 0.3 && !(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
@@ -482,7 +483,7 @@ TEST("a point taken while it runs gives the bits of a servo that began with it")
     }
 }
 
-// A backend that goes bad on demand, in front of the real one.
+// A backend that diverges on demand, in front of the real one.
 static kn_backend real_backend;
 static bool diverge;
 static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *output)
@@ -502,7 +503,7 @@ static kn_change *change_to(rig *r, const char *set)
     return c;
 }
 
-// Pressed in, slowed down within 50 ms, and held.
+// Press in, slow down within 50 ms, and hold.
 static void press_and_hold(rig *r, double depth_m, int ms)
 {
     press(r, depth_m);
@@ -510,7 +511,7 @@ static void press_and_hold(rig *r, double depth_m, int ms)
     hover(r, 0, ms);
 }
 
-// The steepest that the hand felt in so many ms of a tool that stays, and the least.
+// Return the largest change of force in one ms while the tool holds for so many ms. least_n: the smallest force.
 static double steepest(rig *r, int ms, double *least_n)
 {
     double most = 0, last = r->out.force[0].force_n[2];
@@ -639,7 +640,7 @@ TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that 
     r->in.missed = 4;
     tick(r);
     CHECK(r->out.event_count == 0 && r->out.missed == 4);
-    r->in.missed = 800; // across the thousand
+    r->in.missed = 800; // across a multiple of a thousand ticks
     tick(r);
     CHECK(r->out.event_count >= 1 && r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT &&
           r->out.event[0].arg[0] == 0.0);
@@ -679,7 +680,7 @@ TEST("a clutch: the force fades to 0 and stays there, the tool stays where it pr
         CHECK(r->servo.tool[0].position_m[2] == z);
         before_n = given_n;
     }
-    CHECK(r->servo.safety[0].attached && pushed(r) > 0.5 * held_n); // the tool goes on to press: the dough relaxes
+    CHECK(r->servo.safety[0].attached && pushed(r) > 0.5 * held_n); // the tool keeps pressing, and the force relaxes
     r->pose[0].buttons = 0;
     for (int ms = 1; ms <= 250; ms++) {
         move(r, 0, 0);
@@ -720,7 +721,7 @@ TEST("ticks of 9 ms, 0.1 s running, are a fault of their own: the hand fades, is
         r->in.execution_ns = 9000000;
         move(r, 0, 0.0);
         log->in.overload = r->kinds[KNEAD_EVENT_T_KIND_OVERLOAD] > log->kinds[KNEAD_EVENT_T_KIND_OVERLOAD];
-        move(log, 0, 0.0); // by the event alone, without a clock
+        move(log, 0, 0.0); // from the event alone, without a clock
         CHECK(r->out.force[0].fault == (i < 11 ? KN_FAULT_NONE : KN_FAULT_OVERLOAD));
         CHECK(memcmp(&r->out.force, &log->out.force, sizeof r->out.force) == 0);
     }

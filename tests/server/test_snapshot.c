@@ -17,8 +17,8 @@ typedef struct rig {
     kn_pose pose;
     kn_tick_in in;
     kn_tick_out out;
-    kn_saved saved; // what is given to a store
-    kn_saved found; // what comes back
+    kn_saved saved; // the input of a store
+    kn_saved found; // the result of a load
     char directory[64];
 } rig;
 
@@ -52,7 +52,8 @@ static void rig_free(rig *r)
 
 OWNS(rig, rig_free)
 
-// A pose per tick; NULL: silence. The hand comes down into the dough by 8 mm, drifts and goes up again.
+// Run a tick with a pose, or without one if `silent`. The hand comes down into the dough by 8 mm, drifts and goes up
+// again.
 static kn_tick_out *tick(rig *r, bool silent, int buttons)
 {
     r->in.tick++;
@@ -92,7 +93,7 @@ static kn_store store_of(rig *r)
     return s;
 }
 
-// State hash of the newest good one, 0: none.
+// Return the state hash of the newest valid snapshot, or 0 if there is none.
 static uint64_t newest(rig *r, const kn_store *s, char *why)
 {
     char name[256];
@@ -112,14 +113,14 @@ static int files_in(const char *path)
 
 TEST("a servo that goes on from a file has the forces, events and states of the one that went on, to the bit")
 {
-    // in air, engaged, in contact, after poses were lost, with the clutch held, latched, braked by another quality
+    // in air, engaged, in contact, after lost poses, with the clutch held, latched, braked by another quality
     static const int at[] = {3, 250, 700, 806, 1010, 1190, 1320, 1600};
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
         const char *set = "quality={fast: {iterations: 5}, accurate: {passes: 2}}";
         OWN(rig) *a = rig_of("dough-small.yaml", set), *b = rig_of("dough-small.yaml", set);
         uint8_t *bytes = malloc(kn_saved_size_max(a->model));
         char why[200] = "";
-        for (int n = 0, compared = 0; n < 1700; n++) { // of them with the tool under load
+        for (int n = 0, compared = 0; n < 1700; n++) { // compared: ticks with the tool under load
             bool silent = (n >= 800 && n < 810) || (n >= 1150 && n < 1180);
             int buttons = n >= 1000 && n < 1050 ? KN_BUTTON_CLUTCH : 0;
             if (n == at[k]) {
@@ -172,7 +173,7 @@ TEST("every flipped byte and every truncation of a file is refused with a reason
         reasons[2] += !strcmp(why, "not a snapshot");
         bytes[i] ^= (uint8_t)(1 << i % 8);
     }
-    CHECK(reasons[2] == 8 && reasons[1] == 8 && reasons[0] == (int)size - 16); // magic, length, everything else
+    CHECK(reasons[2] == 8 && reasons[1] == 8 && reasons[0] == (int)size - 16); // magic, length, all other bytes
     for (size_t n = 0; n < size; n++) {
         CHECK(!kn_saved_decode(r->scene, r->model, bytes, n, &r->found, why, sizeof why));
         reasons[3] += !strncmp(why, "truncated", 9);
@@ -213,7 +214,7 @@ static size_t below(size_t n)
     return (size_t)(dice % n);
 }
 
-// Bytes changed, a piece overwritten by another or by zeros, two exchanged, cut or grown. Returns the new size.
+// Change bytes, overwrite a piece by another or by zeros, cut or grow the file. Return the new size.
 static size_t mutate(uint8_t *bytes, size_t size)
 {
     size_t piece = 1 + below(4096), to = below(size - piece), from = below(size - piece);
@@ -243,7 +244,7 @@ TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of
         memcpy(bad, bytes, size);
         size_t now = mutate(bad, size);
         *why = '\0';
-        if (now == size && memcmp(bad, bytes, size) == 0) unchanged++; // zeros where there were some
+        if (now == size && memcmp(bad, bytes, size) == 0) unchanged++; // zeros over zeros
         else refused += !kn_saved_decode(r->scene, r->model, bad, now, &r->found, why, sizeof why) && *why;
     }
     printf("     %zu bytes, %d mutations, %d of them none\n", size, most, unchanged);
@@ -276,10 +277,10 @@ TEST("a file of another scene, lattice, material or version is refused by name")
         CHECK(*why || (o->found.servo.safety[1].nonfinite && !o->found.servo.safety[0].nonfinite));
     }
     static const struct {
-        size_t at; // of a byte in the file's head, made one more
+        size_t at; // offset of a byte in the file's header; the byte is increased by one
         const char *why;
     } head[] = {{8, "another version: of format 4, expected 3"},
-                {24, "another version: of knead "}, // of its text
+                {24, "another version: of knead "}, // part of the version text
                 {56, "another scene: of eough-small.yaml, expected dough-small.yaml"},
                 {128, "another state hash than it says"}};
     for (size_t t = 0; t < sizeof head / sizeof *head; t++) {
@@ -324,10 +325,10 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     CHECK(kn_store_load(&s, 0, &r->found, name, NULL, why, sizeof why) && r->found.generation == 12);
     CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && r->saved.generation == 23);
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 1);
-    CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why)); // an operator's
+    CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why)); // requested by an operator
     int64_t asked = r->saved.generation;
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 2);
-    kn_store_pin(&s, 12); // restored: for a replay of what came of it
+    kn_store_pin(&s, 12); // restored: a replay will need this snapshot
     for (int i = 0; i < 20; i++) CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
     CHECK(files_in(r->directory) == 2 * KN_STORE_KEPT + 2);
     CHECK(kn_store_load(&s, 12, &r->found, name, NULL, why, sizeof why));
@@ -389,7 +390,7 @@ TEST(
 
 static struct {
     int calls, fail_at, with;
-    size_t most; // bytes of one write
+    size_t most; // maximum size of one write
 } disk;
 
 static bool fails(void)
@@ -430,7 +431,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     work(r, 400);
     disk = (typeof(disk)){.most = 1 << 20};
     for (int i = 0; i < KN_STORE_KEPT; i++)
-        CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why)); // one goes with each
+        CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why)); // each save removes one file
     int refused = 0, runs = 0;
     for (size_t e = 0; e < 4; e++)
         for (int most = 0; most < 2; most++)
@@ -442,7 +443,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
                 *why = '\0';
                 bool saved = kn_store_save(&s, &r->saved, false, why, sizeof why);
                 s.files = &kn_files_system;
-                if (disk.calls < disk.fail_at) { // every one has failed once
+                if (disk.calls < disk.fail_at) { // every call has failed once
                     CHECK(saved && disk.calls >= (most ? 7 : 10));
                     break;
                 }
@@ -456,7 +457,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
                 CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why));
                 CHECK(newest(r, &s, why) == hash_of(r, r->saved.state));
                 kn_store_close(&s);
-                s = store_of(r); // and what a failed one has left is gone
+                s = store_of(r); // files left by a failed save are gone
                 CHECK(files_in(r->directory) == KN_STORE_KEPT);
             }
     printf("     %d saves with one call failing, %d of them refused\n", runs, refused);
@@ -495,8 +496,8 @@ TEST("an emergency stop whose file or its removal fails in any call is not said 
 
 // --- S2: power fails ---
 
-// What was asked of the disk, in order. Whatever no sync has seen may be there after the cut or not, in any order, and
-// a write in part. A file is what was opened; a name is what leads to it.
+// Operations on the disk, in order. An operation not followed by its sync may survive a power cut or not, in any
+// order, and a write may survive in part. A file is an opened object; a name is an entry of the directory.
 typedef enum what { CREATE, WRITE, SYNC, RENAME, SYNC_DIR, UNLINK } what;
 typedef struct operation {
     what what;
@@ -508,7 +509,7 @@ typedef struct operation {
 #define OPERATIONS 200
 static operation done[OPERATIONS];
 static int done_count, files_made, file_of_fd[1024];
-static bool forget_sync, forget_sync_dir; // a store that does not ask for them
+static bool forget_sync, forget_sync_dir; // a store that omits these calls
 
 static operation *note(what w, int file, const char *name)
 {
@@ -526,7 +527,7 @@ static int noted_open(int dir, const char *name, int flags, mode_t mode)
 }
 static ssize_t noted_write(int fd, const void *bytes, size_t size)
 {
-    if (size > 20000) size = 20000; // so that there are several
+    if (size > 20000) size = 20000; // force several writes
     operation *o = note(WRITE, file_of_fd[fd], NULL);
     o->at = (size_t)lseek(fd, 0, SEEK_CUR), o->size = size;
     memcpy(o->bytes = malloc(size), bytes, size);
@@ -564,8 +565,8 @@ static bool durable(int i, int upto)
     return false;
 }
 
-// A directory of what has survived: of the pending ones those whose digit in `which` (0 no, 1 yes, 2 half of a write)
-// says so, in their order.
+// Write the directory as it is after a power cut. Pending operations survive if their digit in `which` says so (0 no,
+// 1 yes, 2 half of a write), in their order.
 static void survive(const char *path, int upto, const int *which)
 {
     struct {
@@ -600,14 +601,15 @@ static void survive(const char *path, int upto, const int *which)
     }
 }
 
-// Cuts the power after every operation, in every way. How often what is found is neither the old nor the new object, or
-// not the new one although its save had returned.
+// Cut the power after every operation, with every combination of survivors. Count the cases in which the snapshot
+// found is neither the old nor the new object. A case also counts if the new one is missing although its save had
+// returned.
 static int cut_everywhere(rig *r, const char *path, const int ends[], const uint64_t hashes[], int saves, long *cuts)
 {
     char error[512], why[200];
     int wrong = 0;
     for (int upto = ends[0]; upto <= done_count; upto++) {
-        int which[64] = {0}, most[64], pending = 0, after = 0; // saves that had returned
+        int which[64] = {0}, most[64], pending = 0, after = 0; // after: number of saves that had returned
         for (int pass = 0; pass < 2; pass++)
             for (int i = 0; i < upto; i++) {
                 bool data = done[i].what == WRITE, naming = !data && done[i].what != SYNC && done[i].what != SYNC_DIR;
@@ -643,7 +645,7 @@ static int lose_power(rig *r, bool sync, bool sync_dir, long *cuts)
     if (!mkdtemp(path)) exit(1);
     for (int i = 0; i < 3; i++) {
         work(r, 5);
-        if (i == 1) // the oldest goes with the next
+        if (i == 1) // the oldest snapshot is removed at the next save
             for (s.kept_count = 0; s.kept_count < KN_STORE_KEPT;)
                 s.kept[s.kept_count].generation = s.kept_count + 900, s.kept_count++;
         if (i == 2) s.kept[0].generation = s.generation - 1;
@@ -665,7 +667,7 @@ TEST("power cut after any call, with any of what was not synced lost, torn or re
     long cuts = 0, without = 0;
     work(r, 500);
     CHECK(lose_power(r, true, true, &cuts) == 0);
-    CHECK(lose_power(r, false, true, &without) > 0); // the model sees what the syncs are for
+    CHECK(lose_power(r, false, true, &without) > 0); // without syncs the model finds losses
     CHECK(lose_power(r, true, false, &without) > 0);
     printf("     %ld ways to lose power\n", cuts);
     CHECK(cuts > 100);

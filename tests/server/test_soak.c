@@ -1,6 +1,6 @@
-// A day in one go: the daemon's loop with everything but its threads, from datagrams to forces on the wire, under a
-// virtual clock. KN_TICKS=86400000 is a day; the usual 90 000 are a minute and a half. Every million ticks (tenth of
-// the run, if it is shorter) a line tells memory and state.
+// The daemon's loop over a whole day, with everything but its threads: from datagrams to forces on the wire, under a
+// virtual clock. KN_TICKS=86400000 is a day; the usual 90 000 ticks are a minute and a half. Every million ticks (or
+// a tenth of a shorter run) a line reports memory and state.
 #include "core/hash.h"
 #include "server/loop.h"
 #include "server/receiver.h"
@@ -10,25 +10,26 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// --- the hand: 30 s, again and again ---
+// --- the hand: a story of 30 s, repeated ---
 
 enum { FINGER_MS = 21000, POKE_MS = 1400, PLATE_FROM_MS = 22700, PLATE_TO_MS = 28200, STORY_MS = 30000 };
 enum { FRESH_STORIES = 6 }; // a reset every three minutes
 
-// Where the tool of ms n is, and which; -1: nobody is there, long enough for a session to end.
+// Set the pose of millisecond n. Return the tool's index, or -1 if no hand is there, long enough for a session to
+// end.
 static int hand_at(int64_t n, kn_pose *pose)
 {
     int64_t story = n / STORY_MS, ms = n % STORY_MS;
     double *x = pose->position_m;
     *pose = (kn_pose){.session = 100 + story, .orientation_wxyz = {1}};
-    if (ms < FINGER_MS) { // 15 pokes of 3 to 9 mm, each somewhere else
+    if (ms < FINGER_MS) { // 15 pokes of 3 to 9 mm, each in another place
         double poke = (double)(story * 15 + ms / POKE_MS), s = 1e-3 * (double)(ms % POKE_MS);
-        double turn = 2.4 * (poke - fmax(0, 1 - s / 0.3)); // on its way there from the last one
+        double turn = 2.4 * (poke - fmax(0, 1 - s / 0.3)); // moves over from the place of the last poke
         double down = s < 0.4 ? 0 : s < 1.0 ? (s - 0.4) / 0.6 : fmax(0, 1 - (s - 1.0) / 0.3);
-        double deep_m = 0.008 + 0.001 * (double)(story % FRESH_STORIES) + 0.001 * fabs(sin(poke)); // ever deeper
+        double deep_m = 0.008 + 0.001 * (double)(story % FRESH_STORIES) + 0.001 * fabs(sin(poke)); // deeper each time
         x[0] = 0.006 * sin(turn), x[1] = 0.006 * cos(turn), x[2] = 0.04 - deep_m * down;
         pose->velocity_m_s[2] = s < 0.4 ? 0 : s < 1.0 ? -deep_m / 0.6 : s < 1.3 ? deep_m / 0.3 : 0;
-        bool lost = ms >= 7 * POKE_MS + 800 && ms < 7 * POKE_MS + 860; // in mid-press
+        bool lost = ms >= 7 * POKE_MS + 800 && ms < 7 * POKE_MS + 860; // poses lost during a press
         return lost ? -1 : 1;
     }
     if (ms < PLATE_FROM_MS || ms >= PLATE_TO_MS) return -1;
@@ -55,12 +56,12 @@ typedef struct soak {
     kn_receiver receiver;
     int64_t seq, sent, repeated, touching, resets, missed, not_finite, unread;
     double peak_n;
-    uint64_t hash; // of all forces on the wire
+    uint64_t hash; // hash of all forces on the wire
 } soak;
 
 static server *start_server(void)
 {
-    static const char *const size = "object.size=[3 cm, 3 cm, 2 cm]"; // 48 nodes: a tick is shorter
+    static const char *const size = "object.size=[3 cm, 3 cm, 2 cm]"; // 48 nodes, for short ticks
     server *d = calloc(1, sizeof *d);
     d->scene = load_scene("dough-small.yaml", &size, 1);
     d->model = build(&d->scene->model);
@@ -84,7 +85,7 @@ static void end_server(server *d)
     free(d);
 }
 
-// What kneadd --state-dir does at its end and at its next start, but for the disk.
+// Do the same as kneadd --state-dir at its end and its next start, without the disk.
 static void restart(soak *s, int64_t tick)
 {
     char why[200] = "too large";
@@ -114,7 +115,7 @@ static void hear(soak *s, int64_t n, int64_t now_ns)
     kn_pose pose;
     knead_probe_pose_t message;
     int p = hand_at(n, &pose);
-    for (int again = 0; p >= 0 && again < 1 + (n % 10 == 0); again++) { // some come twice
+    for (int again = 0; p >= 0 && again < 1 + (n % 10 == 0); again++) { // some poses are sent twice
         pose.seq = again ? s->seq : ++s->seq;
         pose.utime = now_ns / 1000;
         kn_wire_pose(&message, &pose);
@@ -166,7 +167,7 @@ typedef struct result {
     bool complete;
 } result;
 
-static const int64_t far_along = INT64_C(1) << 32; // where a counter of 32 bits begins anew
+static const int64_t far_along = INT64_C(1) << 32; // a 32-bit counter wraps here
 
 static int64_t ticks_of_run(void)
 {
@@ -174,7 +175,7 @@ static int64_t ticks_of_run(void)
     return text && atoll(text) > 0 ? atoll(text) : 90000;
 }
 
-// Every counter begins so far below 2^32 that half of the run lies beyond.
+// Start every counter so far below 2^32 that half of the run lies beyond. Return the start value.
 static int64_t advance_counters(soak *s, int64_t ticks)
 {
     int64_t from = far_along - ticks / 2;
@@ -200,7 +201,8 @@ static void check_counters(const soak *s, int64_t from, int64_t ticks, int64_t r
     CHECK(r->rejected[KN_REJECT_STALE] == from + s->repeated);
     CHECK(r->accepted == from + s->sent - s->repeated);
     CHECK(loop->servo.ticks == from + ticks);
-    CHECK(restarts > 0 || atomic_load(&loop->account.ticks) == from + ticks); // a daemon's own begin with it
+    // a restarted daemon counts from its own start
+    CHECK(restarts > 0 || atomic_load(&loop->account.ticks) == from + ticks);
     CHECK(restarts > 0 || atomic_load(&loop->account.missed) == from + s->missed);
     CHECK(faults >= ticks / STORY_MS && loop->servo.capped >= from);
     CHECK(loop->servo.diverged == 0 && s->not_finite == 0 && s->unread == 0);
@@ -216,7 +218,7 @@ static result run(int64_t ticks, int64_t restart_ticks, const char *name)
     int64_t from = advance_counters(&s, ticks), restarts = 0, tick = from,
             told = ticks < 10000000 ? ticks / 10 : 1000000;
     double warm_mb = 0;
-    kn_time time = {0}; // a tick takes none: on a slow machine it would be an overload
+    kn_time time = {0}; // a tick takes no virtual time; otherwise a slow machine would report an overload
     kn_clock_hand(&time);
     for (int64_t n = 0; n < ticks; n++, tick++) {
         int64_t now_ns = 1000000 * tick;
@@ -224,7 +226,7 @@ static result run(int64_t ticks, int64_t restart_ticks, const char *name)
         if (n % (FRESH_STORIES * STORY_MS) == 0) kn_loop_order(&s.d->loop, KN_ORDER_RESET, KN_QUALITY_OWN), s.resets++;
         hear(&s, n, now_ns);
         kn_wake wake = {.tick = tick, .missed = n % 7001 == 7000, .due_ns = now_ns, .now_ns = time.now_ns = now_ns};
-        if (wake.missed) wake.tick = ++tick, s.missed++; // nobody misses it twice: the grid goes on
+        if (wake.missed) wake.tick = ++tick, s.missed++; // a missed tick is skipped for good, and the grid goes on
         kn_loop_tick(&s.d->loop, &wake);
         s.unread += s.d->loop.account.unpublished > 0;
         say(&s);
@@ -243,7 +245,7 @@ static result run(int64_t ticks, int64_t restart_ticks, const char *name)
     return r;
 }
 
-// In a process of its own, so that memory is its own, too; both side by side.
+// Start a run in a process of its own, so that its memory is its own. Several runs may go side by side.
 static int run_apart(int64_t ticks, int64_t restart_ticks, const char *name, pid_t *child)
 {
     int fds[2];

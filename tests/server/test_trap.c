@@ -1,8 +1,8 @@
-// What the servo thread must never do between start and stop: allocate, take a lock, touch a page that is not there,
-// call the kernel but to sleep and to wake another thread; with a circuit behind a line, to read, write and wait for
-// that line, too. malloc and its kin and the mutex are interposed here and count while a thread is armed; in the live
-// runs the kernel itself reports every other system call (seccomp).
-// KN_TICKS=N: of the first run, 1e5; KN_LIVE_TICKS=N: of each live one, 4000, a ms each.
+// Between start and stop the servo thread must never allocate, take a lock, touch a page that is not resident, or
+// call the kernel. Exceptions: it may sleep and wake another thread. With a circuit behind a line it may also read,
+// write and wait for that line. malloc, related functions and the mutex are interposed here and count while a thread
+// is armed. In the live runs the kernel itself reports every other system call (seccomp).
+// KN_TICKS=N: ticks of the first run, 1e5. KN_LIVE_TICKS=N: ticks of each live run, 4000, 1 ms each.
 // without sanitizers: they allocate themselves
 // a program of its own: malloc and its kin are interposed
 #include "clients/knead/path.h"
@@ -37,10 +37,10 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 
 typedef struct rig {
     kn_lent lent;
-    kn_board board; // of a circuit
+    kn_board board; // simulated board of a circuit
     const char *const *how;
     int kills;
-    int64_t losses; // of the circuit, when it was last killed
+    int64_t losses; // the circuit's losses when it was last killed
     atomic_int tid;
     long faulted;
     kn_keeper keeper;
@@ -49,16 +49,17 @@ typedef struct rig {
     int64_t forces, contacts, pressed, ticks;
 } rig;
 
-// how: options of a simulated circuit, NULL: no circuit
+// how: options of a simulated circuit, or NULL for no circuit
 static void rig_open(rig *r, const char *const *how)
 {
     static const char *const all[] = {"quality={fast: {iterations: 5}, accurate: {passes: 2}}", "mesh.measures=both"};
     memset(r, 0, sizeof *r);
     if (how) r->board = kn_board_start(r->how = how);
-    if (how) strcat(r->board.uri, "?miss=10"); // of a busy machine
+    if (how) strcat(r->board.uri, "?miss=10"); // allows for a busy machine
     kn_lent_open_on(&r->lent, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
     r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
-    bool identifies = how || kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5}); // all a tick can do
+    // a tick then does all it can do
+    bool identifies = how || kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5});
     if (!r->path || !identifies) exit(1);
     char error[256] = "";
     strcpy(r->directory, "/tmp/knead_trap_XXXXXX");
@@ -104,15 +105,15 @@ static int64_t wanted(const char *name, int64_t otherwise)
     return text ? (int64_t)atof(text) : otherwise;
 }
 
-static long faults(void) // of pages, this thread's
+static long faults(void) // page faults of this thread
 {
     struct rusage usage;
     getrusage(RUSAGE_THREAD, &usage);
     return usage.ru_minflt + usage.ru_majflt;
 }
 
-// The hand in a round of 6 s: engages in air, touches at rest, presses 8 mm deep, stalls for 50 ms (a fault),
-// withdraws, engages again, falls silent, and its session ends.
+// Play the hand of a round of 6 s. It engages in air, rests on the surface, presses 8 mm deep and stalls for 50 ms (a
+// fault). Then it withdraws, engages again and falls silent, and its session ends.
 static void play(rig *r, int64_t round, int ms)
 {
     double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
@@ -131,24 +132,24 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     static rig r;
     rig_open(&r, NULL);
     const int64_t most = wanted("KN_TICKS", 100000);
-    bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd's
+    bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd does
     long faulted = 0;
     for (int64_t n = 0; n < most; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
-        // or the dent would keep later rounds from touching
+        // Reset, because the dent would keep later rounds from touching.
         if (n % ROUND == 0) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
         if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
         if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
         if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_loop_order(&r.lent.loop, KN_ORDER_UNDO, 0);
         r.keeper.ending = true;
-        if (n % 50 == 0) kn_keeper_run(&r.keeper); // its thread
+        if (n % 50 == 0) kn_keeper_run(&r.keeper); // does the work of the keeper's thread
         kn_quality other = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
         if (n % ROUND == 2000) kn_loop_order(&r.lent.loop, KN_ORDER_QUALITY, other);
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         long before = faults();
         armed = true;
         kn_loop_tick(&r.lent.loop, &wake);
-        r.lent.loop.execution_ns = 0; // on a slow machine it would be an overload
+        r.lent.loop.execution_ns = 0; // a slow machine would report an overload
         armed = false;
         faulted += faults() - before;
         rig_drain(&r);
@@ -159,14 +160,14 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     CHECK(allocations == 0);
     CHECK(locks == 0);
     CHECK(faulted == 0 || !locked);
-    CHECK(r.ticks == most && r.forces > most / 2 && r.pressed > most / 10); // it was about something
+    CHECK(r.ticks == most && r.forces > most / 2 && r.pressed > most / 10); // the run really had contacts
     CHECK(r.contacts > most / 10);
     CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.lent.loop.servo.generation > most / ROUND);
-    CHECK(r.lent.loop.account.faults >= most / ROUND); // and went wrong in between
+    CHECK(r.lent.loop.account.faults >= most / ROUND); // and faults
     rig_close(&r);
 }
 
-// The trap itself, or the counts above would prove nothing.
+// Test the trap itself. Otherwise the counts above would prove nothing.
 TEST("the trap sees an allocation and a lock")
 {
     pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
@@ -187,8 +188,8 @@ static void on_sigsys(int number, siginfo_t *info, void *context)
     calls++;
 }
 
-// From here on this thread may sleep and write (the wake of another one is an eventfd), and with a line also read it
-// and wait for it; anything else becomes a SIGSYS.
+// Restrict the system calls of this thread from here on. The thread may sleep and write (waking another thread is a
+// write to an eventfd). With a line it may also read and wait for that line. Any other call raises SIGSYS.
 static bool forbid_calls(bool line)
 {
     struct sock_filter allow[] = {
@@ -206,7 +207,8 @@ static bool forbid_calls(bool line)
     return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-// Page faults of a thread of ours, by what the kernel tells of it: it may not ask itself any more.
+// Return the page faults of another thread of this process, read from /proc. That thread may no longer ask for them
+// itself.
 static long faults_of(int tid)
 {
     char path[64];
@@ -235,15 +237,16 @@ static void *servo_main(void *arg)
     kn_loop_run(&r->lent.loop);
     armed = false;
     long during = calls;
-    syscall(SYS_getppid); // the trap itself
+    syscall(SYS_getppid); // test of the trap
     calls = calls == during + 1 ? during : -1;
     finished = 1;
-    for (;;) clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_sec = 1}, NULL); // it may not even end
+    // even ending the thread is forbidden
+    for (;;) clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_sec = 1}, NULL);
 }
 
 static void notify(void *arg) { ev_async_send(events, arg); }
 
-// The circuit is lost and there again. Nobody waits until it is ready: a hand would be silent for too long.
+// Kill the circuit and start it again. Do not wait until it is ready, because a hand would be silent for too long.
 static void replug(rig *r, int64_t losses)
 {
     kn_board_kill(&r->board);
@@ -268,8 +271,8 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     if (r->how) kn_backend_fpga_counts(&r->lent.backend, &n);
     const int64_t kills = live_ticks / 1500;
     bool missed = r->kills == 0 || n.losses > r->losses; // the last kill has been noticed
-    if (n.in_step && missed && r->kills < kills && r->ticks / 1500 > r->kills) replug(r, n.losses); // in a press
-    // On a busy machine the hand falls silent, and a circuit that was lost comes back late.
+    if (n.in_step && missed && r->kills < kills && r->ticks / 1500 > r->kills) replug(r, n.losses); // during a press
+    // On a busy machine the hand may fall silent, and a lost circuit comes back late.
     bool all_killed = !r->how || (r->kills == kills && missed);
     bool enough = all_killed && r->ticks >= live_ticks && r->pressed > live_ticks / 8;
     if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
@@ -282,7 +285,7 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
 static void run_live(rig *r, const char *const *how)
 {
     rig_open(r, how);
-    bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd's
+    bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0; // as kneadd does
     events = ev_default_loop(0);
     ev_async_init(&ticked, on_ticked);
     ticked.data = r;
@@ -322,7 +325,8 @@ TEST("a live servo thread calls the kernel only to sleep and to wake the main th
     run_live(&r, NULL);
 }
 
-// Lost and back as well: how often it was with the circuit in between is the machine's affair.
+// Run with a circuit that is lost and comes back. The number of ticks on the circuit in between depends on the
+// machine.
 static void run_on_circuit(rig *r, const char *const *how)
 {
     kn_fpga_counts n;

@@ -1,4 +1,4 @@
-// What a scene message must hold before a decoder may see it.
+// Checks that a scene message must pass before a decoder may see it.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/auth.h"
@@ -32,14 +32,14 @@ TEST("a cut one does not, nor one of another type")
 TEST("strings of a negative, huge or empty length, or without their end, do not")
 {
     static const uint32_t lies[] = {0, 1, 5, 7, 0x7fffffff, 0x80000000, 0xffffffff, 0xfffffff0};
-    const size_t at = 8 + 3 * 8 + 4; // of the first string's length, 6
+    const size_t at = 8 + 3 * 8 + 4; // offset of the first string's length, which is 6
     for (size_t i = 0; i < sizeof lies / sizeof *lies; i++) {
         size_t size = encode();
         for (int b = 0; b < 4; b++) bytes[at + (size_t)b] = (unsigned char)(lies[i] >> (24 - 8 * b));
         CHECK(!kn_wire_scene_fits(bytes, size));
     }
     size_t size = encode();
-    bytes[size - 1] = 'x'; // the text's NUL
+    bytes[size - 1] = 'x'; // was the text's NUL
     CHECK(!kn_wire_scene_fits(bytes, size));
 }
 
@@ -95,7 +95,7 @@ TEST("a touch patch stands on the wire as it was made, in the tool's frame")
 
 TEST("every message of a fixed size goes into one datagram, its code and the longest channel with it")
 {
-    const int room = 1435 - 8 - 64 - KN_AUTH_TRAILER; // LCM's, less its header and a channel's name
+    const int room = 1435 - 8 - 64 - KN_AUTH_TRAILER; // LCM's limit, less its header and a channel's name
     CHECK(knead_status_t_encoded_size(&(knead_status_t){0}) <= room);
     CHECK(knead_health_t_encoded_size(&(knead_health_t){0}) <= room);
     CHECK(knead_contact_force_t_encoded_size(&(knead_contact_force_t){0}) <= room);

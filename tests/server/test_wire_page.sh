@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# proto/README.md tells the wire as it is: every type, constant, event and reason of rejection, with its number.
+# proto/README.md describes the wire as it is: every type, constant, event and reason of rejection, with its number.
 set -u
 page=$KN_SOURCE/proto/README.md
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -14,7 +14,7 @@ for type in "$KN_SOURCE"/proto/*.lcm; do
 done >missing
 while read -r line; do fail "not in the page, or with another number: $line"; done <missing
 
-# the reasons in the receiver's order, name for name
+# The reasons in the receiver's order, name for name.
 sed -n 's/^    X([A-Z_]*, "\([a-z_]*\)",.*/\1/p' "$KN_SOURCE/server/receiver.h" | awk '{ print NR - 1, $1 }' >reasons
 [ -s reasons ] || fail "no reasons found in server/receiver.h"
 sed -n '/^| n | name | why |/,/^$/s/^| \([0-9]*\) | \([a-z_]*\) |.*/\1 \2/p' "$page" >told

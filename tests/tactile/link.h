@@ -1,7 +1,7 @@
 #ifndef KN_TESTS_LINK_H
 #define KN_TESTS_LINK_H
-// A bad link, one way of it: messages come out after delay_ns, and some of them not as they went in. One seed, the same
-// faults. The clock is server/clock.h's, the real one or a handed one.
+// One direction of a bad link. Messages come out after delay_ns, and some of them lost or changed. The same seed
+// gives the same faults. The clock is server/clock.h's, real or virtual.
 #include "server/clock.h"
 #include <stdbool.h>
 #include <stdint.h>
@@ -9,15 +9,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define KN_WAY 1024 // messages under way
+#define KN_WAY 1024 // maximum number of messages under way
 #define KN_WAY_LONGEST 65000
 
-typedef struct kn_link_fault { // zero means none
-    double loss, burst;        // a share of the messages, so many in a row each time (1)
-    double jitter; // of the round trip, ms; each way half of it at most, so that messages overtake one another
-    double twice;  // a share is delivered again, right behind
-    double swap;   // a share comes 1.5 ms late: behind the next one
-    double flip;   // one bit of a share is another
+typedef struct kn_link_fault { // zero: no fault of this kind
+    double loss, burst;        // share of the messages lost; number lost in a row each time (1)
+    // jitter of the round trip, ms; each direction has up to half of it, so that messages overtake one another
+    double jitter;
+    double twice; // share of the messages delivered again, directly behind the first
+    double swap;  // share delivered 1.5 ms late: behind the next message
+    double flip;  // share with one flipped bit
     double seed;
 } kn_link_fault;
 
@@ -30,17 +31,17 @@ typedef struct kn_way {
     // private
     uint64_t dice;
     int64_t number;
-    int burst; // of the messages that are lost in a row, how many are left
+    int burst; // messages still to be lost in a row
     int count;
     struct kn_way_message {
         int64_t due_ns, number;
         char channel[64];
         unsigned size;
         void *bytes;
-    } list[KN_WAY]; // in no order
+    } list[KN_WAY]; // unordered
 } kn_way;
 
-static inline double kn_way_throw(kn_way *w) // [0, 1), Marsaglia's xorshift
+static inline double kn_way_throw(kn_way *w) // uniform in [0, 1), Marsaglia's xorshift
 {
     w->dice ^= w->dice << 13;
     w->dice ^= w->dice >> 7;
@@ -61,7 +62,7 @@ static inline void kn_way_init(kn_way *w, const kn_link_fault *fault, double del
 static inline bool kn_way_loses(kn_way *w)
 {
     const kn_link_fault *f = &w->fault;
-    // good ones between two bursts are (1 - q)/q on average
+    // Between two bursts (1 - q)/q messages arrive on average.
     if (w->burst == 0 && kn_way_throw(w) < f->loss / (f->loss + f->burst * (1.0 - f->loss))) w->burst = (int)f->burst;
     if (w->burst == 0) return false;
     w->burst--;
@@ -70,7 +71,7 @@ static inline bool kn_way_loses(kn_way *w)
 
 static inline void kn_way_put(kn_way *w, const char *channel, const void *bytes, unsigned size, int64_t due_ns)
 {
-    if (w->count == KN_WAY || size > KN_WAY_LONGEST) return; // as any link
+    if (w->count == KN_WAY || size > KN_WAY_LONGEST) return; // dropped, as on any link
     struct kn_way_message *m = &w->list[w->count++];
     *m = (struct kn_way_message){.due_ns = due_ns, .number = w->number++, .size = size, .bytes = malloc(size)};
     snprintf(m->channel, sizeof m->channel, "%s", channel);
@@ -80,7 +81,7 @@ static inline void kn_way_put(kn_way *w, const char *channel, const void *bytes,
 static inline void kn_way_take(kn_way *w, const char *channel, const void *bytes, unsigned size)
 {
     const kn_link_fault *f = &w->fault;
-    bool scene = !strcmp(channel, "KNEAD_SCENE"); // who would not hear it would not begin
+    bool scene = !strcmp(channel, "KNEAD_SCENE"); // never lose the scene: without it a hand would not begin
     if (!scene && kn_way_loses(w)) {
         w->lost++;
         return;
@@ -101,7 +102,8 @@ static inline void kn_way_take(kn_way *w, const char *channel, const void *bytes
     w->flipped += flips;
 }
 
-// What has been due longest; of the same time, what came first. NULL: nothing is under way.
+// Return the message that has been due longest, and the first sent if several have the same time. NULL: none is under
+// way.
 static inline struct kn_way_message *kn_way_first(kn_way *w)
 {
     struct kn_way_message *best = NULL;
@@ -110,7 +112,7 @@ static inline struct kn_way_message *kn_way_first(kn_way *w)
     return best;
 }
 
-static inline bool kn_way_deliver(kn_way *w) // what is due; false: nothing is
+static inline bool kn_way_deliver(kn_way *w) // deliver all due messages; false: there were none
 {
     int before = w->count;
     for (struct kn_way_message *m; (m = kn_way_first(w)) && m->due_ns <= kn_now_ns();) {

@@ -1,8 +1,8 @@
 #ifndef KN_TESTS_PRESSER_H
 #define KN_TESTS_PRESSER_H
-// A device without hardware, in a hand that does not yield, on the bridge of `knead hand`: it presses a block of 3 cm,
-// with a ball of 15 mm as probe, again and again, lifts the tool when it is not let in, and has what its motors are
-// given in each millisecond of its own judged by rules.h.
+// A simulated device in a rigid hand, on the bridge of `knead hand`. It presses a block of 3 cm again and again, with
+// a ball of 15 mm as probe, and lifts the tool when it is not let in. rules.h judges the force of its motors in each
+// millisecond of its own clock.
 #include "clients/tactile/bridge.h"
 #include "tests/tactile/rules.h"
 
@@ -12,7 +12,7 @@ typedef struct kn_presser {
     kn_tactile base;
     kn_bridge *bridge;
     kn_tactile_pose pose;
-    kn_given now; // of the tick that is not over yet
+    kn_given now; // the current tick's force and news
     bool live;    // the motors are on
     int64_t heard;
     kn_rules rules;
@@ -28,7 +28,7 @@ static inline bool kn_presser_open(kn_tactile *device, kn_bridge *bridge, char *
 
 static inline void kn_presser_close(kn_tactile *device) { (void)device; }
 
-static inline double kn_presser_wanted_m(const kn_presser *p) // presses for 1.5 s of every 2
+static inline double kn_presser_wanted_m(const kn_presser *p) // press for 1.5 s of every 2 s
 {
     int ms = p->engaged_ms % 2000;
     if (p->engaged_ms == 0 || ms >= 1500) return kn_presser_top_m;
@@ -52,10 +52,11 @@ static inline void kn_presser_tick(kn_tactile *device, int elapsed_ms)
         t->mode == KN_TETHER_HELD && (t->flags & (KN_FLAG_ENGAGED | KN_FLAG_RAMPING)) && !(t->flags & KN_FLAG_LATCHED);
     p->away_ms = in ? 0 : p->away_ms + 1;
     if (in) p->engaged_ms++;
-    if (p->away_ms > 50) p->engaged_ms = 0; // up and out, or nobody lets it in again
+    if (p->away_ms > 50) p->engaged_ms = 0; // lift and wait to be let in again
     double *z_m = &p->pose.position_m[2], *v_m_s = &p->pose.velocity_m_s[2];
-    double a_m_s2 = 30.0 * (30.0 * (kn_presser_wanted_m(p) - *z_m) - 2.0 * *v_m_s); // goes where it is wanted, 30 Hz
-    *v_m_s = kn_presser_clamp(*v_m_s + 1e-3 * kn_presser_clamp(a_m_s2, 3.0), 0.15); // m/s^2, m/s
+    // follow the wanted height at 30 rad/s
+    double a_m_s2 = 30.0 * (30.0 * (kn_presser_wanted_m(p) - *z_m) - 2.0 * *v_m_s);
+    *v_m_s = kn_presser_clamp(*v_m_s + 1e-3 * kn_presser_clamp(a_m_s2, 3.0), 0.15); // clamped to 3 m/s^2 and 0.15 m/s
     *z_m += 1e-3 * *v_m_s;
     kn_bridge_moved(p->bridge, &p->pose);
 }
@@ -67,7 +68,7 @@ static inline void kn_presser_give(kn_tactile *device, const double force_n[3], 
     p->live = live;
 }
 
-// At x_m; render: as its bridge has it.
+// Start at x_m. render: the definition used by the bridge.
 static inline void kn_presser_init(kn_presser *p, double x_m, const kn_render_def *render)
 {
     *p = (kn_presser){.base = {.name = "presser",

@@ -1,14 +1,14 @@
 #ifndef KN_TESTS_RULES_H
 #define KN_TESTS_RULES_H
-// The rules of core/safety.h and clients/tactile/tether.h, judged from one millisecond to the next: of the forces that
-// kneadd publishes, or of what a device's motors give by its own clock.
+// The rules of core/safety.h and clients/tactile/tether.h, checked from one millisecond to the next. They apply to
+// the forces that kneadd publishes, or to the force of a device's motors by the device's own clock.
 //
 //     contact      |change| <= guard per ms since the last news, for 3 ms at most: so long a force may be held
 //     transition   |change| <= max(0.5 N, clamp/17) per ms: the force fades, or news are missing
 //     deadline     0 N from 20 ms after the last news on, of the local model from 300
 //
-// Either change may be larger by the ramp of whoever engages or hears again: clamp/200. News are poses to kneadd,
-// forces to a device.
+// Either change may be larger by clamp/200, the ramp of a hand that engages or hears again. News are poses for
+// kneadd, and forces for a device.
 #include "core/safety.h"
 #include "proto/knead_contact_force_t.h"
 #include <math.h>
@@ -19,26 +19,26 @@
 
 typedef enum kn_judged { KN_JUDGED_SERVER, KN_JUDGED_FORCES, KN_JUDGED_LOCAL } kn_judged;
 
-typedef struct kn_given { // in one tick
-    int ms;               // since the tick before
+typedef struct kn_given { // the force of one tick
+    int ms;               // ms since the tick before
     double force_n[3];
     int64_t heard; // news until this tick
-    int64_t came;  // news until the next tick; the motors give the last of them by then
-    int32_t flags; // of the newest force
+    int64_t came;  // news until the next tick; by then the motors give the newest of them
+    int32_t flags; // flags of the newest force
 } kn_given;
 
 typedef struct kn_rules {
     kn_judged of;
     double clamp_n, guard_n_per_ms;
-    int64_t ticks, fresh, heard, pressed;                       // ms; with news; news; ms above 0.1 N
+    int64_t ticks, fresh, heard, pressed;                       // ms; ms with news; number of news; ms above 0.1 N
     int64_t over_clamp, over_guard, over_slope, after_deadline; // ticks that break a rule
-    double largest_n, contact_n, transition_n;                  // the steepest, N per ms
-    int64_t outages, felt; // silences up to the deadline; those that began with more than 0.1 N
-    int zero_at;           // ms after which those were 0 N, the longest
+    double largest_n, contact_n, transition_n;                  // largest force, N; steepest changes, N per ms
+    int64_t outages, felt; // silences that lasted until the deadline; those that began with more than 0.1 N
+    int zero_at;           // longest time of those silences until 0 N, ms
     // private
     double last_n[3], at_last_n;
     int silent, missing, at;
-    int64_t tick; // of kneadd's last force
+    int64_t tick; // tick of kneadd's last force
 } kn_rules;
 
 static inline double kn_rules_between(const double a[3], const double b[3])
@@ -60,7 +60,7 @@ static inline void kn_rules_outage(kn_rules *r, const kn_given *g, double size_n
 static inline void kn_rules_take(kn_rules *r, const kn_given *g)
 {
     bool server = r->of == KN_JUDGED_SERVER, local = r->of == KN_JUDGED_LOCAL;
-    int deadline = local ? 300 : 20, gap = r->missing + g->ms; // gap: since a force was given for news
+    int deadline = local ? 300 : 20, gap = r->missing + g->ms; // gap: time since the last force that answers news
     double slope = fmax(0.5, r->clamp_n / 17), ramp = r->clamp_n / 200 + 1e-9;
     double size_n = kn_rules_between(g->force_n, (double[3]){0}), step_n = kn_rules_between(g->force_n, r->last_n);
     int32_t fades =
@@ -78,7 +78,7 @@ static inline void kn_rules_take(kn_rules *r, const kn_given *g)
     kn_rules_outage(r, g, size_n, deadline);
     if (local ? r->silent > 100 : (!server && r->missing > 3) || g->flags & fades) {
         int span = server || r->missing > 0 ? g->ms : gap;
-        if (r->silent >= deadline) return; // the deadline wins over every slope
+        if (r->silent >= deadline) return; // the deadline has priority over the slopes
         r->over_slope += !(step_n <= slope * span + ramp);
         r->transition_n = fmax(r->transition_n, step_n / span);
     } else {
@@ -88,11 +88,11 @@ static inline void kn_rules_take(kn_rules *r, const kn_given *g)
     }
 }
 
-// KNEAD_FORCE, in the order of its ticks.
+// Judge a KNEAD_FORCE message. Messages come in the order of their ticks.
 static inline void kn_rules_force(kn_rules *r, const knead_contact_force_t *f)
 {
     bool fresh = !(f->flags & KN_FLAG_STALE);
-    bool goes_on = r->ticks > 0 && f->tick > r->tick; // else the first one of a kneadd's life
+    bool goes_on = r->ticks > 0 && f->tick > r->tick; // otherwise this is the first force of a kneadd's life
     kn_given g = {.ms = goes_on ? (int)(f->tick - r->tick) : 1, .heard = fresh, .came = fresh, .flags = f->flags};
     memcpy(g.force_n, f->force_n, sizeof g.force_n);
     r->tick = f->tick;

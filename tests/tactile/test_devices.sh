@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# knead devices on a made-up dev and sys, and on this machine: what it finds, and what it says is missing.
+# knead devices on synthetic dev and sys folders, and on this machine: the devices found, and the parts reported
+# missing.
 set -u
 PATH=$KN_BUILD/tests/tools:$PATH
 source "$KN_SOURCE/tests/clients/refuses.sh"
@@ -11,7 +12,7 @@ usb() { # usb PLACE VENDOR PRODUCT NAME
     echo "$3" >"root/sys/bus/usb/devices/$1/idProduct"
     printf '%s\n' "$4" >"root/sys/bus/usb/devices/$1/product"
 }
-tty() { # tty NAME PLACE INTERFACE: a serial line of that USB device
+tty() { # tty NAME PLACE INTERFACE: make a serial line of that USB device
     mkdir -p root/dev root/sys/class/tty/"$1" root/sys/bus/usb/devices/"$2/$3"
     : >root/dev/"$1"
     ln -s "../../../bus/usb/devices/$2/$3" root/sys/class/tty/"$1"/device
@@ -63,7 +64,7 @@ assert found[1]["ready"] and found[2]["usb"] == "2341:0043" and found[4]["profil
 END
 kill $daemon $service
 
-# a user who is not of the group
+# A user outside of the group.
 if [ "$(id -u)" = 0 ] && command -v setpriv >/dev/null; then
     chmod 660 root/dev/ttyUSB0
     chgrp dialout root/dev/ttyUSB0

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# knead doctor: what is there is ok, what is not is named with a fix, and a fix that is carried out is one.
+# knead doctor: present items are ok, missing ones are named with a fix, and a fix that is carried out works.
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 knead doctor --seconds 1 >out 2>err
@@ -23,7 +23,7 @@ assert checks["route"]["good"] and checks["route"]["fix"] == ""
 assert {"priority", "memory", "buffers", "processors", "instructions", "kernel", "group", "wakes"} <= set(checks)
 END
 fi
-if setpriv --reuid 65534 --regid 65534 --clear-groups true 2>/dev/null; then # a user whom nobody granted anything
+if setpriv --reuid 65534 --regid 65534 --clear-groups true 2>/dev/null; then # a user without any special rights
     cp "$(command -v knead)" .
     chmod 755 . knead
     prlimit --rtprio=0 --memlock=65536 setpriv --reuid 65534 --regid 65534 --clear-groups ./knead doctor --seconds 1 >out
@@ -31,13 +31,15 @@ if setpriv --reuid 65534 --regid 65534 --clear-groups true 2>/dev/null; then # a
     grep -q '^LACKS memory ' out && grep -q 'fix: .*memlock unlimited' out || fail "no locked memory, and no fix"
 fi
 
-# whose groups: 4001 may command the service, 4002 has the serial lines, nobody has those of 4003 that only root may open
+# The groups: 4001 may command the service, 4002 owns the serial lines. 4003 owns a line that only root may open, so
+# no user needs 4003.
 mkdir -p root/dev
 touch root/dev/ttyACM0 root/dev/ttyACM1 root/dev/ttyUSB0
 if chown 0:4002 root/dev/ttyACM? 2>/dev/null && chown 0:4003 root/dev/ttyUSB0 && unshare -m true 2>/dev/null &&
     setpriv --reuid 65534 --regid 65534 --clear-groups true 2>/dev/null; then
     chmod 660 root/dev/ttyACM? && chmod 600 root/dev/ttyUSB0 && chmod 755 root root/dev
-    # as_nobody GROUPS MEMBERS: nobody's session has these groups, and by now nobody is in those of MEMBERS ("knead serial")
+    # as_nobody GROUPS MEMBERS: run knead doctor as nobody. The session has the groups GROUPS; the group file lists
+    # nobody in MEMBERS ("knead serial").
     as_nobody() {
         grep -v -e '^knead:' -e ':400[123]:' /etc/group >group
         for name in knead:4001 serial:4002 closed:4003; do

@@ -11,7 +11,7 @@ static kn_haply_heard hear(const char *text, const char *device_id)
     return kn_haply_read(text, strlen(text), device_id, &state, error, sizeof error);
 }
 
-// an arm's entry in the words of Haply's documentation of 3.5
+// An arm's entry as in Haply's documentation of version 3.5.
 #define ARM(id, x, calibrated)                                                                                         \
     "{\"device_id\":\"" id "\",\"state\":{\"cursor_position\":{\"x\":" x ",\"y\":-0.12,\"z\":0.15},"                   \
     "\"cursor_velocity\":{\"x\":0.0,\"y\":0.5,\"z\":-1e-3},\"body_orientation\":{\"w\":0,\"x\":1,\"y\":0,\"z\":0},"    \
@@ -25,7 +25,7 @@ TEST("a state is the first arm's, metres and m/s as they stand there")
     CHECK(state.pose.position_m[0] == 0.03 && state.pose.position_m[1] == -0.12 && state.pose.position_m[2] == 0.15);
     CHECK(state.pose.velocity_m_s[1] == 0.5 && state.pose.velocity_m_s[2] == -1e-3);
     CHECK(state.calibrated && !state.grip && state.pose.buttons == 0);
-    CHECK(state.pose.orientation_wxyz[0] == 1.0); // without a grip: how the arm stands is not how the tool does
+    CHECK(state.pose.orientation_wxyz[0] == 1.0); // without a grip the arm's orientation is not the tool's
 }
 
 TEST("or of the arm that was asked for, and one that is not there is not malformed")

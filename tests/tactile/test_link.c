@@ -1,5 +1,5 @@
-// What kneadd gives and what the motors of two devices give, one that renders forces and one that renders the local
-// model, on a bad link, behind a delay, in a kill and under a freeze: in virtual time.
+// The forces of kneadd and of the motors of two devices, one of which renders forces and the other the local model.
+// The cases are a bad link, a delay, a kill and a freeze, all in virtual time.
 #include "clients/knead/profile.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -16,16 +16,16 @@ enum { ROW_MS = 2200, KILLS = 8, FREEZES = 1 };
 static struct {
     kn_rig rig;
     kn_bridge bridge[2];
-    kn_presser near, far; // the latter renders the local model
+    kn_presser near, far; // far renders the local model
     uint64_t dice;
 } p;
 
-static int throw(int from, int to) // ms
+static int throw(int from, int to) // a random number of ms
 {
     return (int)kn_dice_in(&p.dice, from, to);
 }
 
-static int times(const char *name, int of_one, int usual) // the usual, or as many as the environment asks for
+static int times(const char *name, int of_one, int usual) // the usual number, or the number from the environment
 {
     const char *asked = getenv(name);
     return asked ? of_one * atoi(asked) : usual;
@@ -46,7 +46,7 @@ static void join(kn_presser *presser, const char *probe, double x_m, bool local,
     kn_rig_joined(e, opened, kn_join_memory(e->bridge->bus), error);
 }
 
-static void begin(void) // in place of what was served before
+static void begin(void) // end the servers and hands that ran before
 {
     kn_rig_close(&p.rig);
     memset(&p, 0, sizeof p);
@@ -67,7 +67,7 @@ static void start(const kn_link_fault *fault, double delay_ms, kn_auth *auth)
     p.rig.auth = auth;
     serve(true);
     join(&p.near, "near", -0.015, false, fault, delay_ms);
-    kn_rig_run(&p.rig, 300); // the first that is let in has the ticks follow its poses
+    kn_rig_run(&p.rig, 300); // the ticks follow the poses of the hand that is let in first
     join(&p.far, "far", 0.015, true, fault, delay_ms);
 }
 
@@ -85,8 +85,8 @@ static void check_rules(const char *name)
            f->transition_n);
 }
 
-// What kneadd lacks is what the link lost, or made late, and kneadd counts what the link did; but for two poses and a
-// run of lost ones that are under way at the end.
+// Check that the poses missing at kneadd are those that the link lost or delayed, and that kneadd's counters agree
+// with the link's. A tolerance covers two poses and a run of lost ones under way at the end.
 static void check_counts(bool swapped)
 {
     for (kn_rig_end *e = p.rig.end; e < p.rig.end + 2; e++) {
@@ -149,7 +149,7 @@ TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300
             kn_rig_until(&p.rig, p.rig.thawed_ns);
         }
         kn_rig_kill(&p.rig);
-        kn_rig_run(&p.rig, throw(30, 400)); // until the next one is up
+        kn_rig_run(&p.rig, throw(30, 400)); // until the next kneadd starts
     }
     check_rules("kills");
     CHECK(p.near.rules.outages == kills && p.near.rules.felt >= kills / 3 && p.far.rules.felt >= kills / 5);
@@ -184,8 +184,8 @@ TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made
     CHECK(p.near.rules.zero_at <= 20 && p.near.rules.pressed > freezes * 500);
 }
 
-// For so long, how much the force in the far motors changes from one ms to the next, beside the force: where it is
-// felt.
+// Run for so many ms. Return the change of the far motors' force from one ms to the next relative to the force, where
+// the hand feels a force.
 static double restless(int ms, double *mean_n)
 {
     double sum_n = 0, changes_n = 0, last_n = 0;
@@ -263,7 +263,7 @@ TEST("with a key nothing flipped is taken, and everything else is")
     int fd = mkstemp(path);
     for (int i = 0; i < KN_AUTH_KEY; i++) CHECK(dprintf(fd, "%02x", 7 * i % 256) == 2);
     close(fd);
-    setenv("KNEAD_KEY", path, 1); // of the devices; from now on
+    setenv("KNEAD_KEY", path, 1); // the devices use this key from now on
     CHECK(kn_auth_load(&auth, path, error, sizeof error));
     const kn_receiver *r = &p.rig.exchange.receiver;
     const kn_rig_end *e = p.rig.end;
@@ -280,7 +280,7 @@ TEST("with a key nothing flipped is taken, and everything else is")
     run_row("worse, a key",
             &(kn_link_fault){.loss = 0.2, .burst = 20, .jitter = 4, .twice = 0.01, .swap = 0.01, .flip = 0.001}, &auth);
 
-    start(&(kn_link_fault){0}, 0, &auth); // and of another life nothing is, though the hands find the new one
+    start(&(kn_link_fault){0}, 0, &auth); // poses of another life are not accepted, but the hands find the new life
     kn_rig_run(&p.rig, 1500);
     kn_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
     int64_t life = auth.life, session = p.bridge[0].now.tether.session, pressed = p.near.rules.pressed;

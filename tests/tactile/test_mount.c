@@ -10,7 +10,7 @@ static kn_device_def mount(const char *basis)
     return m;
 }
 
-// v turned by the unit quaternion q
+// Rotate v by the unit quaternion q.
 static void rotate(const double q[4], const double v[3], double out[3])
 {
     const double *u = q + 1, c[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};

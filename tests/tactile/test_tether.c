@@ -4,9 +4,9 @@
 #include <string.h>
 
 static kn_tether tether;
-static double now_s, age_s = 1e-3; // of every force's pose
+static double now_s, age_s = 1e-3; // age of every force's pose
 static const double here[3], push_n[3] = {0, 0, 2};
-static int64_t ticks; // of the kneadd
+static int64_t ticks; // ticks of kneadd
 
 static kn_render_def upright(double force_limit_n)
 {
@@ -41,7 +41,7 @@ static void tick(int ms)
     kn_tether_tick(&tether, now_s, ms);
 }
 
-// ms of a device and a kneadd, either of which may be silent
+// Run so many ms of a device and of kneadd. Either may be silent.
 static void live(int ms, bool poses, bool forces)
 {
     for (int i = 0; i < ms; i++) {
@@ -66,7 +66,7 @@ TEST("a device is never asked for more than it may give, in any direction")
 {
     begin();
     live(10, true, true);
-    for (int i = 1; i <= 20; i++) { // by less than the impulse guard's 4 N in each ms
+    for (int i = 1; i <= 20; i++) { // in steps below the impulse guard's 4 N per ms
         kn_tether_pose(&tether, here, here);
         force(100, (double[]){1.5 * i, 2.0 * i, 0}, 0, 0);
         tick(1);
@@ -172,7 +172,7 @@ TEST("an object that gives back more than was put into it is damped, by the numb
     def.device.hand.stiffness_n_m = 500.0;
     kn_tether_init(&tether, 100, &def);
     double x_m[3] = {0}, v_m_s[3] = {0};
-    for (int ms = 0; ms < 2000; ms++) { // pushed along, all the time: no passive object does that
+    for (int ms = 0; ms < 2000; ms++) { // pushed along all the time, which no passive object does
         v_m_s[2] = 0.1;
         x_m[2] += 1e-3 * v_m_s[2];
         kn_tether_pose(&tether, x_m, v_m_s);
@@ -180,10 +180,10 @@ TEST("an object that gives back more than was put into it is damped, by the numb
         tick(1);
     }
     CHECK(tether.render.passivity.acted > 1000 && given()[2] < 2.0);
-    CHECK(tether.render.passivity.given_j < 0.25); // of 0.4 J that it would have given
+    CHECK(tether.render.passivity.given_j < 0.25); // without damping it would give 0.4 J
     kn_tether_init(&tether, 100, &def);
     live(1000, true, true);
-    CHECK(tether.render.passivity.acted == 0 && given()[2] == 2.0); // at rest nothing is given
+    CHECK(tether.render.passivity.acted == 0 && given()[2] == 2.0); // at rest no energy is given
 }
 
 TEST("a process that stood still for 25 ms gives nothing when it wakes")
@@ -204,7 +204,7 @@ TEST("a force that asks to jump fades from where it was, and a new session begin
     CHECK(given()[2] == 2.0 || tether.render.gain < 1.0);
     double last_n = given()[2];
     for (int ms = 1; ms <= 20; ms++) {
-        live(1, true, true); // good ones come no further
+        live(1, true, true); // later valid forces are ignored
         CHECK(given()[2] <= last_n && given()[2] >= last_n - 2.0 / 17 - 1e-9);
         last_n = given()[2];
     }
@@ -231,9 +231,9 @@ TEST(
     CHECK(tether.session == 101 && given()[2] == 2.0 && tether.render.refusals == 1);
 }
 
-static double deep_m; // of the device in a wall at z = 0
+static double deep_m; // depth of the device in a wall at z = 0
 
-// ms of the same with the local model: contacts come with the forces
+// The same with the local model: contacts come with the forces.
 static void live_local(int ms, bool poses, bool forces)
 {
     kn_contact_unit unit = {.flags = KN_CONTACT_ENGAGED,
@@ -321,9 +321,9 @@ TEST("an older force that comes behind a newer one is not given")
 
 TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms, then a new session")
 {
-    for (int back = 0; back < 3; back++) { // the newest, one before it, one of the first tick
+    for (int back = 0; back < 3; back++) { // the newest force, one before it, one of the first tick
         begin();
-        ticks += INT64_C(86400000); // a day of them
+        ticks += INT64_C(86400000); // a day of ticks
         live(100, true, true);
         kn_tether_force again = {.session = 100,
                                  .seq = tether.seq,
@@ -340,7 +340,7 @@ TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms,
         live(1200, true, false);
         CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101);
         again.session = 101, again.seq = 0;
-        CHECK(kn_tether_take(&tether, &again)); // of a kneadd that began anew, at whatever tick
+        CHECK(kn_tether_take(&tether, &again)); // from a kneadd that started anew, at any tick
     }
 }
 
@@ -353,7 +353,7 @@ TEST("a force that fades for want of news does so by 0.5 N a ms at most, whateve
         kn_tether_init(&tether, 100, &def);
         double x_m[3] = {0}, v_m_s[3] = {0}, last_n = 0, steepest_n = 0;
         for (int ms = 0; ms < 320; ms++) {
-            v_m_s[2] = ms < 300 ? 0.1 : ms % 2 ? shake_m_s : 0; // pushed along, then silence and a hand that shakes
+            v_m_s[2] = ms < 300 ? 0.1 : ms % 2 ? shake_m_s : 0; // pushed along, then silence and a shaking hand
             x_m[2] += 1e-3 * v_m_s[2];
             kn_tether_pose(&tether, x_m, v_m_s);
             if (ms < 300) force(100, push_n, KN_FLAG_ENGAGED, 0);

@@ -1,13 +1,13 @@
-// An Inverse Service that has no arm: its WebSocket, its JSON and its habits, made from Haply's documentation of 3.5,
-// with a simulated arm and a person behind it. For tests, and for whoever has no Inverse3.
+// An Inverse Service without an arm: its WebSocket, its JSON and its behaviour, after Haply's documentation of
+// version 3.5. A simulated arm and a person are behind the service. For tests, and for users without an Inverse3.
 //
 //     haply PORT SECONDS      since the first client; CSV on stdout, one row per ms
 //
-// A line on its stdin, TROUBLE 1, begins a trouble, and TROUBLE 0 ends it:
-//     malformed   answers are no JSON          mute   there are no answers         hangup   all are sent away
-//     gone        the arm is not in the list   cold   the arm is not calibrated    sticky      a force is not forgotten
+// A line TROUBLE 1 on stdin begins a trouble, and TROUBLE 0 ends it:
+//     malformed   answers are not JSON         mute   no answers                   hangup   all clients are closed
+//     gone        the arm is not in the list   cold   the arm is not calibrated    sticky   the last force is kept
 //
-// Rows: ms, position, force that the arm gives, messages, messages that were wrong: no JSON, no force, another arm's;
+// Rows: ms, position, force that the arm gives, messages, wrong messages (no JSON, no force, another arm's),
 // greetings.
 #include "clients/knead/arm.h"
 #include "clients/knead/join.h"
@@ -84,7 +84,7 @@ static void hear(const char *text, size_t size)
 }
 
 typedef struct peer {
-    int owed; // states
+    int owed; // states still to be sent
     int all;
 } peer;
 
@@ -127,7 +127,7 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
     if (read(timer_fd, &times, sizeof times) != sizeof times) return;
     static int begun;
     begun |= clients > 0;
-    for (uint64_t n = 0; n < times; n++) { // the person and the mass go on, whatever this process missed
+    for (uint64_t n = 0; n < times; n++) { // person and mass also move in the time that this process missed
         double path_m[3] = {0}, path_m_s[3] = {0};
         force_age_ms += !in[STICKY];
         if (begun) path_m[2] = kn_person_z(now_ms, &path_m_s[2]);
@@ -147,7 +147,7 @@ static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
     (void)events;
     char text[40] = {0};
     for (size_t i = 0; i + 1 < sizeof text && read(STDIN_FILENO, text + i, 1) == 1 && text[i] != '\n';) i++;
-    if (!*text) ev_io_stop(ev, watcher); // its end
+    if (!*text) ev_io_stop(ev, watcher); // end of input
     int known = !*text;
     for (int i = 0; i < TROUBLES; i++) {
         size_t n = strlen(trouble[i]);
@@ -160,7 +160,7 @@ static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
 
 int main(int argc, char **argv)
 {
-    // an Inverse3 as felt at its cursor: 0.1 kg, little friction, 10 N at most
+    // An Inverse3 as felt at its cursor: 0.1 kg, little friction, 10 N at most.
     const kn_arm_def def = {.mass_kg = 0.1,
                             .damping_n_s_m = 0.2,
                             .coulomb_n = 0.05,

@@ -1,4 +1,4 @@
-// hear PROBE SECONDS: every pose and force of a probe on the default bus, by stock LCM, as CSV on stdout.
+// hear PROBE SECONDS: print every pose and force of a probe on the default bus as CSV on stdout, using stock LCM.
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
@@ -29,7 +29,7 @@ int main(int argc, char **argv)
     int64_t begin_ns = kn_now_ns();
     lcm_t *lcm = argc == 3 ? lcm_create(NULL) : NULL;
     if (!lcm) return fprintf(stderr, "usage: hear PROBE SECONDS\n"), 2;
-    setvbuf(stdout, NULL, _IOLBF, 0); // whoever ends it gets whole rows
+    setvbuf(stdout, NULL, _IOLBF, 0); // whole rows, even if the program is killed
     snprintf(channel, sizeof channel, "KNEAD_POSE_%s", argv[1]);
     knead_probe_pose_t_subscription_t *poses = knead_probe_pose_t_subscribe(lcm, channel, on_pose, &begin_ns);
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", argv[1]);

@@ -1,15 +1,16 @@
-// link NEAR_URL FAR_URL DELAY_MS SECONDS [FAULT=VALUE]...: a bad link between two buses. What kneadd says on the
-// near one is repeated on the far one after half of the delay, the poses of the far one on the near one after the other
-// half; by stock LCM, so that a damaged payload travels under a right checksum. Faults of either way, by one seed:
+// link NEAR_URL FAR_URL DELAY_MS SECONDS [FAULT=VALUE]...: a bad link between two buses. kneadd's messages on the
+// near bus are repeated on the far bus after half of the delay. The poses of the far bus are repeated on the near bus
+// after the other half. The link uses stock LCM, so that a damaged payload travels under a correct checksum. Faults
+// apply to both directions, by one seed:
 //
-//     loss=0.05 burst=3    a share of the messages, so many in a row each time (1)
-//     jitter=5             of the round trip, ms; each way half of it at most, so that messages overtake one another
-//     twice=0.01           is delivered again, right behind
-//     swap=0.01            comes 1.5 ms late: behind the next one
-//     flip=0.001           one bit of the payload is another
+//     loss=0.05 burst=3    a share of the messages is lost, so many in a row each time (1)
+//     jitter=5             jitter of the round trip, ms; each direction has up to half of it: messages overtake
+//     twice=0.01           a share is delivered again, directly behind the first
+//     swap=0.01            a share comes 1.5 ms late: behind the next message
+//     flip=0.001           a share has one flipped bit in the payload
 //     seed=1
 //
-// At its end, or by SIGTERM: what it did, per direction:  poses carried N lost N flipped N twice N swapped N
+// At the end, or on SIGTERM, the counts of each direction:  poses carried N lost N flipped N twice N swapped N
 #include "tests/tactile/link.h"
 #include "clients/knead/join.h"
 #include <poll.h>

@@ -1,15 +1,16 @@
-// A paddle that is none: mass, friction, encoder, motor and a person on it behind a pty, with a firmware like the one
-// that clients/tactile/README.md asks for. For tests, and for whoever has no paddle.
+// A simulated paddle: mass, friction, encoder, motor and a person behind a pty. Its firmware is like the one that
+// clients/tactile/README.md asks for. For tests, and for users without a paddle.
 //
 //     paddle LINK SECONDS [EVENT=MS[:MS]]...     LINK becomes the name of its tty; times since the first command came
 //
-// The person comes down 35 mm in 1 s, rests, lifts, every 4 s. CSV on stdout, a row per ms: what the firmware did.
-// Where this process could not run, the person and the mass have gone on, and the firmware has missed that time.
+// The person comes down 35 mm in 1 s, rests, and lifts, every 4 s. CSV on stdout, one row per ms, reports the
+// firmware. In the time that this process could not run, the person and the mass move on, and the firmware misses
+// that time.
 //     garbage=MS      from then on 7 random bytes before every tenth frame
 //     flip=MS         from then on one bit of every tenth frame is wrong
-//     mute=MS:MS      from, for so long: sends nothing
-//     hangup=MS:MS    the line is gone
-//     unwatched=0     it has no watchdog
+//     mute=MS:MS      from then on, for so long, no frames are sent
+//     hangup=MS:MS    from then on, for so long, the line is gone
+//     unwatched=0     there is no watchdog
 #include "clients/knead/arm.h"
 #include "clients/knead/join.h"
 #include "clients/tactile/frame.h"
@@ -29,14 +30,14 @@ typedef struct span {
 
 typedef struct paddle {
     const char *link;
-    int fd, keep; // master; slave, held open so that a computer that leaves is no hang-up
+    int fd, keep; // master; slave, held open so that a leaving computer does not hang up the line
     span garbage, flip, mute, hangup, unwatched;
     kn_arm arm;
     kn_deframer deframer;
     kn_watchdog watchdog;
     double asked_n, given_n;
     bool enabled;
-    uint16_t seq, heard; // of its own frames; of the newest command
+    uint16_t seq, heard; // seq of its own frames; seq of the newest command
     unsigned random;
 } paddle;
 
@@ -104,7 +105,7 @@ static void tell_computer(paddle *p, int ms)
                     bytes + before);
     if (tenth && in(&p->flip, ms)) bytes[before + p->seq / 10 % KN_FRAME_SIZE] ^= (uint8_t)(1 << ms / 200 % 8);
     if (p->fd < 0 || in(&p->mute, ms)) return;
-    if (write(p->fd, bytes, before + KN_FRAME_SIZE) < 0) return; // nobody reads: the line is full
+    if (write(p->fd, bytes, before + KN_FRAME_SIZE) < 0) return; // the line is full because no program reads
 }
 
 static bool option(paddle *p, const char *text)
@@ -136,7 +137,7 @@ int main(int argc, char **argv)
                 .fd = -1,
                 .random = 1,
                 .deframer.kind = KN_FRAME_COMMAND};
-    // a Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most
+    // A Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most.
     const kn_arm_def def = {.mass_kg = 0.04,
                             .damping_n_s_m = 0.1,
                             .coulomb_n = 0.05,
@@ -154,9 +155,9 @@ int main(int argc, char **argv)
     kn_watchdog_init(&p.watchdog, 0, 0);
 
     kn_clock clock;
-    kn_join_priority(60); // a microcontroller has nothing else to do; without, it is as late as any process
+    kn_join_priority(60); // a microcontroller has no other work; without priority the paddle is as late as any process
     kn_clock_start(&clock, kn_now_ns());
-    setvbuf(stdout, NULL, _IOLBF, 0); // whoever looks on sees this ms
+    setvbuf(stdout, NULL, _IOLBF, 0); // a reader sees each ms at once
     printf("ms,z_m,asked_n,given_n,enabled,tripped,commands,bad,skipped\n");
     for (int ms = 0; ms < 1000 * seconds;) {
         int elapsed_ms = 1 + kn_clock_wait(&clock).missed;

@@ -1,6 +1,6 @@
-// presser PROBE SECONDS [local] [x=0.01] [profile=touch]: the device of presser.h on a running kneadd; at its end, or
-// by a signal, what rules.h says of it. local: renders KNEAD_CONTACT, not KNEAD_FORCE. LCM_DEFAULT_URL, KNEAD_KEY: as
-// all clients.
+// presser PROBE SECONDS [local] [x=0.01] [profile=touch]: run the device of presser.h on a running kneadd. At the
+// end, or on a signal, print the judgement of rules.h. local: render KNEAD_CONTACT instead of KNEAD_FORCE.
+// LCM_DEFAULT_URL and KNEAD_KEY apply as for all clients.
 #include "tests/tactile/presser.h"
 #include "clients/knead/profile.h"
 #include "server/clock.h"

@@ -1,11 +1,11 @@
-// A spacenavd that has no puck: its socket and its protocol, for the real libspnav to talk to.
+// A spacenavd without a puck: its socket and its protocol, for the real libspnav.
 //
-//     spacenavd SOCKET SECONDS [old]      old: protocol 0, says nothing to whoever asks for another
+//     spacenavd SOCKET SECONDS [old]      old: protocol 0, no answer to a client that asks for another protocol
 //
-// It does what lines on its stdin say:
-//     push X Y Z RX RY RZ   the puck is pushed so, from now on   button N 0|1
-//     pull                  it is pulled out                     noise   200 events of random bytes
-//     half                  half an event                        away, back   of the whole daemon
+// Lines on stdin are commands:
+//     push X Y Z RX RY RZ   push the puck so, from now on   button N 0|1
+//     pull                  unplug the puck                 noise   200 events of random bytes
+//     half                  half an event                   away, back   end or start the whole daemon
 #include "server/clock.h"
 #include <poll.h>
 #include <stdint.h>
@@ -43,14 +43,14 @@ static void tell(const void *bytes, size_t size)
     for (int i = 0; i < clients; i++) send(client[i], bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-// A line that is there. False: not understood.
+// Obey a line of stdin. Return false if the line is not understood.
 static int obey(void)
 {
     char text[80] = {0};
     int32_t e[8] = {0};
     int n, down;
     for (size_t i = 0; i + 1 < sizeof text && read(STDIN_FILENO, text + i, 1) == 1 && text[i] != '\n';) i++;
-    if (!*text) return deaf = 1; // its end
+    if (!*text) return deaf = 1; // end of input
     if (sscanf(text, "push %d %d %d %d %d %d", e + 1, e + 2, e + 3, e + 4, e + 5, e + 6) == 6) {
         e[7] = 16, tell(e, sizeof e);
     } else if (sscanf(text, "button %d %d", &n, &down) == 2) {
@@ -61,7 +61,7 @@ static int obey(void)
         unsigned seed = 1;
         for (int i = 0; i < 200; i++) {
             for (int k = 0; k < 8; k++) e[k] = (int32_t)((unsigned)rand_r(&seed) << 16 ^ (unsigned)rand_r(&seed));
-            if (i % 4 == 0) e[0] &= 7; // of a known kind, or nearly
+            if (i % 4 == 0) e[0] &= 7; // a known kind, or nearly
             tell(e, sizeof e);
         }
         memset(e, 0, sizeof e), tell(e, sizeof e);

@@ -1,6 +1,6 @@
-// wild PROBE NEWTON SECONDS: waits until kneadd's force on that probe is above 0.3 N, then sends forces of its own in
-// kneadd's name, NEWTON upwards, one behind each of 20 and of two poses later: a client may take the newest only, and
-// those behind forces that were heard late are not. Exit 1 when nothing was pressed for SECONDS.
+// wild PROBE NEWTON SECONDS: wait until kneadd's force on that probe is above 0.3 N. Then send own forces in kneadd's
+// name, NEWTON upwards, one behind each of 20 forces and with a seq two poses later. A client may accept only the
+// newest force, and the forces sent behind late ones are not newest. Exit 1 if no tool was pressed for SECONDS.
 #include "proto/knead_contact_force_t.h"
 #include "server/clock.h"
 #include <stdio.h>
@@ -15,9 +15,9 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead
     (void)buf;
     knead_contact_force_t f = *heard;
     double newton = atof(wanted_n);
-    if (f.force_n[2] < 0.3 || f.force_n[2] == newton) return; // the latter is our own
+    if (f.force_n[2] < 0.3 || f.force_n[2] == newton) return; // the second case is our own force
     f.force_n[2] = newton;
-    f.seq += 2, f.tick += 2; // no news, if it is not newer than what was heard last
+    f.seq += 2, f.tick += 2; // no news, unless newer than the last force heard
     sent += knead_contact_force_t_publish(self, channel, &f) == 0;
 }
 
