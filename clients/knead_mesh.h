@@ -43,11 +43,7 @@ static inline void kn_mesh_free(kn_mesh *m)
 // False: nothing new (the same mesh again), malformed, or out of memory; the mesh is then as before.
 static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum {
-        INDEX_COUNT = 8 + 24 + 8,
-        TRIANGLES = INDEX_COUNT + 5,
-        TRAILER = 32
-    }; // bytes; kneadd --key appends a trailer
+    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TRAILER = 32 }; // bytes; --key appends a trailer
     if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TRAILER) return false;
     knead_mesh_init_t msg;
     if (knead_mesh_init_t_decode(data, 0, (int)size, &msg) < 0) return false;
@@ -56,13 +52,9 @@ static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
     for (int i = 0; fits && i < msg.index_count; i++) fits = (uint32_t)msg.triangles[i] < (uint32_t)msg.vertex_count;
     if (fits) {
         size_t n = (size_t)msg.vertex_count;
-        kn_mesh next = {.mesh_id = msg.mesh_id,
-                        .vertex_count = msg.vertex_count,
-                        .triangle_count = msg.triangle_count,
-                        .positions_m = calloc(5 * n, sizeof(float)),
-                        .staged_m = calloc(5 * n, sizeof(float)),
-                        .seen = calloc(n, 1),
-                        .staged_tick = -1};
+        kn_mesh next = {.mesh_id = msg.mesh_id, .vertex_count = msg.vertex_count, .staged_tick = -1};
+        next.triangle_count = msg.triangle_count, next.seen = calloc(n, 1);
+        next.positions_m = calloc(5 * n, sizeof(float)), next.staged_m = calloc(5 * n, sizeof(float));
         fits = next.positions_m && next.staged_m && next.seen;
         if (fits) next.triangles = msg.triangles, msg.triangles = NULL, kn_mesh_free(m), *m = next; // the decoder's
         else kn_mesh_free(&next);

@@ -206,8 +206,8 @@ static void add_force(kn_probe_output *out, const double arm[3], const double fo
 
 static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold, kn_output *output)
 {
-    // The work follows the node's own motion, which differs from the plate's at first touch. A
-    // node that pulls does work, too.
+    // The work follows the node's own motion, which differs from the plate's at first touch. Work is also done on a
+    // node that pulls.
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
     // a node that pulls is released
     if (hold->gone || !(hold->force_n[2] >= 0)) {

@@ -147,7 +147,7 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
     // across the normal: the force that stops the proxy on the surface, cut to the friction cone
     cross(others->torque_n_m, u->arm_m, way);
-    // the compliance across the normal is at least that along the normal
+    // s: compliance across the normal, at least as large as the true one, because |arm|^2 serves for every direction
     double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m);
     for (int i = 0; i < 3; i++) {
         double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
@@ -279,7 +279,7 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
     double size = norm(from->normal), dt = m->def.server_period_s;
     for (int i = 0; i < 3; i++) u->normal[i] = from->normal[i] / size;
     u->k1 = clip(from->k1_n_per_m, 0.0, 2.0 * b->k);
-    // the message has A = c1 + dt k1 for the server's step; c1 alone fits any step
+    // the message has A = c1 + dt k1 for dt = server_period_s (contact_fit.c); c1 alone fits any step
     u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b);
     u->c2 = clip(from->c2_n_s_per_m, 10.0, 1e5);
     // thick: ratio of this c2 to that of the law at the same force

@@ -77,7 +77,7 @@ bool kn_deadline_line(kn_deadline *d, bool first)
     return true;
 }
 
-// The price covers every node once per plate, and the law: after a guess the first
+// The price covers every node once per probe, an upper bound for the plates, and the law: after a guess the first
 // linearisation evaluates the law twice.
 int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines, int iterations)
 {

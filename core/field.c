@@ -188,7 +188,8 @@ static void rows_between(const kn_field *f, int k, double low, double high, int 
     rows[1] = (int)fmin(f->n[k] - 1, ceil((high - f->low_m[k]) / f->cell_m));
 }
 
-// Add to `turns` the entries of rows into the surface through triangle t, each at the first point behind the crossing.
+// Add to `turns` the crossings of rows with triangle t, each at the first point behind the crossing: 1 for an entry, -1
+// for an exit, or the reverse if the surface is inside out.
 static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
 {
     // rows run slightly beside the points, by a negligible distance, so that they miss faces and edges along the grid

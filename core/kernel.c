@@ -419,7 +419,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
 {
     int K = model->grid.vectors;
     if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
-    // each law has a loop of its own
+    // each law without stops has a loop of its own; laws with stops share one
     const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
     if (model->law.stroke) return edge_stroke(model, state, how, again, K);
     switch (kind) {

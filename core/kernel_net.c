@@ -245,7 +245,7 @@ static double edge(const kn_model *model, kn_state *state, kn_linearization how,
     const tables *t = model->tables;
     if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(kn_state_work(state), t, state->displacement);
     if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(kn_state_work(state), t, state->displacement);
-    // each law has a loop of its own
+    // each law without stops has a loop of its own; laws with stops share one
     if (model->law.stroke) return edge_pass(model, state, t->law.kind, true, how, again);
     switch (t->law.kind) {
     case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);

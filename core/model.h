@@ -79,7 +79,8 @@ typedef struct kn_solver_def {
     double mass_scale;  // >= 1; gives RK4 a stable step; stated in the scene, never chosen silently
 } kn_solver_def;
 
-// The part of a kn_solver_def that may change from step to step: it affects time only, no memory layout depends on it.
+// The part of a kn_solver_def that may change from step to step. It sets how much time a step takes and how exact the
+// step is. No memory layout depends on it.
 typedef struct kn_effort {
     int iterations, iterations_max; // iterations 0: take all values from the model
     double tolerance;

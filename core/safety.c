@@ -86,7 +86,7 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
     bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
     bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // true for NaN
     if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
-    // let through as much of the step as is allowed; a hit in consecutive ticks counts once
+    // let through as much of the step as is allowed; a further hit within the same ms counts as the same hit
     approach(force_n, asked_n, allowed_n);
     if (again) return KN_GUARD_GOES_ON;
     memcpy(g->step_n, step, sizeof step);
@@ -310,7 +310,8 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
     s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
 
-    // ramp the gain; detach when a latched fault has faded out, attach when the tool may engage
+    // ramp the gain; detach when the force of a latched fault or of braking has faded out; attach when the tool may
+    // engage
     move_gain(s, in->clutch, silence_ms, ms);
     if (s->gain == 0.0 && (s->latched || s->braking)) s->attached = false;
     if (!s->attached && may_engage(s, in)) engage(s);
@@ -431,7 +432,7 @@ double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms)
     int silent = w->silent_ms + ms - fresh;
     int faded_from = w->silent_ms > w->hold_ms ? w->silent_ms : w->hold_ms;
     w->silent_ms = fresh ? 0 : silent;
-    // silence: fade after hold_ms, trip at zero_ms; poses that come back in between ramp the factor up
+    // silence: fade after hold_ms, trip at zero_ms; messages that come back in between ramp the factor up
     if (silent >= w->zero_ms) {
         w->tripped = true;
         w->trips++;

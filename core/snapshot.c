@@ -92,7 +92,7 @@ static void put_identity(kn_codec *c, identity *i)
 }
 
 // Compare the identity in a snapshot with the model's own. Other nodes, edges or precision mean another lattice.
-// Otherwise only the material can differ.
+// Otherwise material, structure, support, gas or step can differ (KN_SNAPSHOT_MATERIAL).
 static kn_snapshot_fit judge(const identity *found, const identity *own)
 {
     bool lattice = found->lattice == own->lattice && found->nodes == own->nodes && found->reals == own->reals &&

@@ -31,7 +31,7 @@
 typedef struct kn_record { // one tick, for the publisher
     kn_wake wake;
     int64_t utime;                    // us since 1970, when the forces were ready
-    int64_t execution_ns;             // time from reading the poses to publishing
+    int64_t execution_ns;             // from the start of the tick until the forces were ready
     int64_t guarded_ns;               // CLOCK_MONOTONIC when the servo was done
     int64_t posted_ns[KN_PROBES_MAX]; // arrival of the poses that the tick used
     kn_tick_out out;                  // must be the last member: its contacts are queued only if out.local

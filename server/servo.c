@@ -50,7 +50,7 @@ typedef struct tick {
     kn_output output;
     kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
     bool stepped, diverged, hashed;
-    bool shadowed; // the circuit was late, and its twin's result is used
+    bool shadowed; // the circuit was late or not in step, and its twin's result is used
     bool change;   // effort or material change in this tick: forces fade to 0 and return
     uint64_t hash; // state hash before the step, taken when the first event needs it
 } tick;

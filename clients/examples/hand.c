@@ -62,8 +62,7 @@ int main(int argc, char **argv)
             knead_probe_pose_t_publish(lcm, pose_channel, &pose);
         }
         force_age_ms++;
-        while (lcm_handle_timeout(lcm, 0) > 0)
-            ; // read all waiting messages; the newest stays
+        while (lcm_handle_timeout(lcm, 0) > 0) continue; // read all waiting messages; the newest stays
         // Own watchdog: hold the force 3 ms, fade it to 0 N by 20 ms, send no poses for 1.2 s, begin a new session
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
@@ -73,10 +72,9 @@ int main(int argc, char **argv)
         double given_n = factor * force.force_n[2];
 
         if (n % 500) continue;
-        printf("z %5.1f mm   force %6.2f N%s\n", pose.position_m[2] * 1e3, given_n,
-               tripped || force_age_ms >= ZERO_MS                 ? "   no force from kneadd: is it running?"
-               : force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED ? "   latched: lift the tool"
-                                                                  : "");
+        const char *why = force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED ? "   latched: lift the tool" : "";
+        if (tripped || force_age_ms >= ZERO_MS) why = "   no force from kneadd: is it running?";
+        printf("z %5.1f mm   force %6.2f N%s\n", pose.position_m[2] * 1e3, given_n, why);
         fflush(stdout);
     }
 }

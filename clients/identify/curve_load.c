@@ -53,7 +53,8 @@ static double moment(const kn_readings *r, const kn_load_step *s, double noise)
 }
 
 // If no note gives the time of the load, report a strain that begins later than the assumed time of the load. If the
-// height is counted from the first reading, the strain is 0 there by definition, so only a later begin is reported.
+// height is counted from the first reading, the strain is 0 there by definition, so only a begin after the first
+// reading is reported.
 static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_curve *c, double noise)
 {
     const double begin = c->step[0].time_s, span = r->time_s[r->count - 1] - r->time_s[0];

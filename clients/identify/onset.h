@@ -7,7 +7,8 @@
 
 // Return the time at which the line meets the initial level. The level is 0, or the mean of the first three readings if
 // they are flat. Set *least_s to the earliest time that is possible within four standard deviations of the noise.
-// Return -INFINITY if the noise hides the rise, or if the first reading is below 0. The times must rise.
+// Return -INFINITY if the noise hides the rise, or if the first reading is more than four standard deviations of the
+// noise below the initial level. There must be at least 3 readings, and the times must rise.
 double kn_onset(int count, const double *time_s, const double *strain, double noise, double *least_s);
 
 #endif

@@ -21,8 +21,7 @@ int kn_readings_sort(kn_readings *r);
 
 // Replace readings of the same time and load by their mean, with their number as its weight. A jump of the value by at
 // least a quarter of its range is kept, since the file then records the value before and after the jump. Return how
-// many readings were removed, or -1 without
-// memory.
+// many readings were removed, or -1 without memory.
 int kn_readings_merge(kn_readings *r);
 
 // Remove the first count readings.

@@ -83,7 +83,7 @@ static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 
 static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *error, size_t size)
 {
-    // If any curve has a rise, the rise determines the scale. If any curve lacks a strain, all values are moduli.
+    // A rise determines the scale. A curve without a strain makes all values moduli. The last such curve counts.
     r->scale = KN_RELAXATION_BOUND;
     for (int c = 0; c < curves; c++) {
         kn_relaxation_curve *to = &r->curve[r->curves++];

@@ -9,7 +9,7 @@ static const double first_trust = 0.8, most_trust = 1.6; // size of the trust re
 static const double secant = 0.2, short_secant = 0.3;
 // settled: shorter steps end the search; near: looks closer than this count as one look; far: no limit of the distance
 static const double settled = 0.005, near = 1e-3, far = 1e9;
-static const double promise = 1e-3; // a predicted decrease below this share of the sum ends the search
+static const double promise = 1e-3; // a short step with a predicted decrease below this share is not tried
 // the same share if the sum is above 100 per reading, so that the residuals are ten times the noise
 static const double promise_far = 1e-2, far_off = 100;
 

@@ -245,7 +245,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
-    // The command `load` ends the server's process, so wait for the process that replaces it.
+    // `load` ends the run and starts a new one in the same process, so wait for the new run.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);

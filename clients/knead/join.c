@@ -252,7 +252,7 @@ static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_
 {
     if (size < 16) return false;
     int64_t utime = kn_bytes_64(payload + 8), apart_us = (int64_t)((uint64_t)utime - (uint64_t)kn_wall_us());
-    // Each message must be newer than the last one of its life.
+    // Each message must be newer than the last one: by its age within one life, by its utime across lives.
     bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : utime > j->last_us;
     if (!newer || apart_us < -APART_US || apart_us > APART_US) return false;
     j->last = stamp;

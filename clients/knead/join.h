@@ -6,8 +6,9 @@
 //     kn_join_open -> kn_join_hear, once per channel -> kn_join_handle, as often as there is time -> kn_join_close
 //
 // If a key is set (KNEAD_KEY), the tag of a message is checked before its contents are read. A life is one run of
-// kneadd, and a hello is the message with which a client asks for the present life. Only messages of the life that
-// answered this process's hello are believed. Each message must be newer than the last one (server/auth.h).
+// kneadd, or the run after one `load`, and a hello is the message with which a client asks for the present life. Only
+// messages of the life that answered this process's hello are believed. Each message must be newer than the last one
+// (server/auth.h).
 //
 // A message in parts (LC03) is assembled if its parts come in order. One message is assembled at a time, of at most
 // KN_JOIN_LARGEST bytes, and only on the channels of scenes and topologies. A join must be used by one thread only. All

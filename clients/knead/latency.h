@@ -42,7 +42,7 @@ typedef struct kn_latency {
     const char *probe;
     const kn_path *path; // of the hand
     const char *work;    // name of the path's piece that counts
-    int seconds;         // duration of the piece `work`
+    int seconds;         // time of `work` to measure
     double drift_ppm;
     // Results.
     kn_flights flights[KN_LATENCY_PATHS];

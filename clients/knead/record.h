@@ -2,9 +2,8 @@
 #define KN_CLIENTS_RECORD_H
 // Record of all messages of a session. A thread of its own receives the messages. A hand needs only the newest force
 // and skips the others, but a log and a force table need every force. On request the messages are also written to an
-// LCM
-// event log as they arrive: KNEAD_SCENE first, then every pose, force and event since kn_record_start. kn_record_start
-// opens the log file, so a record that never starts does not overwrite an older file.
+// LCM event log as they arrive: KNEAD_SCENE first, then every pose, force and event since kn_record_start.
+// kn_record_start opens the log file, so a record that never starts does not overwrite an older file.
 //
 //     kn_record_open -> kn_record_scene -> kn_record_start -> ... the session ... -> kn_record_stop
 #include "clients/knead/join.h"

@@ -58,7 +58,7 @@ typedef struct kn_render { // read-only for the caller
     double round_trip_s;                // smoothed; 0 at first
     double given_n[3];                  // force that the motors must give
     double largest_n;                   // largest |given_n| so far
-    int64_t clamped;                    // number of messages with a force above force_limit_n
+    int64_t clamped;                    // new forces above force_limit_n; with the local model every ms counts
     int64_t guards, reflexes, refusals; // forces that the impulse guard limited; stops by REFLEX; stops by FAR
     kn_passivity passivity;
     kn_contact_model model;

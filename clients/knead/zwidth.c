@@ -52,7 +52,7 @@ static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0};
 static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // shares of the class's b_vc
 // Range of the couplings that are tried, N/m, and the factor between two of them.
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
-// Steps of bisection after the ladder. Four steps narrow the factor 1.25 to 1.5 %.
+// Steps of bisection after the ladder. Four steps narrow the factor 1.25 to 1.4 %.
 enum { HALVINGS = 4 };
 
 static const char *const columns[] = {

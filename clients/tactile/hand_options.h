@@ -7,7 +7,8 @@
 
 typedef enum kn_hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } kn_hand_kind;
 
-// Parsed options. NULL or 0 means that the option was not given.
+// Parsed options. NULL or 0 means that the option was not given, except for baud, puck.turn_rad_s, device_id and
+// preset, which hold their defaults.
 typedef struct kn_hand_options {
     kn_hand_kind kind;
     const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round

@@ -39,7 +39,7 @@ typedef struct kn_haply {
     size_t length;
     bool connected, greeted;
     bool in_flight, wanted_force; // in_flight: a message is not answered yet; wanted_force: a force waits to be sent
-    bool unwatched, asked;        // unwatched: --no-watchdog; asked: the last message asked for the inventory
+    bool unwatched, asked;        // unwatched: --no-watchdog; asked: the last one was the proof's request
     int64_t greeted_ns, sent_ns;  // time of the greeting (0: not greeted yet), time of the last message
     int silent_ms;                // time since the last answer
     double force_n[3];

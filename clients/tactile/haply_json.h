@@ -9,10 +9,10 @@
 //               "buttons":{"a":..}}}], ..}
 //     client:  {"inverse3":[{"device_id":"049D","commands":{"set_cursor_force":{"vector":{"x":..,"y":..,"z":..}}}}]}
 //
-// Units are m, m/s and N. The axes are right-handed like the scene's: x to the right, y forward, z up. A wireless grip,
-// if there is one, gives the tool's orientation and buttons. body_orientation is the pose of the arm's base on the
-// desk, not of the tool, and is ignored. Version 3.1 names the force "values" instead of "vector". Version 3.5 still
-// accepts "values", but version 3.1 does not know "vector".
+// Units are m, m/s and N. The axes are right-handed like the scene's: x to the right, y forward, z up. A grip, if there
+// is one (a wireless one before a wired one), gives the tool's orientation and buttons. body_orientation is the pose of
+// the arm's base on the desk, not of the tool, and is ignored. Version 3.1 names the force "values" instead of
+// "vector". Version 3.5 still accepts "values", but version 3.1 does not know "vector".
 #include "clients/tactile/bridge.h"
 
 #define KN_HAPLY_ID 32       // bytes of a device id, including NUL; [A-Za-z0-9_-]

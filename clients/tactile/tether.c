@@ -8,8 +8,8 @@ void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 {
     *t = (kn_tether){.session = session, .tick = -1};
     kn_render_init(&t->render, render);
-    // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
     kn_render_begin(&t->render, session);
+    // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
     kn_watchdog_init(&t->forces, render->local ? KN_RENDER_LOCAL_HOLD_MS : 0,
                      render->local ? KN_RENDER_LOCAL_ZERO_MS : 0);
     kn_watchdog_init(&t->poses, 0, 0);

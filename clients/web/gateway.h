@@ -47,7 +47,7 @@ typedef struct kn_web_page { // a page that has shown the token
     uint32_t picture;        // number of the last picture that was sent; set by the caller
     uint32_t event;          // number of the last pointer event
     int64_t pointed_ms;      // time of the last pointer event; CLOCK_MONOTONIC
-    uint64_t told;           // number of force samples sent to the page
+    uint64_t told;           // count of force samples sent to the page or dropped
     int about;               // version of kn_web.about that the page has; set by the caller
     struct lws *wsi;         // NULL: the place is free
 } kn_web_page;

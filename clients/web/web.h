@@ -77,7 +77,7 @@ typedef struct kn_web {
     kn_web_sample trace[KN_WEB_TRACE];
     uint64_t traced;
     int owner;        // page that has the tool, -1: none
-    int ordered_by;   // page that sent the last request, -1: none
+    int ordered_by;   // page that gave the last order for kneadd, -1: none
     kn_button button; // of the page that has the tool
     // The view was turned during this press. The pointer's place in the picture then no longer stands for a place on
     // the object.
@@ -138,8 +138,10 @@ typedef struct kn_web {
     int64_t saved_ms; // time of the snapshot request
 
     // tell.c
-    char *about; // JSON description of the scene, sent to each page that does not have the present version yet
-    int abouts;  // version of `about`, rising
+    // JSON description of the scene and the state (tool, control, quality, recordings), sent to each page that does not
+    // have the present version yet.
+    char *about;
+    int abouts; // version of `about`, rising
     struct {
         int nodes, edges, cells;
     } counts; // of the model
@@ -158,7 +160,7 @@ void kn_web_on_gone(void *web, int page);
 
 // web.c
 void kn_web_png_path(const kn_web *w, char path[128]);
-bool kn_web_measured(const kn_web *w, int measure); // returns true if the mesh messages contain the measure
+bool kn_web_measured(const kn_web *w, int measure); // true if the mesh messages contain it; displacement always
 
 // orders.c
 void kn_web_list_scenes(kn_web *w); // called once a second, because files may be added and removed at any time
