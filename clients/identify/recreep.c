@@ -6,8 +6,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-const char *const kn_recreep_name[KN_RECREEP_WAYS] = {"element", "diagonals", "diagonals and gas"};
-
 // Apply the loads of the curve to the test bench, and record its strain at the readings of the curve.
 static int follow(kn_bench *b, const kn_curve *c, double *strain)
 {

@@ -20,7 +20,6 @@ typedef enum kn_recreep_way {
     KN_RECREEP_GAS,
     KN_RECREEP_WAYS
 } kn_recreep_way;
-extern const char *const kn_recreep_name[KN_RECREEP_WAYS]; // "element", ...
 
 typedef struct kn_recreep {
     double *strain[KN_RECREEP_WAYS]; // at the readings of the curve; freed by kn_recreep_free

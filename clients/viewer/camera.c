@@ -51,12 +51,6 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
     kn_mat_mul(c->matrix, perspective, view);
 }
 
-void kn_camera_aim(kn_camera *c, const float low[3], const float high[3], double azimuth_deg, double elevation_deg,
-                   float aspect)
-{
-    kn_camera_look(c, low, high, &(kn_camera_view){azimuth_deg, elevation_deg, 1, false, aspect});
-}
-
 bool kn_camera_pick(const kn_camera *c, double u, double v, double z_m, double at_m[2])
 {
     // Direction of sight through (u, v), scaled so that its component along the view axis is 1.

@@ -25,10 +25,6 @@ typedef struct kn_camera {
 // Place the camera for the box between low and high.
 void kn_camera_look(kn_camera *camera, const float low[3], const float high[3], const kn_camera_view *view);
 
-// Place the camera for the box, without zoom and for one azimuth only.
-void kn_camera_aim(kn_camera *camera, const float low[3], const float high[3], double azimuth_deg, double elevation_deg,
-                   float aspect);
-
 // Intersect the line of sight through (u, v) of the picture with the plane z = z_m. u and v are 0..1 from the upper
 // left corner. Return false if the intersection is not in front of the eye.
 bool kn_camera_pick(const kn_camera *camera, double u, double v, double z_m, double at_m[2]);
