@@ -167,14 +167,14 @@ static void follow_price(kn_loop *loop, int64_t units)
     loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
     loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
     loop->dear_share = loop->dear > 1 ? fmin(loop->dear_share, share) : share;
-    // Steps take too long. Scale the deadline so that the fastest of these steps would take KN_SERVED_SHARE of the
-    // budget, but at most to half, and not below the units of the shortest step.
     if (loop->dear == KN_LOOP_DEAR) {
+        // Steps take too long. Reduce the deadline so that the fastest of these steps would take KN_SERVED_SHARE of the
+        // budget: by half at most, and not below the units of the shortest step.
         const double least = (double)kn_deadline_least(loop->servo.model);
         loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_SERVED_SHARE / loop->dear_share));
         loop->dear = 0;
-        // Steps are fast again: raise the deadline by an eighth, up to its measured value.
     } else if (loop->cheap == KN_LOOP_CHEAP) {
+        // Steps are fast again. Raise the deadline by an eighth, up to its measured value.
         loop->deadline = (int64_t)fmin((double)loop->priced, 1.125 * (double)loop->deadline);
         loop->cheap = 0;
     }
