@@ -79,42 +79,18 @@ static void with(op o, source from, int field, int immediate, int bits)
     word(o, (int)from, field << 10 | immediate << 4 | bits, o == MULTIPLY ? 5 : 2);
 }
 
-static void of(op o, source from, int field)
-{
-    with(o, from, field, 0, 0);
-}
-static void if_here(op o, source from, int field)
-{
-    with(o, from, field, 0, IS_PRED);
-}
-static void a(op o)
-{
-    word(o, 0, 0, o == NORM || o == NORM2 ? 7 : o == CRC ? 9 : 2);
-}
-static void rounded(shift by, int places)
-{
-    with(ROUND, (source)by, 0, places, 0);
-}
-static void saturated(int to, int flag)
-{
-    with(SATURATE, (source)to, 0, flag, 0);
-}
-static void saturated_here(int to, int flag)
-{
-    with(SATURATE, (source)to, 0, flag, IS_PRED);
-}
-static void floored(int places)
-{
-    with(ROUND, (source)BY, 0, places, IS_UNSIGNED);
-}
+static void of(op o, source from, int field) { with(o, from, field, 0, 0); }
+static void if_here(op o, source from, int field) { with(o, from, field, 0, IS_PRED); }
+static void a(op o) { word(o, 0, 0, o == NORM || o == NORM2 ? 7 : o == CRC ? 9 : 2); }
+static void rounded(shift by, int places) { with(ROUND, (source)by, 0, places, 0); }
+static void saturated(int to, int flag) { with(SATURATE, (source)to, 0, flag, 0); }
+static void saturated_here(int to, int flag) { with(SATURATE, (source)to, 0, flag, IS_PRED); }
+static void floored(int places) { with(ROUND, (source)BY, 0, places, IS_UNSIGNED); }
 static void pred(int kind, source from, int field, int bit) // kind rides in the immediate's upper bits
 {
     with(PRED, from, field, kind << 2 | bit, 0);
 }
-static void jump(op o, int kind, int target)
-{
-    word(o, kind, target << 4, 2);
-}
+static void jump(op o, int kind, int target) { word(o, kind, target << 4, 2); }
 
 // A loop's body between these; what it takes is counted under its name.
 static int begun_at, empty_at;
@@ -513,15 +489,10 @@ int main(int argc, char **argv)
     lay_out_rest();
     lay_out_crc();
     const char *what = argc == 2 ? argv[1] : "";
-    if (strcmp(what, "--program") == 0)
-        words();
-    else if (strcmp(what, "--constants") == 0)
-        constants();
-    else if (strcmp(what, "--verilog") == 0)
-        names();
-    else if (strcmp(what, "--c") == 0)
-        c();
-    else
-        return fprintf(stderr, "usage: nano --program | --constants | --verilog | --c\n"), 2;
+    if (strcmp(what, "--program") == 0) words();
+    else if (strcmp(what, "--constants") == 0) constants();
+    else if (strcmp(what, "--verilog") == 0) names();
+    else if (strcmp(what, "--c") == 0) c();
+    else return fprintf(stderr, "usage: nano --program | --constants | --verilog | --c\n"), 2;
     return 0;
 }

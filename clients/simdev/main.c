@@ -1,4 +1,4 @@
-// knead-simdev: a simulated circuit, for who has no board. The command line.
+// knead-simdev: a simulated circuit for users without a board. This file is its command line.
 #include "clients/simdev/serve.h"
 #include <errno.h>
 #include <getopt.h>
@@ -67,6 +67,7 @@ static bool power_up(kn_engine *engine, which it, kn_engine_caps caps)
     return it == GOLDEN && kn_engine_golden(engine, caps);
 }
 
+// Serve until a signal, then print the requests and the faults that struck.
 static int serve(kn_serve *s, which it, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
@@ -110,20 +111,14 @@ static int run(int argc, char **argv)
     unsigned long long seed = 1, baud = 0;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
-        case 'u':
-            uart = true;
-            break;
-        case 'l':
-            link = optarg;
-            break;
+        case 'u': uart = true; break;
+        case 'l': link = optarg; break;
         case 'r':
             baud = strtoull(optarg, &end, 10);
             if (end == optarg || *end || baud < 1200 || baud > 100000000)
                 return bad(optarg, "--baud with a whole number from 1200 to 100000000");
             break;
-        case 'b':
-            bar = optarg;
-            break;
+        case 'b': bar = optarg; break;
         case 'e':
             for (it = 0; it < ENGINES && strcmp(optarg, engine_names[it]) != 0;) it++;
             if (it == ENGINES) return bad(optarg, "--engine golden, rtl or nano");
@@ -140,14 +135,9 @@ static int run(int argc, char **argv)
             seed = strtoull(optarg, &end, 10);
             if (end == optarg || *end) return bad(optarg, "--seed with a whole number");
             break;
-        case 'h':
-            help();
-            return 0;
-        case 'v':
-            puts("knead-simdev " KN_VERSION);
-            return 0;
-        default:
-            return 2; // getopt has said which
+        case 'h': help(); return 0;
+        case 'v': puts("knead-simdev " KN_VERSION); return 0;
+        default: return 2; // getopt has said which
         }
     }
     if (optind < argc) return bad(argv[optind], "options only");
@@ -175,7 +165,8 @@ static int run(int argc, char **argv)
 int main(int argc, char **argv)
 {
     int code = run(argc, argv);
-    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    // Check both: the last flush does not report an earlier failure.
+    if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead-simdev: standard output could not be written to its end\n", stderr);
     return code ? code : 3;
 }

@@ -1,5 +1,6 @@
-// The circuits themselves, Verilated, behind their word bus, and before it the link, Verilated, too. Their time is their
-// own: of an engine a transfer is a few clocks, nothing else is; of the link a byte, and all until it is answered.
+// The Verilated circuits behind their word bus, and the Verilated link in front of it. Each has a time of its own,
+// which passes only while it is used: an engine runs for the few clocks of a transfer, the link for the clock of a byte
+// and until it has answered a frame.
 #include "Vknead_engine.h"
 #include "Vknead_link.h"
 #include "Vknead_nano.h"
@@ -9,17 +10,14 @@ extern "C" {
 #include "clients/simdev/engine.h"
 }
 
-double sc_time_stamp()
-{
-    return 0;
-}
+double sc_time_stamp() { return 0; }
 
 namespace
 {
 
 struct link : circuit<Vknead_link> {
-    uint32_t answers; // since its reset; as many as it has counted frames, or it is at work
-    size_t size;      // of the one that comes
+    uint32_t answers; // answers since reset; fewer than the frames it has counted: it is busy
+    size_t size;      // bytes so far of the answer
 
     explicit link(int seed) : circuit(seed) { reset(); }
     void reset()
@@ -32,7 +30,7 @@ struct link : circuit<Vknead_link> {
         answers = 0;
         size = 0;
     }
-    // true: the last byte of an answer has come
+    // Run one clock. Return true if the last byte of an answer has come.
     bool clock(const kn_word_bus *bus, uint8_t *wire)
     {
         top->clk = 0;
@@ -71,7 +69,7 @@ struct link : circuit<Vknead_link> {
 };
 
 template <typename verilated> struct rtl : word_bus<verilated> {
-    int power_ups = 1; // each leaves something else in memories
+    int power_ups = 1; // each one leaves other contents in the memories
     link line{1};
 
     rtl() : word_bus<verilated>(1) {}
@@ -108,12 +106,6 @@ template <typename verilated> struct rtl : word_bus<verilated> {
 
 } // namespace
 
-extern "C" bool kn_engine_rtl(kn_engine *engine)
-{
-    return rtl<Vknead_engine>::make(engine, "rtl");
-}
+extern "C" bool kn_engine_rtl(kn_engine *engine) { return rtl<Vknead_engine>::make(engine, "rtl"); }
 
-extern "C" bool kn_engine_nano(kn_engine *engine)
-{
-    return rtl<Vknead_nano>::make(engine, "nano");
-}
+extern "C" bool kn_engine_nano(kn_engine *engine) { return rtl<Vknead_nano>::make(engine, "nano"); }

@@ -1,6 +1,6 @@
 `default_nettype none
-// The small circuit on Lattice's iCE40-HX8K breakout board: 32 nodes, 128 edges, 15 records, at 36 MHz; the serial line
-// of its USB port at 3 Mbaud. hdl/reports/hx8k places and routes it.
+// The small circuit on Lattice's iCE40-HX8K breakout board: 32 nodes, 128 edges, 15 boundary records, at 36 MHz. It
+// uses the serial line of the board's USB port at 3 Mbaud. hdl/reports/hx8k places and routes it.
 module hx8k (
     input  wire clk, // 12 MHz
     input  wire rx,

@@ -1,7 +1,7 @@
 `default_nettype none
-// A board on a serial line: the engine behind the link, two wires. CLOCKS per bit: 48 MHz and 3 Mbaud are 16. The reset
-// may be tied low where the board's flip-flops begin at zero: it is held for the first 16 clocks anyway.
-// NANO: the small engine, 5, 7, 4 on an HX8K.
+// A board on a serial line: the engine behind the link, on two wires. CLOCKS is the number of clocks per bit: 48 MHz
+// and 3 Mbaud give 16. The reset input may be tied low if the board's flip-flops begin at zero, because this module
+// holds its reset for the first 16 clocks in any case. NANO selects the small engine (5, 7, 4 on an HX8K).
 module knead_top_uart #(
     parameter NANO = 0,
     parameter LOG_NODES = 10,

@@ -9,10 +9,12 @@
 #include <string.h>
 #include <zlib.h>
 
+// Misses until a device is lost, and the factor by which jobs other than STEP and IDENTIFY may take longer.
 enum { MISSES = 3, PATIENCE = 10 };
 
-// ---- what is told
+// ---- errors and statistics
 
+// Keep a line that says why, and return status.
 __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d, kn_link_status status,
                                                                    const char *format, ...)
 {
@@ -23,6 +25,7 @@ __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d,
     return status;
 }
 
+// Mark the device as LOST and drop its job.
 static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
 {
     d->loss = loss;
@@ -33,7 +36,8 @@ static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
     return d->last = status;
 }
 
-static int bucket_of(int64_t ns) // eight to an octave, from 256 ns
+// Return the bucket of a duration: eight to an octave, from 256 ns.
+static int bucket_of(int64_t ns)
 {
     if (ns < 256) return 0;
     int octave = 63 - __builtin_clzll((uint64_t)ns), bucket = 8 * (octave - 8) + (int)(ns >> (octave - 3) & 7);
@@ -47,6 +51,7 @@ static void remember(kn_device *d, int64_t ns)
     if (ns > d->stats.max_ns) d->stats.max_ns = ns;
 }
 
+// Return the lower end of the bucket in which the quantile lies; 0 before the first step.
 static int64_t quantile(const kn_device *d, double share)
 {
     int64_t seen = 0;
@@ -56,9 +61,10 @@ static int64_t quantile(const kn_device *d, double share)
     return 0;
 }
 
-// ---- replies: words are what was asked for, in order
+// ---- replies: words are those that were asked for, in order
 
-static int64_t wide(uint32_t lo, uint32_t hi, int bits) // signed, whatever stands above its bits
+// Return the signed number in the lowest bits of two words; bits above it are ignored.
+static int64_t wide(uint32_t lo, uint32_t hi, int bits)
 {
     uint64_t v = (uint64_t)hi << 32 | lo;
     return (int64_t)(v << (64 - bits)) >> (64 - bits);
@@ -67,6 +73,7 @@ static int64_t wide(uint32_t lo, uint32_t hi, int bits) // signed, whatever stan
 // The eight words from STATUS to STATE_CRC.
 enum { AT_STATUS, AT_FLAGS, AT_SCRATCH, AT_TICK, AT_SEQ, AT_CYCLES, AT_CYCLES_MAX, AT_CRC };
 
+// Take the circuit's STEP_SEQ and TICK. Return true if it is loaded and SCRATCH has the value expected.
 static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch)
 {
     d->seq = words[AT_SEQ];
@@ -74,11 +81,10 @@ static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch
     return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == scratch;
 }
 
-static int32_t power(uint32_t log2)
-{
-    return 1 << ((log2 & 0xff) < 24 ? log2 & 0xff : 24);
-}
+// Return 2^log2, at most 2^24.
+static int32_t power(uint32_t log2) { return 1 << ((log2 & 0xff) < 24 ? log2 & 0xff : 24); }
 
+// Accept a circuit only if it has the ID, major version and hash of this build.
 static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -96,12 +102,15 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
     d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
+    // A circuit whose SCRATCH has our number still has the unchanging part of our image.
     d->shaped = d->shaped && (words[4 + AT_SCRATCH] == d->nonce || words[4 + AT_SCRATCH] == kn_device_kept(d));
     d->stats.resyncs += d->state == KN_DEVICE_LOST;
     d->state = KN_DEVICE_IDENTIFIED;
     return KN_LINK_OK;
 }
 
+// A load runs in two parts: first what never changes of an image (the shape), then the state. Each reply moves the
+// position on; when all words are there the circuit's checksum decides.
 static kn_link_status accept_load(kn_device *d, const uint32_t *words)
 {
     if (d->words > 0) {
@@ -122,17 +131,19 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
         d->stats.loads++;
         return KN_LINK_OK;
     }
-    words += 2; // of the two WAITs
+    words += 2; // skip the words of the two WAITs
     d->arrived = accept_numbers(d, words, kn_device_kept(d)) && d->tick == 0 && words[AT_CRC] == d->crc;
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
-    d->shaped = false; // its number says it has what never changes; what it has is not that
+    // SCRATCH says that the circuit has the shape, but what it has is not that.
+    d->shaped = false;
     d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
     return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
                   words[AT_CRC], d->crc);
 }
 
+// The circuit is still in step if it is loaded, has our number in SCRATCH and the state's checksum.
 static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -145,6 +156,7 @@ static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
+// Take the checksum; the circuit must still be at the tick and request that it was at.
 static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -156,10 +168,13 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     return lose(d, loaded ? KN_LOSS_SEQ_GAP : KN_LOSS_BLANK, KN_LINK_PROTOCOL);
 }
 
+// Accept a part of a step's reply. Its numbers of ticks and requests must be the next ones; then the reactions are
+// taken, and after the last of them the result.
 static kn_link_status accept_step(kn_device *d, const uint32_t *words)
 {
     d->written += d->wrote;
     if (!d->rung && !d->rings) return KN_LINK_OK;
+    // Only a request that rings the doorbell begins its reply with the word of a WAIT.
     uint32_t status = d->rings ? *words++ : KN_STATUS_LOADED;
     const uint32_t *tale =
         words + 6 * d->words; // TICK, STEP_SEQ, CYCLES, CYCLES_MAX, STATE_CRC, RESIDUAL, RESULT_FLAGS
@@ -171,6 +186,7 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
         return lose(d, blank ? KN_LOSS_BLANK : KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
     d->rung = true;
+    // Take the reactions that this reply brings; further requests bring the others.
     for (int i = 0; i < 3 * d->words; i++)
         d->reaction[d->position + i / 3][i % 3] = wide(words[2 * i], words[2 * i + 1], KN_FIXED_ACC);
     d->position += d->words;
@@ -188,6 +204,7 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
+// Accept a part of the state: the checksum first (position -1), then nodes and edges, checked against it at the end.
 static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 {
     if (d->position < 0) {
@@ -212,6 +229,7 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
     return refuse(d, KN_LINK_PROTOCOL, "%s: its state is not what its STATE_CRC says", d->uri);
 }
 
+// Pass a good reply to the job, without the word of a leading WAIT.
 static kn_link_status accept(kn_device *d, const kn_reply *reply)
 {
     const uint32_t *words = reply->words + kn_device_waits(d);
@@ -222,35 +240,33 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
         if (status != KN_LINK_OK) d->loss = KN_LOSS_WRONG_HASH;
         return status;
     }
-    case LOAD:
-        return accept_load(d, words);
-    case RESUME:
-        return accept_resume(d, words);
-    case STEP:
-        return accept_step(d, words);
-    case READ:
-        return accept_read(d, words);
-    default:
-        return accept_crc(d, words);
+    case LOAD: return accept_load(d, words);
+    case RESUME: return accept_resume(d, words);
+    case STEP: return accept_step(d, words);
+    case READ: return accept_read(d, words);
+    default: return accept_crc(d, words);
     }
 }
 
 // ---- the exchange
 
+// Return the time until a request is a miss: the link's time and the bytes' time on the wire.
 static int64_t miss_ns(const kn_device *d)
 {
     bool short_one = !d->patient && (d->job == STEP || d->job == IDENTIFY);
-    int64_t patience = short_one ? 1 : PATIENCE; // a checksum takes its time
+    int64_t patience = short_one ? 1 : PATIENCE; // a checksum takes long
     return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
 }
 
-static kn_link_status broken(kn_device *d, kn_link_status status) // the link itself is
+// The link itself is broken: lose the device and open the link again at the next identify.
+static kn_link_status broken(kn_device *d, kn_link_status status)
 {
     d->broken = true;
     refuse(d, status, "%s: %s", d->uri, kn_link_words(status));
     return lose(d, status == KN_LINK_GONE ? KN_LOSS_REMOVED : KN_LOSS_IO, status);
 }
 
+// Build and send the next request of the job. first_ns is kept when a request is sent again.
 static kn_link_status send(kn_device *d)
 {
     kn_device_build(d);
@@ -260,7 +276,8 @@ static kn_link_status send(kn_device *d)
     return d->link.submit(d->link.self, &d->request);
 }
 
-// A request that came to nothing: again, until it is too late for that.
+// A request failed. Send it again, or lose the device after MISSES misses or MISSES times the time of a miss. A broken
+// frame is no miss, since it is sent again at once.
 static kn_link_status repeat(kn_device *d, kn_link_status status)
 {
     d->misses += status != KN_LINK_CRC;
@@ -277,6 +294,7 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
     return KN_LINK_OK;
 }
 
+// Handle a reply. An error is repeated as a miss is. A load's bytes and time are added up for kn_device_load_ns.
 static kn_link_status answered(kn_device *d, const kn_reply *reply)
 {
     if (reply->status != KN_REPLY_OK) { // refused, or busy for longer than the WAIT lasts
@@ -293,6 +311,7 @@ static kn_link_status answered(kn_device *d, const kn_reply *reply)
     return status;
 }
 
+// Send a request if none is under way, then wait for its reply until the deadline or until it is a miss.
 static kn_link_status exchange(kn_device *d, int64_t deadline_ns)
 {
     kn_reply reply;
@@ -307,6 +326,7 @@ static kn_link_status exchange(kn_device *d, int64_t deadline_ns)
     return broken(d, status);
 }
 
+// Exchange requests until the job ends, fails or the deadline is over.
 static kn_link_status drive(kn_device *d, int64_t deadline_ns)
 {
     kn_link_status status = KN_LINK_OK;
@@ -317,6 +337,7 @@ static kn_link_status drive(kn_device *d, int64_t deadline_ns)
     return status;
 }
 
+// Start a job at a position.
 static void begin(kn_device *d, job next, int position)
 {
     d->job = next;
@@ -325,7 +346,7 @@ static void begin(kn_device *d, job next, int position)
     d->misses = 0;
 }
 
-// ---- what is offered
+// ---- functions of device.h
 
 kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 {
@@ -340,10 +361,11 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
         return NULL;
     }
     d->loss = KN_LOSS_COUNT;
-    memcpy(d->uri, uri, strlen(uri) + 1); // open has refused a longer one
+    memcpy(d->uri, uri, strlen(uri) + 1); // kn_link_open has refused a longer one
     return d;
 }
 
+// Close the link and add its counters to the device's.
 static void shut(kn_device *d)
 {
     kn_link_counts now;
@@ -365,28 +387,18 @@ void kn_device_close(kn_device *device)
     free(device);
 }
 
-kn_device_state kn_device_state_of(const kn_device *device)
-{
-    return device->state;
-}
-const char *kn_device_why(const kn_device *device)
-{
-    return device->why;
-}
-kn_loss kn_device_loss(const kn_device *device)
-{
-    return device->loss;
-}
-const kn_device_caps *kn_device_caps_of(const kn_device *device)
-{
-    return &device->caps;
-}
+kn_device_state kn_device_state_of(const kn_device *device) { return device->state; }
+const char *kn_device_why(const kn_device *device) { return device->why; }
+kn_loss kn_device_loss(const kn_device *device) { return device->loss; }
+const kn_device_caps *kn_device_caps_of(const kn_device *device) { return &device->caps; }
 
 kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
 {
     if (d->job == IDENTIFY) return drive(d, deadline_ns);
     if (d->broken) shut(d);
-    d->broken = true; // until it has answered: its name may lead elsewhere by now, as a pseudo-terminal's number may
+    // The link stays suspect until it has answered: its name may lead elsewhere by now, as the number of a
+    // pseudo-terminal may.
+    d->broken = true;
     if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
         return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
     d->link.forget(d->link.self);
@@ -395,6 +407,7 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
     return drive(d, deadline_ns);
 }
 
+// The image must be valid and within the circuit's capacity.
 static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
 {
     const char *wrong = kn_fixed_check(image);
@@ -405,7 +418,8 @@ static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
     return KN_LINK_OK;
 }
 
-// More than the clocks of a tick; the circuit looks at most once a clock.
+// Return the limit of a WAIT for a tick, in 256 reads: more than the clocks of a tick, since the circuit reads at most
+// once a clock.
 static uint16_t limit_of(const kn_fixed_config *c)
 {
     int64_t n = c->node_count, e = c->edge_count, o = c->passes, k = c->iterations;
@@ -413,6 +427,7 @@ static uint16_t limit_of(const kn_fixed_config *c)
     return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
 }
 
+// Return a checksum of all that never changes of an image.
 static uint32_t crc_of(const kn_fixed_image *image)
 {
     const kn_fixed_config *c = &image->config;
@@ -422,6 +437,8 @@ static uint32_t crc_of(const kn_fixed_image *image)
     return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
 }
 
+// Load the shape and, if state is not NULL, the state. The same call with the same arguments goes on with a job that
+// was late.
 static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
@@ -432,6 +449,7 @@ static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_f
         d->loss = KN_LOSS_LOAD;
         return fit;
     }
+    // Skip the shape if the circuit has it. Otherwise choose a new odd number for SCRATCH.
     const uint32_t crc = crc_of(image);
     d->shaped = d->shaped && d->image_crc == crc;
     if (!d->shaped) d->nonce = (uint32_t)kn_now_ns() | 1;
@@ -465,15 +483,9 @@ int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
     return d->load_bytes > 0 ? (int64_t)(bytes * (double)d->load_ns / (double)d->load_bytes) : 0;
 }
 
-void kn_device_distrust(kn_device *d)
-{
-    d->shaped = false;
-}
+void kn_device_distrust(kn_device *d) { d->shaped = false; }
 
-void kn_device_be_patient(kn_device *d, bool patient)
-{
-    d->patient = patient;
-}
+void kn_device_be_patient(kn_device *d, bool patient) { d->patient = patient; }
 
 kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t deadline_ns)
 {
@@ -485,10 +497,7 @@ kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t dea
     return drive(d, deadline_ns);
 }
 
-static bool ready(kn_device *d)
-{
-    return d->state == KN_DEVICE_SYNCED && d->job == IDLE;
-}
+static bool ready(kn_device *d) { return d->state == KN_DEVICE_SYNCED && d->job == IDLE; }
 
 kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int count)
 {
@@ -497,17 +506,20 @@ kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int c
     if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that is loaded", d->uri);
     if (count < 0 || count > d->caps.bounds)
         return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes under tools: expected 0 to %d", d->uri, count, d->caps.bounds);
+    // Copy the list, since parts of it may be sent later or again.
     memcpy(d->bound, bound, (size_t)count * sizeof *bound);
     d->count = count;
     d->written = 0;
     d->rung = false;
     d->began_ns = kn_now_ns();
     begin(d, STEP, 0);
+    // Send the first request here, so that the circuit works while the caller does.
     kn_link_status status = send(d);
     if (status == KN_LINK_OK) return KN_LINK_OK;
     return broken(d, status);
 }
 
+// Drive the step under way until the deadline and give its result.
 static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {
     if (d->state == KN_DEVICE_LOST) return d->last;
@@ -517,10 +529,7 @@ static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *r
     return status;
 }
 
-kn_link_status kn_device_poll(kn_device *d, kn_device_result *result)
-{
-    return ask(d, 0, result);
-}
+kn_link_status kn_device_poll(kn_device *d, kn_device_result *result) { return ask(d, 0, result); }
 
 kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {

@@ -1,10 +1,10 @@
 #ifndef KN_SERVER_BACKEND_LOSS_H
 #define KN_SERVER_BACKEND_LOSS_H
-// Why a circuit is not in step, by name: kneadd's log line, its status and its counters say the same word. Append only:
-// health_t holds the indices.
+// Reasons why a circuit is not in step, by name. kneadd's log line, its status and its counters use the same word.
+// Append only: health_t holds the indices.
 #include <stdint.h>
 
-// name, its word, what it means
+// name, its word, its meaning
 #define KN_LOSSES(LOSS)                                                                                                \
     LOSS(TIMEOUT, timeout, "a request, sent three times, was not answered")                                            \
     LOSS(CRC, crc, "frames arrived broken, again and again")                                                           \
@@ -24,10 +24,10 @@ typedef enum kn_loss {
 #define KN_LOSS_NAME(name, word, what) KN_LOSS_##name,
     KN_LOSSES(KN_LOSS_NAME)
 #undef KN_LOSS_NAME
-        KN_LOSS_COUNT // also: none
+        KN_LOSS_COUNT // also: no reason
 } kn_loss;
 
-const char *kn_loss_word(kn_loss loss);  // "timeout", "seq_gap", ...; of KN_LOSS_COUNT "none"
+const char *kn_loss_word(kn_loss loss);  // "timeout", "seq_gap", ...; "none" for KN_LOSS_COUNT
 const char *kn_loss_means(kn_loss loss); // one line, without a capital or a full stop
 
 #endif

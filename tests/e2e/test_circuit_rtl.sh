@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# kneadd on the circuit itself, under Verilator, in real time: an object small enough for it under a hand that presses, the
-# board killed and started again meanwhile (2 times; KN_KILLS=N). Then a poke from a log, on the circuit and on the small one, in
-# their own time: the same bits.
+# kneadd on the circuit itself, under Verilator, in real time: an object small enough for it under a hand that presses.
+# The board is killed and started again meanwhile (2 times; KN_KILLS=N). Then a poke is replayed from a log on the large
+# and on the small circuit, in their own time, with the same bits.
 # night: a circuit under Verilator in real time
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2}
@@ -22,7 +22,7 @@ stop_kneadd
 grep 'circuit' kneadd.err
 on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)
 alone=$(sed -n 's/.*; \([0-9]*\) by the twin alone.*/\1/p' kneadd.err)
-# how many depends on what else the machine does: a tick takes half a millisecond of a processor
+# their number depends on the machine's other load: a tick takes half a millisecond of a processor
 check "a good part of the ticks was the circuit's: $on, the twin's alone $alone" [ "$on" -ge 1000 ]
 check "it was lost as often as it was killed, and came back" [ "$(grep -oE 'lost [0-9]+ times' kneadd.err | tail -1 | grep -oE '[0-9]+')" -ge "$kills" ]
 check "it never gave another number than its twin" grep -q 'different 0,' kneadd.err

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The driver against the circuits themselves, the large and the small one, under Verilator in knead-simdev: identify, load, ticks,
+# The driver against the Verilated circuits, the large and the small one, in knead-simdev: identify, load, ticks,
 # faults, kills (KN_TICKS=N, KN_KILLS=N; the small one does a tenth of those ticks).
 # night: Verilates two circuits
 source "$KN_SOURCE/tests/hdl/tools.sh"

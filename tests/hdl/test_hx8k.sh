@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The small circuit fits an iCE40-HX8K with its link, at 36 MHz, and a bitstream comes of it (one seed; hdl/reports/run takes more).
+# The small circuit fits an iCE40-HX8K with its link at 36 MHz and gives a bitstream (one seed; hdl/reports/run takes
+# more).
 # night: place and route take minutes
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need yosys nextpnr-ice40 icepack icetime

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Ticks through the boards' tops, against core/fixed: knead_top_uart by its two wires, bit by bit, with either engine; knead_top_axi by
-# AXI4-Lite cycles (KN_MODELS=N lattices, KN_SEED=N).
+# Ticks through the boards' tops, compared with core/fixed: knead_top_uart through its two wires, bit by bit, with
+# either engine; knead_top_axi through AXI4-Lite cycles (KN_MODELS=N lattices, KN_SEED=N).
 # night: Verilates three circuits
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
