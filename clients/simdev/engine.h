@@ -23,7 +23,6 @@ typedef struct kn_engine {
 
 // Create an engine. Return false when memory is short.
 bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps);
-bool kn_engine_rtl(kn_engine *engine);  // if KN_SIMDEV_RTL is defined; caps 10, 13, 8
-bool kn_engine_nano(kn_engine *engine); // the small circuit, under the same condition; caps 5, 7, 4
+bool kn_engine_rtl(kn_engine *engine); // if KN_SIMDEV_RTL is defined; caps 10, 13, 8
 
 #endif

@@ -17,7 +17,7 @@ static void on_signal(int signal)
 
 static void help(void)
 {
-    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl|nano] [--caps N,E,B]\n"
+    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
          "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
          "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
          "Prints the\n"
@@ -26,11 +26,11 @@ static void help(void)
          "  --baud N          as on a line of N bits a second, ten to a byte (--uart); without it as fast as it goes\n"
          "  --link PATH       a name for it that stays when it is unplugged or started again\n"
          "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl,\n"
-         "                    and nano, the small one, with the link before them (--uart), under Verilator, in a\n"
-         "                    time of their own (URI?miss=1000), if it was built with Verilator\n"
+         "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl\n"
+         "                    with the link before it (--uart), under Verilator, in a time of its own\n"
+         "                    (URI?miss=1000), if it was built with Verilator\n"
          "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that golden takes (12,16,10); rtl:\n"
-         "                    10,13,8, nano: 5,7,4\n"
+         "                    10,13,8\n"
          "  --seed N          of chance (1)\n"
          "  --fault ...       what goes wrong, and in which share of the requests (0.01):");
 #define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
@@ -54,27 +54,22 @@ static bool parse_caps(const char *text, kn_engine_caps *caps)
            caps->bounds <= 10;
 }
 
-typedef enum which { GOLDEN, RTL, NANO, ENGINES } which;
-
-static const char *const engine_names[ENGINES] = {[GOLDEN] = "golden", [RTL] = "rtl", [NANO] = "nano"};
-
-static bool power_up(kn_engine *engine, which it, kn_engine_caps caps)
+static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
 {
 #ifdef KN_SIMDEV_RTL
-    if (it == RTL) return kn_engine_rtl(engine);
-    if (it == NANO) return kn_engine_nano(engine);
+    if (rtl) return kn_engine_rtl(engine);
 #endif
-    return it == GOLDEN && kn_engine_golden(engine, caps);
+    return !rtl && kn_engine_golden(engine, caps);
 }
 
 // Serve until a signal, then print the requests and the faults that struck.
-static int serve(kn_serve *s, which it, kn_engine_caps caps, const char *link, const char *bar)
+static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     s->stop = &stop;
-    if (!power_up(&s->engine, it, caps)) {
+    if (!power_up(&s->engine, rtl, caps)) {
         fputs("knead-simdev: memory is short\n", stderr);
         return 3;
     }
@@ -105,8 +100,7 @@ static int run(int argc, char **argv)
     static kn_serve s;
     const char *link = NULL, *bar = NULL;
     char wrong[64], *end;
-    bool uart = false, sized = false;
-    which it = GOLDEN;
+    bool uart = false, sized = false, rtl = false;
     kn_engine_caps caps = {12, 16, 10};
     unsigned long long seed = 1, baud = 0;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -120,8 +114,8 @@ static int run(int argc, char **argv)
             break;
         case 'b': bar = optarg; break;
         case 'e':
-            for (it = 0; it < ENGINES && strcmp(optarg, engine_names[it]) != 0;) it++;
-            if (it == ENGINES) return bad(optarg, "--engine golden, rtl or nano");
+            rtl = strcmp(optarg, "rtl") == 0;
+            if (!rtl && strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden or rtl");
             break;
         case 'c':
             sized = true;
@@ -150,16 +144,14 @@ static int run(int argc, char **argv)
     for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
             return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
-    if (it != GOLDEN && sized)
-        return bad("--caps", it == RTL ? "--engine golden: the circuit is built for 10,13,8"
-                                       : "--engine golden: the small circuit is built for 5,7,4");
-    if (it != GOLDEN && s.faults.rate[KN_FAULT_TORN] > 0)
+    if (rtl && sized) return bad("--caps", "--engine golden: the circuit is built for 10,13,8");
+    if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
         return bad("torn", "--engine golden: the circuit steps when it is asked");
 #ifndef KN_SIMDEV_RTL
-    if (it != GOLDEN) return fputs("knead-simdev: built without Verilator: expected --engine golden\n", stderr), 3;
+    if (rtl) return fputs("knead-simdev: built without Verilator: expected --engine golden\n", stderr), 3;
 #endif
     s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
-    return serve(&s, it, caps, link, bar);
+    return serve(&s, rtl, caps, link, bar);
 }
 
 int main(int argc, char **argv)

@@ -1,9 +1,8 @@
-// The Verilated circuits behind their word bus, and the Verilated link in front of it. Each has a time of its own,
-// which passes only while it is used: an engine runs for the few clocks of a transfer, the link for the clock of a byte
-// and until it has answered a frame.
+// The Verilated circuit behind its word bus, and the Verilated link in front of it. Each has a time of its own, which
+// passes only while it is used: the engine runs for the few clocks of a transfer, the link for the clock of a byte and
+// until it has answered a frame.
 #include "Vknead_engine.h"
 #include "Vknead_link.h"
-#include "Vknead_nano.h"
 #include "hdl/sim/word_bus.h"
 #include <new>
 extern "C" {
@@ -68,11 +67,11 @@ struct link : circuit<Vknead_link> {
     }
 };
 
-template <typename verilated> struct rtl : word_bus<verilated> {
+struct rtl : word_bus<Vknead_engine> {
     int power_ups = 1; // each one leaves other contents in the memories
     link line{1};
 
-    rtl() : word_bus<verilated>(1) {}
+    rtl() : word_bus(1) {}
     static rtl *of(void *self) { return static_cast<rtl *>(self); }
     static bool read_word(void *self, uint32_t address, uint32_t *word)
     {
@@ -96,16 +95,13 @@ template <typename verilated> struct rtl : word_bus<verilated> {
         return of(self)->line.hear(bus, bytes, count, used, wire);
     }
     static void destroy(void *self) { delete of(self); }
-    static bool make(kn_engine *engine, const char *name)
-    {
-        rtl *self = new (std::nothrow) rtl;
-        if (self) *engine = kn_engine{name, {self, read_word, write_word}, blank, nullptr, hear, destroy};
-        return self;
-    }
 };
 
 } // namespace
 
-extern "C" bool kn_engine_rtl(kn_engine *engine) { return rtl<Vknead_engine>::make(engine, "rtl"); }
-
-extern "C" bool kn_engine_nano(kn_engine *engine) { return rtl<Vknead_nano>::make(engine, "nano"); }
+extern "C" bool kn_engine_rtl(kn_engine *engine)
+{
+    rtl *self = new (std::nothrow) rtl;
+    if (self) *engine = {"rtl", {self, rtl::read_word, rtl::write_word}, rtl::blank, nullptr, rtl::hear, rtl::destroy};
+    return self;
+}

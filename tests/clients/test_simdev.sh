@@ -32,10 +32,9 @@ refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE], a rate of 0 to 1;
 refuses 2 "knead-simdev: flip: expected --uart: memory has no frames" --bar x --fault flip
 refuses 2 "knead-simdev: 1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
 refuses 2 "knead-simdev: 1x: expected --seed with a whole number" --uart --seed 1x
-refuses 2 "knead-simdev: fast: expected --engine golden, rtl or nano" --uart --engine fast
+refuses 2 "knead-simdev: fast: expected --engine golden or rtl" --uart --engine fast
 refuses 2 "knead-simdev: torn: expected --engine golden: the circuit steps when it is asked" --uart --engine rtl --fault torn
 refuses 2 "knead-simdev: --caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
-refuses 2 "knead-simdev: --caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
 refuses 2 "knead-simdev: more: expected options only" --uart more
 begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file
