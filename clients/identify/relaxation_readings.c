@@ -83,14 +83,14 @@ static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 
 static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *error, size_t size)
 {
-    // A rise determines the scale. A curve without a strain makes all values moduli. The last such curve counts.
+    bool moduli = false;
     r->scale = KN_RELAXATION_BOUND;
     for (int c = 0; c < curves; c++) {
         kn_relaxation_curve *to = &r->curve[r->curves++];
         snprintf(error, size, "out of memory");
         if (!take_curve(to, &curve[c])) return false;
         if (to->rises) r->scale = KN_RELAXATION_RISE;
-        if (!(to->ramp.strain > 0)) r->scale = KN_RELAXATION_MODULUS;
+        moduli |= !(to->ramp.strain > 0);
         const size_t count = (size_t)(to->rise.count + to->hold.count);
         to->fit_pa = calloc(2 * count + 1, sizeof *to->fit_pa);
         if (!to->fit_pa) return false;
@@ -100,6 +100,8 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
                  to->hold.count == 1 ? "" : "s");
         if (to->hold.count < 8) return false;
     }
+    // If any curve lacks a strain, all values are moduli.
+    if (moduli) r->scale = KN_RELAXATION_MODULUS;
     return true;
 }
 

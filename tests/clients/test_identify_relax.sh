@@ -96,6 +96,8 @@ knead identify relax rise.csv >out 2>err
 [ $? = 2 ] && grep -q '^rise.csv:[0-9]*:1: the stress does not fall while the strain is held' err && ok "a stress that rises is no relaxation" || fail "rise: $(cat err)"
 knead identify relax hold.csv modulus.csv >out 2>err
 [ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "files with and without a strain" || fail "mixed: $(cat err)"
+knead identify relax modulus.csv all.csv >out 2>err
+[ $? = 2 ] && grep -q 'all.csv: has a strain' err && ok "and the one without first, beside a rise" || fail "mixed with a rise: $(cat err)"
 sed '2s/.*/time [s],stress [Pa],displacement [furlong]/; 3,$s/$/,1/' hold.csv >furlong.csv
 knead identify relax furlong.csv --height '1 cm' >out 2>err
 [ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected one of displacement, e.g. m" ] &&
