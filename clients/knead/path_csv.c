@@ -13,7 +13,7 @@
 static const double workspace_m = 1.0;
 static const double speed_max_m_s = 5.0;
 
-// Position in the file, for error messages.
+// Present position in the CSV file, for error messages.
 typedef struct reader {
     const char *file;
     int line;
@@ -50,14 +50,14 @@ static bool read_row(const reader *r, const char *line, int fields, double value
     return true;
 }
 
-// The rows read so far.
+// Rows of the CSV file that have been read so far.
 typedef struct rows {
     int count, room;
     double *time_s;
     kn_path_point *point;
 } rows;
 
-// Make room for one more row.
+// Make room for one more row of the CSV file. Return false when memory is short.
 static bool grow(rows *all)
 {
     if (all->count < all->room) return true;

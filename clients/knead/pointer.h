@@ -26,7 +26,7 @@ typedef struct kn_pointer_wish { // what the user wants the tool to do; all posi
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
     double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
     int32_t event;    // number of this wish, larger than that of every earlier wish; 0: no wish yet
-    // true: the wish is too old, so the tool is lifted and does not press before the button is released.
+    // True: the wish is too old, so the tool is lifted and does not press before the button is released.
     bool stale;
 } kn_pointer_wish;
 

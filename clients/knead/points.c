@@ -12,11 +12,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define BLOCK 2048 // bytes, more than three lines with every number at its longest
+// Size of the `quality` block in bytes: more than its three lines need with every number at its longest.
+#define BLOCK 2048
 
 // ---- checks before the sweep
 
-// Permission bits are checked too, because root may write any file. A file that is writable for nobody is not replaced.
+// Check the permission bits, because root may write any file. A file that is writable for nobody is not replaced.
 int kn_points_try(const kn_plan *plan)
 {
     char path[PATH_MAX], folder[PATH_MAX];
@@ -42,7 +43,8 @@ int kn_points_try(const kn_plan *plan)
 // Write the precision and spacing that the active quality point itself states: "precision: f64, spacing: 0.01 m, ".
 static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t error_size)
 {
-    // Parse the scene without its quality block. If a value differs from the planned scene's, the active point set it.
+    // Parse the scene without its quality block. If a value differs from that of the planned scene, the active quality
+    // point has set this value.
     const kn_model_def *found = &plan->scene->model;
     kn_scene *bare = kn_scene_parse_beside(plan->scene_path, plan->scene_path, plan->text, strlen(plan->text), NULL, 0,
                                            error, error_size);
@@ -56,7 +58,7 @@ static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t 
     return true;
 }
 
-// Format the new block. The caller frees it; NULL when memory is short.
+// Format the new `quality` block of the scene. The caller frees the text. Return NULL when memory is short.
 static char *quality_block(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN], const char *lattice)
 {
     char *text = malloc(BLOCK);
@@ -109,7 +111,7 @@ static bool replace(const char *path, const char *text)
     return ok;
 }
 
-// Report the points that were written, and the points of other lattices or precisions that were removed.
+// Report which quality points were written, and which quality points of other lattices or precisions were removed.
 static void tell(const kn_plan *plan)
 {
     printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);

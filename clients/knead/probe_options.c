@@ -52,7 +52,8 @@ static const char help[] =
     "hand more than 10 mJ, 2 bad input, 3 no answer, forces of more than 5 ms ago,\n"
     "or three tries were spoilt.\n";
 
-static const double fastest_m_s = 1.2; // default of kneadd's brake_m_s: faster motion is damped, not rendered
+// Default of kneadd's brake_m_s; kneadd damps a faster tool instead of following it.
+static const double fastest_m_s = 1.2;
 
 // Parse a quantity and convert it to `unit_text`. A number without a unit is accepted for seconds only. A length
 // without a unit is refused, because the user more likely means millimetres than metres.
@@ -65,7 +66,7 @@ static bool quantity(const char *option, const char *text, const char *unit_text
     if (kn_quantity_parse(&q, text, why, sizeof why) &&
         ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
         *value = kn_quantity_in(&q, &unit);
-        // Only a hold may last 0 s.
+        // A duration of 0 s is valid for the option --hold only.
         if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
     }
     fprintf(stderr, "knead probe: --%s %s: expected something like '%s'\n", option, text, example);
@@ -97,7 +98,7 @@ static bool drop(const char *text, kn_probe_options *opt)
     return false;
 }
 
-// Parse a share in [0, 1), as a number or in percent.
+// Parse a fraction in the range 0 <= x < 1, as a number or in percent.
 static bool share(const char *text, double *value)
 {
     kn_quantity q;
@@ -263,7 +264,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
         ok = false;
     }
-    // Checks that need all options.
+    // Check conditions between options, now that all options are known.
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
     if (ok) ok = device_is_whole(opt) && path_is_known(opt->path) && urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;

@@ -27,17 +27,18 @@ static const char help[] =
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
 
-// Samples during the ramp; samples of the hold, evenly spaced in the logarithm of time over five decades.
+// Number of samples during the ramp, and number of samples during the hold. The samples of the hold are evenly spaced
+// in the logarithm of time over five decades.
 enum { RAMP_SAMPLES = 100, SAMPLES_PER_DECADE = 40, DECADES = 5 };
 
-// Append the present state of the bench to the table.
+// Append the present time, strain and stress of the specimen to the table.
 static void add(kn_table *t, const kn_bench *b, double begin_s)
 {
     kn_table_add(t, (double[]){b->time_s, b->time_s - begin_s, b->strain, b->stress_pa,
                                b->strain > 0 ? b->stress_pa / b->strain : 0, b->force_n});
 }
 
-// Bring the specimen to its strain, by a ramp or a step. *begin_s: when the hold begins.
+// Bring the specimen to its strain, by a ramp or a step. *begin_s: time at which the hold begins.
 static int press(kn_bench *b, kn_table *t, double *begin_s)
 {
     const kn_bench_options *opt = b->opt;

@@ -48,7 +48,7 @@ typedef struct kn_render_def { // a field of 0 selects its default, if it has on
     double guard_n_per_ms; // largest change of the force per ms that the impulse guard passes; default 4
     double velocity_hz;    // cut-off frequency of the velocity filter, default 100
     bool local;            // true: compute the force from KNEAD_CONTACT; false: from KNEAD_FORCE
-    // true: use a KNEAD_FORCE of any age (no stop FAR). Unsafe, for demonstrations only.
+    // True: use a KNEAD_FORCE of any age (no stop FAR). Unsafe, for demonstrations only.
     bool held;
 } kn_render_def;
 

@@ -45,9 +45,10 @@ static const char help[] =
     "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64
-#define SET_SIZE 80 // characters, enough for "solver.dt=" and a time
+#define SET_SIZE 80 // size of a set (`key=value`) in characters, enough for "solver.dt=" and a time
 
-// Command line. made[]: sets (`key=value`) made from other options. wide: the chosen solver exists in f64 only.
+// Parsed command line. made[]: sets (`key=value`) made from other options. wide: true if the chosen solver exists in
+// f64 only.
 typedef struct replay_options {
     kn_replay_def def;
     const char *sets[SETS_MAX];
@@ -56,20 +57,21 @@ typedef struct replay_options {
     bool hash, verify, real_time, wide;
 } replay_options;
 
-// One replay and its outputs.
+// State of one replay and of its outputs.
 typedef struct replay_run {
     const replay_options *opt;
     kn_replay *replay;
     FILE *csv;
     lcm_eventlog_t *out;
     bool out_failed;
-    uint64_t initial_hash, hash; // hash of the object before the first tick; hash of the forces so far
-    int64_t verified;            // number of forces compared
-    bool probes[KN_PROBES_MAX];  // probes with compared forces
+    // initial_hash: hash of the object before the first tick; hash: hash of all forces so far.
+    uint64_t initial_hash, hash;
+    int64_t verified;           // number of forces compared with those in the log
+    bool probes[KN_PROBES_MAX]; // true for each probe whose forces were compared
     bool differs;
-    char difference[200]; // message about the first difference
+    char difference[200]; // message about the first difference between log and replay
     double peak_n;
-    int64_t clock_ns; // when the next tick is due, for --speed real
+    int64_t clock_ns; // time when the next tick is due; used by --speed real
 } replay_run;
 
 // ---- options
@@ -155,7 +157,7 @@ static int take_option(replay_options *opt, int option, const char *value)
         return add_set(opt, NULL, kn_quality_set(value), "");
     case 'b': return set_backend(opt, value);
     case 'k': return add_set(opt, NULL, value, "");
-    default: return KN_EXIT_USAGE; // getopt has said why
+    default: return KN_EXIT_USAGE; // getopt has printed the reason
     }
 }
 
@@ -186,7 +188,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    optind = 0; // a test calls this function more than once
+    optind = 0; // restart getopt, because a test calls this function more than once
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (option == 'h') {
             fputs(help, stdout);
@@ -363,14 +365,14 @@ static int refuse_verify(const replay_run *run)
 
 // ---- the run
 
-// Sleep until the next millisecond of real time.
+// Sleep until the next millisecond of real time begins (--speed real).
 static void keep_pace(replay_run *run)
 {
     run->clock_ns += 1000000;
     kn_clock_sleep(run->clock_ns);
 }
 
-// Use the forces of one tick: peak, hash, CSV, comparison, output log.
+// Process the forces of one tick: update peak and hash, write the CSV row, compare with the log, write the output log.
 static void take_tick(replay_run *run)
 {
     const kn_tick_out *out = &run->replay->tick.out;
@@ -399,7 +401,7 @@ static void tell(const replay_run *run)
                     "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
                     "are coarse there",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
-    if (run->opt->verify) return; // the verdict reports the rest
+    if (run->opt->verify) return; // with --verify, the result of the comparison reports everything else
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
@@ -479,7 +481,7 @@ static void tell_hash(uint64_t hash)
 {
     char text[24];
     snprintf(text, sizeof text, "0x%016llx", (unsigned long long)hash);
-    kn_result_text(kn_result(), "hash", text); // as text, because a JSON number has 53 bits only
+    kn_result_text(kn_result(), "hash", text); // written as text, because a JSON number holds only 53 bits exactly
     printf("hash %s\n", text);
 }
 

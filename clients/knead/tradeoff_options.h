@@ -14,7 +14,7 @@ typedef struct kn_tradeoff_options {
     bool quick, write;
     // Bound [us] on the 90th percentile of the tick times of the point to choose; 0: --budget-us was not given.
     double budget_us;
-    // true: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
+    // True: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
     bool listed;
     kn_axes_def axes; // values of each varied solver setting, see plan.h
 } kn_tradeoff_options;

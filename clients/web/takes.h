@@ -28,7 +28,7 @@ typedef struct kn_take {
     _Atomic int state;
     _Atomic int ms; // duration recorded so far
     _Atomic int64_t bytes;
-    // true: the log contains a force, so a replay can start from any snapshot that is saved from now on.
+    // True: the log contains a force, so a replay can start from any snapshot that is saved from now on.
     atomic_bool felt;
     bool csv;        // true: the CSV file with the forces exists
     char words[200]; // outcome of the recording or of its verification in words; "": none yet

@@ -118,12 +118,11 @@ typedef struct kn_web {
         kn_web_answer answer[KN_WEB_ANSWERS];
         int count;
     } waiting[KN_GATEWAY_PAGES]; // answers that wait to be sent, one list per page
-    // Requests that kneadd is working on.
+    // Requests that kneadd is working on, indexed by the tag of the request. id 0: the element is free.
     struct {
         int page;
         uint32_t id;
         kn_verb verb;
-        // Requests that kneadd is working on, by tag; id 0: this place is free.
     } asked[KN_ASKER_CALLS + 1];
     json_t *status;          // latest status from kneadd's control socket; NULL: none
     int64_t status_ms;       // time of the last status request
