@@ -44,7 +44,7 @@ typedef struct options {
     const char *family, *csv, *plot;
 } options;
 
-// The help lists the families of maps, so it is printed in three parts.
+// The help contains a list of the families of trials, so it is printed in three parts.
 static void print_help(void)
 {
     fputs(help, stdout);
@@ -119,7 +119,7 @@ int kn_stability_main(int argc, char **argv)
     bool sound = kn_atlas_print(&atlas);
     if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
-    // The time goes to stderr, so that the text on stdout is the same in every run.
+    // Print the elapsed time to stderr, so that the text on stdout is the same in every run.
     if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
     kn_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;

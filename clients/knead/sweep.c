@@ -47,7 +47,8 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
         double part[2], share = stress;
         kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
         if (n->kind == KN_ELEMENT_PARALLEL)
-            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]); // shares are proportional to stiffness
+            // Parts in parallel carry stress in proportion to their stiffness.
+            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]);
         least = fmin(least, linear_strain(net, moduli, omega, n->child[i], share));
     }
     return least;
@@ -64,9 +65,9 @@ static void linear(const kn_bench *b, double hz, double row[6])
     row[5] = 0;
 }
 
-// Strain the specimen for one period and compute the Fourier sums of the stress. row[1]: modulus in phase with the
-// strain. row[2]: modulus a quarter period ahead. row[5]: share of the stress (rms without the mean) outside of the
-// fundamental.
+// Strain the specimen for one period of the sine and compute the Fourier sums of the stress. row[1]: modulus in phase
+// with the strain. row[2]: modulus of the stress a quarter period ahead of the strain. row[5]: share of the stress (rms
+// without the mean) outside of the fundamental.
 static int swing_once(kn_bench *b, double hz, int period, double row[6])
 {
     enum { SAMPLES = 64 };
@@ -80,7 +81,7 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
         mean += b->stress_pa / SAMPLES;
         square += b->stress_pa * b->stress_pa / SAMPLES;
     }
-    // Mean square of the whole stress without its mean, and of the fundamental alone.
+    // Compute the mean square of the stress without its mean, and the mean square of its fundamental alone.
     double all = square - mean * mean, fundamental = (sine * sine + cosine * cosine) / 2;
     row[1] = sine / b->opt->amplitude;
     row[2] = cosine / b->opt->amplitude;
@@ -88,7 +89,8 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
     return KN_EXIT_OK;
 }
 
-// Swing until the fundamental repeats within 1e-5, for 500 periods at most. *repeats: false if it did not.
+// Strain the specimen until the fundamental of the stress repeats within 1e-5, for 500 periods at most. *repeats: false
+// if the fundamental did not repeat.
 static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
 {
     enum { PERIODS = 500 };
@@ -106,7 +108,7 @@ static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
     return code;
 }
 
-// Measure at frequencies that are evenly spaced on a logarithmic scale.
+// Measure the moduli at frequencies that are evenly spaced on a logarithmic scale.
 static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;

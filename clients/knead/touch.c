@@ -15,10 +15,11 @@
 #include <unistd.h>
 
 #define CHANNEL "KNEAD_TOUCH_"
-#define CELLS 8          // cells of the pressure map along each side
-#define FRAME_MS 40      // least time between two pictures: 25 per second
-#define SILENCE_MS 300   // a patch comes every 4 ms; after this time nobody holds the tool
-#define PATIENCE_MS 4000 // time to wait for the first patch
+#define CELLS 8     // number of cells along each side of the pressure map
+#define FRAME_MS 40 // shortest time between two pictures: 25 pictures per second
+// If no patch message arrives for this time, nobody holds the tool; kneadd sends one every 4 ms.
+#define SILENCE_MS 300
+#define PATIENCE_MS 4000 // longest wait for the first patch message
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
@@ -35,11 +36,11 @@ static const char help[] =
 
 typedef struct watch {
     const char *probe, *url;
-    double seconds; // INFINITY: without end
+    double seconds; // time to run; INFINITY: run until a signal
     bool json, once, draws, help;
-    char name[64];             // of the tool that is shown; "": none yet
-    knead_touch_patch_t patch; // the newest patch
-    // Number of messages; the number when the last picture was drawn; number of messages with a contact.
+    char name[64];             // name of the tool that is shown; "": not known yet
+    knead_touch_patch_t patch; // newest contact patch of the tool
+    // Counts of patch messages: all received; those received until the last picture was drawn; those with a contact.
     int64_t heard, drawn, touched;
     int64_t heard_ms, first_us;
     bool on_screen;
@@ -86,7 +87,7 @@ static int parse(watch *w, int argc, char **argv)
 
 // --- output ---------------------------------------------------------------------------------------------------------
 
-// Print the patch in words.
+// Print the contact patch as lines of text.
 static void print_words(const watch *w)
 {
     const knead_touch_patch_t *t = &w->patch;
@@ -129,7 +130,8 @@ static void print_json(const watch *w)
     puts("]}");
 }
 
-// Draw the pressure map in place, with the highest v on top. The fullest cell is '@', and a cell that pulls is '~'.
+// Draw the pressure map over the last one, with the row of the largest v (second coordinate of the patch) on top. The
+// cell with the highest pressure is '@', and a cell with a pull is '~'.
 static void draw(watch *w)
 {
     static const char ramp[] = " .:-=+*#%@";
@@ -190,14 +192,15 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     fflush(stdout);
 }
 
-// Return the time to stop: after --seconds or, if --seconds was not given, after PATIENCE_MS if no patch has arrived.
+// Return the time at which the program stops: after --seconds, or, without --seconds, after PATIENCE_MS if no patch has
+// arrived.
 static int64_t until_ms(const watch *w, int64_t start_ms)
 {
     if (isfinite(w->seconds)) return start_ms + (int64_t)(1e3 * w->seconds);
     return w->heard ? INT64_MAX : start_ms + PATIENCE_MS;
 }
 
-// Listen and draw until the end. Return the exit code.
+// Receive patch messages and draw pictures until the program stops. Return the exit code.
 static int look(watch *w, kn_join *bus)
 {
     int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;

@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// One sweep.
+// State of one sweep.
 typedef struct sweep {
     kn_tradeoff_options opt;
     kn_plan plan;
@@ -33,11 +33,12 @@ typedef struct sweep {
 #define ONE_TOLERANCE(value) .tolerances = 1, .tolerance = {value}
 
 static const kn_axes_def usual[] = {
-    // On the scene's lattice and step: the number of iterations, and how iterations are spread over steps.
+    // On the scene's own lattice and time step, vary the number of CG iterations and how they are spread over the time
+    // steps.
     {BOTH, F32, .counts = 8, .count = {2, 3, 4, 6, 8, 12, 16, 24}, ONE_TOLERANCE(0)},
     {BOTH, F32, .counts = 4, .count = {2, 4, 8, 16}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
-    // More than one linearisation, and double precision.
+    // Then vary the number of linearisations, and use double precision.
     {BLEND, F32, .counts = 2, .count = {4, 8}, .tolerances = 3, .tolerance = {0, 1e-3, 1e-4}, .passes = 1, .pass = {2}},
     {.methods = 2,
      .method = {KN_METHOD_BLEND, KN_METHOD_RK4},
@@ -52,7 +53,7 @@ static const kn_axes_def quick[] = {
     {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
 
-// Add the usual points: first on the scene's lattice, then on other lattices, then with half of the step.
+// Add the usual points: first on the scene's lattice, then on other lattices, then with half of the time step.
 static bool add_usual(sweep *s, char *error, size_t error_size)
 {
     kn_plan *plan = &s->plan;
@@ -62,7 +63,7 @@ static bool add_usual(sweep *s, char *error, size_t error_size)
         if (!kn_plan_add(plan, &list[i], false, error, error_size)) return false;
     const kn_model_def *def = &plan->scene->model;
     kn_axes_def other = {BOTH, F32, .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)};
-    // A lattice of double spacing and, without --quick, one of spacing / 1.5.
+    // Add a lattice with twice the spacing and, without --quick, a lattice with the spacing divided by 1.5.
     if (!def->mesh) {
         other.spacings = s->opt.quick ? 1 : 2;
         other.spacing_m[0] = 2 * def->spacing_m;
@@ -86,7 +87,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
     }
-    if (axes->tolerances == 0) axes->tolerances = 1; // the tolerance 0
+    if (axes->tolerances == 0) axes->tolerances = 1; // use one value, which is 0
     s->plan.scene_path = s->opt.scene;
     s->plan.log_path = s->opt.log;
     s->plan.sets = s->opt.sets;
@@ -107,7 +108,8 @@ static void print_begin(const sweep *s)
     fflush(stdout);
 }
 
-// Explain the times. Warn if they are not comparable, because they come from several passes or from a busy machine.
+// Explain the measured times. Warn if the times are not comparable, because they come from several passes or from a
+// busy machine.
 static void print_times(const sweep *s)
 {
     int64_t first = 0;
@@ -127,8 +129,8 @@ static void print_times(const sweep *s)
     putchar('\n');
 }
 
-// Print the points named fast, balanced and accurate. MISSED marks a point outside of the bounds that its name
-// promises.
+// Print the quality points fast, balanced and accurate. The word MISSED marks a point that violates the bounds of its
+// name.
 static void print_named(const sweep *s)
 {
     double budget_us = 1e6 * s->plan.scene->budget_s;
@@ -170,7 +172,7 @@ static void print_elsewhere(const sweep *s)
     print_sets(s, r);
 }
 
-// Print the most accurate point within --budget-us.
+// Print the most accurate point whose 90th percentile of the tick times is within --budget-us.
 static int pick(const sweep *s)
 {
     char name[96];
@@ -239,7 +241,7 @@ static int try_files(const sweep *s)
     return code == KN_EXIT_OK && opt->write ? kn_points_try(&s->plan) : code;
 }
 
-// Plan, replay and report. The crew is closed in any case.
+// Plan the runs, replay them and report. The crew (the processes that replay) is closed in any case.
 static int run(sweep *s)
 {
     char error[512];

@@ -70,7 +70,7 @@ static int bad(const char *option, const char *text, const char *expected)
     return kn_complain("tradeoff", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
 }
 
-// Parse one item of a list into slot i of an axis. Return false if the item is not valid.
+// Parse one item of a list into element i of an axis. Return false if the item is not valid.
 typedef bool (*take_item)(kn_axes_def *axes, int i, const char *text);
 
 // Parse a whole number in least..most.
@@ -133,7 +133,7 @@ static bool take_pass(kn_axes_def *a, int i, const char *text)
 static bool take_tolerance(kn_axes_def *a, int i, const char *text)
 {
     a->tolerances = i + 1;
-    // The slot is 0 already.
+    // The element of the list is 0 already, so nothing is stored.
     if (!strcmp(text, "0")) return true;
     return quantity(text, "1", &a->tolerance[i]) && a->tolerance[i] < 1;
 }
@@ -150,7 +150,7 @@ static bool take_spacing(kn_axes_def *a, int i, const char *text)
     return quantity(text, "m", &a->spacing_m[i]);
 }
 
-// The options that take lists. most: largest number of items.
+// Options that take lists. most: largest number of items in the list.
 static const struct axis {
     char letter;
     const char *option;
@@ -184,7 +184,7 @@ static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const ch
 static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
 {
     long jobs;
-    // Options with lists first.
+    // Handle the options that take lists first.
     for (size_t i = 0; i < sizeof list_axes / sizeof *list_axes; i++)
         if (list_axes[i].letter == letter) return take_list(opt, &list_axes[i], value);
     switch (letter) {
@@ -207,7 +207,7 @@ static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
         if (opt->set_count == KN_TRADEOFF_SETS) return bad("set", value, "at most 64 of them");
         opt->sets[opt->set_count++] = value;
         return KN_EXIT_OK;
-    default: return KN_EXIT_USAGE; // getopt has said why
+    default: return KN_EXIT_USAGE; // getopt has printed the reason
     }
 }
 
@@ -246,7 +246,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, b
                                             {NULL, 0, NULL, 0}};
     memset(opt, 0, sizeof *opt);
     opt->jobs = 1;
-    optind = 0; // a test calls this function more than once
+    optind = 0; // restart getopt, because a test calls this function more than once
     for (int letter; (letter = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (letter == 'h') {
             fputs(help, stdout);
@@ -256,7 +256,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, b
         int code = take_option(opt, letter, optarg);
         if (code != KN_EXIT_OK) return code;
     }
-    // A job needs no other arguments.
+    // With --job the job contains all settings, so no other arguments are needed.
     if (opt->job) return KN_EXIT_OK;
     if (argc - optind != 2)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; knead tradeoff --help tells the rest");

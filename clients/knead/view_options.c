@@ -89,10 +89,10 @@ static bool camera(const char *text, kn_view_options *o)
     return false;
 }
 
-typedef struct asked {                 // options that are applied after all others are known
-    double azimuth_deg, elevation_deg; // NAN: as set by --camera
+typedef struct asked {                 // options that are applied after all other options are known
+    double azimuth_deg, elevation_deg; // viewing angles of --azimuth and --elevation; NAN: as set by --camera
     bool sized;                        // --size was given
-    int moments;                       // number of moments of --at; 0: not given
+    int moments;                       // number of times in the list of --at; 0: --at was not given
 } asked;
 
 // Parse a list of moments such as "0.5,2,end".
@@ -112,7 +112,7 @@ static bool moments(const char *text, kn_view_options *o, asked *a)
     return false;
 }
 
-// Take one option. Return NULL, or a text that describes a valid value.
+// Store one option of the command line. Return NULL, or a text that describes a valid value.
 static const char *take(kn_view_options *o, asked *a, int option, const char *text)
 {
     switch (option) {
@@ -203,7 +203,7 @@ static int share_out(kn_view_options *o, const asked *a)
     if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (o->video) REFUSE("--at: expected --from and --to for a film");
     for (int i = 1; a->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
-    // Repeat the only file.
+    // Repeat the only file once for each time of --at.
     while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
         o->file[o->file_count] = o->file[0];
         o->kind[o->file_count++] = o->kind[0];
@@ -214,7 +214,7 @@ static int share_out(kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
-// Check the options of a film. A recording, a live object and an object at rest allow different ones.
+// Check the options of a film. A recording, a live object and an object at rest allow different options.
 static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
@@ -245,7 +245,8 @@ static int check_depth(const kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
-// Convert --top to SI units. Without --color and with --compare, the scale is that of the distance.
+// Convert --top to SI units. With --compare and without --color, the colour scale shows the distance between the
+// objects.
 static int check_scale(kn_view_options *o)
 {
     if (!o->top) return KN_EXIT_OK;

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Time after the first whole mesh for the forces of the probes to arrive, and for a mesh that is at least as recent.
+// Time to wait after the first complete mesh. In this time the forces of the probes arrive, and a mesh that is at least
+// as recent as the forces.
 #define SETTLE_MS 50
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
@@ -74,7 +75,7 @@ static int open_snapshot(kn_source *s, const char *scene)
     return code;
 }
 
-// Add the tools of a snapshot. A tool that is not attached is drawn at the pose of its hand.
+// Add the tools of a snapshot to the still. A tool that does not act on the object is drawn at the pose of its hand.
 static void tools_of_saved(const kn_source *s, kn_still *still)
 {
     for (int i = 0; i < s->model->def.probe_count; i++) {
@@ -108,7 +109,7 @@ static int step_log(kn_source *s, double at_s)
         if (kn_replay_step(r)) s->time_s = r->tick.time_s;
         else s->ended = true;
     }
-    // Report damage once.
+    // Report a damaged recording once.
     if (s->ended && r->damage[0])
         fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", s->path, r->damage), r->damage[0] = 0;
     if (isinf(s->time_s))
@@ -156,7 +157,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     bool settling = false;
     while ((now_ms = kn_live_now_ms()) < end_ms) {
         kn_live_listen(&s->live, (int)(end_ms - now_ms));
-        // When both are there, listen a little longer for the tools.
+        // When mesh and scene have arrived, listen a little longer for the poses of the tools.
         if (settling || !s->live.mesh.whole || !s->live.scene) continue;
         settling = true;
         end_ms = kn_live_now_ms() + SETTLE_MS;
@@ -165,7 +166,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     return s->live.mesh.whole ? KN_EXIT_OK : unheard(o, &s->live);
 }
 
-// Listen until at_s.
+// Receive messages until the time at_s.
 static void listen_to(kn_source *s, double at_s)
 {
     int64_t left_ms;
@@ -198,7 +199,7 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (error[0] && !s->told) {
         fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
                 error);
-        s->told = true; // once per film
+        s->told = true; // the warning is printed once per film
     }
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
              s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);

@@ -44,15 +44,17 @@ static const char help[] =
     "  default           what a scene with this device takes (core/coupling.h), and whether it was calm\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
-// TRIPS, FRICTIONS, DAMPINGS: sizes of the tables below. SETS: most --set options.
+// TRIPS, FRICTIONS, DAMPINGS: numbers of simulated round trips, frictions and dampings. SETS: largest number of --set
+// options.
 enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
 static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
-// Shares of the device's friction that are simulated. --quick takes only the second share.
+// Simulated frictions, as fractions of the device's friction. --quick simulates the second one only.
 static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0};
-static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // shares of the class's b_vc
-// Range of the couplings that are tried, N/m, and the factor between two of them.
+// Simulated dampings, as fractions of the default b_vc of the device's class.
+static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0};
+// Range of the coupling stiffnesses that are tried [N/m], and the factor between two successive ones.
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
-// Steps of bisection after the ladder. Four steps narrow the factor 1.25 to 1.4 %.
+// Number of bisection steps after the rising series of couplings. Four steps narrow the factor of 1.25 to 1.4 %.
 enum { HALVINGS = 4 };
 
 static const char *const columns[] = {
@@ -67,14 +69,14 @@ typedef struct zwidth {
     kn_grip grip;
     const kn_pad_def *material;
     const char *scene_path, *tool;
-    kn_scene *scene; // NULL: material is used
+    kn_scene *scene; // scene of the object; NULL: the object is the pad `material`
     bool quick;
     kn_device_def profile;
     kn_coupling most; // default coupling of the device's class at a round trip of 1 ms
     kn_table table;
-    bool sound; // no default coupling has buzzed
+    bool sound; // true: no default coupling has buzzed so far
     kn_progress bar;
-    int searched; // couplings searched so far, for the bar
+    int searched; // number of searches for a largest coupling so far, for the progress bar
 } zwidth;
 
 // Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
@@ -82,7 +84,7 @@ static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
 {
     kn_slab slab;
     char error[300];
-    // load_scene has opened this lattice before, with another coupling.
+    // load_scene has already opened this lattice with another coupling.
     if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_rig_result){.buzzes = true};
     kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
@@ -112,7 +114,7 @@ static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling
 static double largest(const zwidth *z, double friction_n_s_m, int trip, double damping_n_s_m)
 {
     double calm = 0.0, loud = least_n_m;
-    // Climb the ladder, then bisect on a logarithmic scale.
+    // Increase the coupling by the same factor until the loop buzzes, then bisect on a logarithmic scale.
     while (loud < most_n_m && !buzzes(z, friction_n_s_m, trip, (kn_coupling){loud, damping_n_s_m}))
         calm = loud, loud *= ladder;
     if (loud >= most_n_m || calm == 0.0) return calm;
@@ -140,7 +142,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     double delayed = kn_coupling_delayed(friction_n_s_m, 1e-3, trip_s, z->most.damping_n_s_m);
     kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
                                        chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
-    kn_progress_close(&z->bar); // the row is printed in place of the bar
+    kn_progress_close(&z->bar); // clear the progress bar, because the row is printed on its line
     // The columns are printed in the order of b_vc.
     printf("%4d ms %9.3g", trip, friction_n_s_m);
     for (int i = 0; i < DAMPINGS; i++) {
@@ -264,7 +266,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     }
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
-    // Without a hand only a wall can hold the push of 1 N.
+    // Without a hand a constant force of 1 N pushes the device, and only a wall can hold it.
     if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
         return kn_complain("zwidth", KN_EXIT_USAGE,
                            "%s: without a hand the device only sinks in, expected --hand "
@@ -273,7 +275,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     return KN_EXIT_OK;
 }
 
-// Survey, print and write the results. Return the exit code.
+// Measure all rows, print the table and write the results. Return the exit code.
 static int report(zwidth *z)
 {
     int code = KN_EXIT_OK;

@@ -71,7 +71,7 @@ static int number(const char *option, const char *text, double *value)
 }
 
 // Read a quantity and convert it to `unit_text`. A number without a unit has the unit *otherwise. If `otherwise` is
-// NULL, such a number is refused. *said: the unit that was used.
+// NULL, such a number is refused. *said: the unit that the text has, or *otherwise.
 static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
 {
     kn_unit unit;
@@ -171,7 +171,8 @@ static int take(kn_hand_options *o, int option, const char *text)
     case ORIGIN: o->origin = text; return origin(text, o->origin_m);
     case BASIS:
         o->basis = text;
-        // Check the basis now. The scene's device, which it applies to, is not known yet.
+        // Check the text of the basis now, with a temporary device. The scene's device, to which the basis applies, is
+        // not known yet.
         kn_mount_init(&any);
         if (kn_mount_basis(&any, text, why, sizeof why)) break;
         return kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
@@ -201,7 +202,7 @@ int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
                                          {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
                                          {"local", 0, 0, LOCAL},       {"no-watchdog", 0, 0, UNWATCHED},
                                          {"help", 0, 0, HELP},         {0, 0, 0, 0}};
-    // Defaults. Fields that stay 0 are filled from the scene or by the driver.
+    // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
     *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     optind = 1;

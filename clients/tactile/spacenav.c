@@ -9,8 +9,9 @@
 #include <unistd.h>
 
 static const size_t event_bytes = 8 * sizeof(int32_t); // size of one event in spacenavd's protocol
-static const int events_most = 64;                     // events read per wake
-static const int buttons_most = 30;                    // button 30 would be KN_BUTTON_LEAVING
+static const int events_most = 64;                     // largest number of events read at each wake-up
+// Number of buttons that are passed on; button 30 would be KN_BUTTON_LEAVING.
+static const int buttons_most = 30;
 
 const char *kn_spacenav_socket(void)
 {
@@ -32,7 +33,7 @@ bool kn_spacenav_reach(void)
     return ok;
 }
 
-// Store one event of spacenavd: counts, buttons, or the arrival or loss of a puck.
+// Store one event of spacenavd: deflection of the puck, a button, or the arrival or loss of a puck.
 static void take(kn_spacenav *s, const spnav_event *event)
 {
     const struct spnav_event_motion *m = &event->motion;
@@ -51,7 +52,7 @@ static void take(kn_spacenav *s, const spnav_event *event)
         s->base.messages++;
         break;
     case SPNAV_EVENT_DEV:
-        memset(s->counts, 0, sizeof s->counts); // a puck that was pulled out sends no zero
+        memset(s->counts, 0, sizeof s->counts); // a puck that was unplugged sends no zero, so clear the deflection here
         snprintf(s->base.state, sizeof s->base.state, event->dev.op == SPNAV_DEV_RM ? "puck pulled out" : "puck there");
         break;
     }
@@ -73,7 +74,7 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)events;
     kn_spacenav *s = watcher->data;
-    // Bound the events of one wake, so that a flood cannot starve the timer.
+    // Limit the number of events per wake-up, so that a flood of events cannot delay the timer.
     int n = 0;
     for (; n < events_most && waiting(s); n++) {
         spnav_event event = {0};
@@ -90,7 +91,7 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
     // Try spnav_open only when it may succeed: libspnav leaks a little in every failed attempt, and there are two
     // attempts a second. /etc/spnavrc may name another socket that libspnav knows.
     bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
-    errno = 0; // libspnav reads the errno of an earlier call
+    errno = 0; // clear errno, because libspnav would read the errno of an earlier call
     if (!worth || spnav_open() != 0) {
         snprintf(error, error_size, "spacenavd does not answer at %s: is it running? knead devices tells more",
                  kn_spacenav_socket());

@@ -14,12 +14,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Bytes of a message besides the picture: `about`, 16 answers of 200 characters of at most 6 bytes each, and the
-// traces.
+// Largest size of a message without its picture, bytes: `about`, 16 answers of 200 characters of at most 6 bytes each,
+// and the traces.
 #define ROOM (KN_WEB_ABOUT + 40960)
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
-#define MOVES_MS 200 // a pointer event in this time means that the pointer is moving
+#define MOVES_MS 200 // the pointer counts as moving for this time after a pointer event
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
@@ -55,12 +55,12 @@ static bool fill_still(kn_web *w)
 {
     kn_still *s = &w->painter.still;
     char error[400];
-    // Same topology: only move the vertices.
+    // If the mesh has the same topology as the still, only move the vertices.
     if (w->mesh_id == w->live.mesh.mesh_id) return kn_still_update(s, &w->live), true;
     kn_view_scene view = s->view;
     kn_still_free(s);
     s->view = view;
-    s->view.value = NULL; // belongs to the old still
+    s->view.value = NULL; // clear the pointer to values of the old still
     w->mesh_id = 0;
     if (!kn_still_live(s, &w->live, error, sizeof error) || error[0]) return false;
     w->mesh_id = w->live.mesh.mesh_id;
@@ -78,20 +78,20 @@ bool kn_web_measured(const kn_web *w, int measure)
 // flicker.
 static void color(kn_web *w)
 {
-    // Smallest tops of the scale, SI. Values below them are rounding errors.
+    // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
     static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
     kn_still *s = &w->painter.still;
     s->view.value = NULL;
     if (w->measure < 0 || !kn_still_told(s, &w->live, (kn_measure)w->measure)) return;
     const double top = kn_scale_round(fmax(kn_still_most(s), least[w->measure]));
-    // Grow at once, and shrink only below 30 % of the scale.
+    // Raise the top of the scale at once, but lower it only if the largest value is below 30 % of the top.
     if (top > w->top || top < 0.3 * w->top) w->top = top;
     kn_still_scale(s, w->top);
 }
 
 void kn_web_png_path(const kn_web *w, char path[128]) { snprintf(path, 128, "%s/picture.png", w->folder); }
 
-// Prepare the label of a picture, and request a PNG of it if a page waits for one.
+// Prepare the label of a picture, and request a PNG copy of the picture if a page waits for one.
 static void label(kn_web *w)
 {
     static char path[128], caption[160];
@@ -145,7 +145,7 @@ static void paint(kn_web *w)
     color(w);
     label(w);
     w->frame_ms = now_ms;
-    // Make up for at most one period of lateness.
+    // Compensate for a late picture by at most one period.
     w->due_ms = fmax(w->due_ms, (double)now_ms - period_ms) + period_ms;
     w->painting = newest;
     w->drawing = true;
@@ -187,7 +187,7 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
     paint(w);
 }
 
-// Update the rates of meshes once a second, and the lists that change seldom.
+// Update the rate of mesh messages and the lists that change seldom. This function is called once a second.
 static void count(kn_web *w, int64_t now_ms)
 {
     const int64_t meshes = w->live.meshes - w->counted_meshes, bytes = w->vitals.mesh_bytes - w->counted_bytes;
@@ -200,7 +200,7 @@ static void count(kn_web *w, int64_t now_ms)
     kn_web_refresh(w);
 }
 
-// Run ten times a second, even when no message comes.
+// Do the periodic work of the main thread. This function is called ten times a second, even when no message arrives.
 static void on_due(struct ev_loop *ev, ev_timer *t, int events)
 {
     (void)ev, (void)events;
@@ -215,7 +215,7 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
     kn_web_ask_status(w);
     kn_web_turn(w);
     if (now_ms - w->counted_ms >= 1000) count(w, now_ms);
-    // Without new pictures, pages still get the status.
+    // Send the status to the pages, even if there is no new picture.
     if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
 }
 
@@ -256,13 +256,13 @@ static void make_folder(kn_web *w)
     w->folder[0] = 0;
 }
 
-// A page keeps its place if it has the tool or gave the last order.
+// Return true if a page keeps its place, because it has the tool or gave the last order.
 static bool stays(void *self, int page)
 {
     return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->ordered_by;
 }
 
-// Open all parts. On failure, w->error has the reason and close_all cleans up.
+// Open all parts of `knead web`. On failure, w->error has the reason, and the caller calls close_all to free the parts.
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
@@ -300,11 +300,11 @@ static bool open_all(kn_web *w)
 
 static void close_all(kn_web *w)
 {
-    // This also ends all pages, so no page holds the tool any more.
+    // Closing the gateway ends all pages, so no page has the tool any more.
     kn_gateway_close(&w->gateway);
     kn_web_post_wish(w);
     for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++)
-        usleep(10000), kn_web_take_samples(w); // let the tool lift first
+        usleep(10000), kn_web_take_samples(w); // wait while the hand lifts the tool
     if (w->moving) kn_device_stop(&w->device);
     kn_asker_close(&w->asker);
     json_decref(w->status);
@@ -362,7 +362,7 @@ static bool is_directory(const char *path)
     return stat(path, &it) == 0 && S_ISDIR(it.st_mode);
 }
 
-// Store one option. Return NULL, or a text that says what was expected.
+// Store one option of the command line. Return NULL, or a text that says what was expected.
 static const char *take(kn_web *w, int option, const char *text)
 {
     struct in_addr host;
