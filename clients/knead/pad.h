@@ -33,7 +33,7 @@ typedef struct kn_pad_def {
 #define KN_PADS 5
 extern const kn_pad_def kn_pads[KN_PADS];
 
-typedef struct kn_pad { // read-only for the caller
+typedef struct kn_pad { // state of a pad; read-only for the caller
     kn_pad_def def;
     // Displacement of the Voigt element (voigt_m) and of the damper c2 (flow_m). The depth of the pad's surface is
     // voigt_m + flow_m.

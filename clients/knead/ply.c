@@ -15,8 +15,8 @@ typedef struct __attribute__((packed)) face {
     int32_t vertex[3];
 } face;
 
-// Add the share of one corner of a triangle to the normal of its vertex: the triangle's unit normal times the corner's
-// angle. The weighting makes the result independent of how a quad is cut into triangles.
+// Add the contribution of one corner of a triangle to the normal of the corner's vertex: the triangle's unit normal
+// times the corner's angle. The weighting makes the result independent of how a quad is cut into triangles.
 static void add_corner(const float at[3], const float next[3], const float last[3], float normal[3])
 {
     double a[3], b[3], across[3];

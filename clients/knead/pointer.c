@@ -99,7 +99,7 @@ static void decide(kn_pointer *p)
         enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
         break;
     }
-    // After a stale wish, too, the tool does not press before the button is released.
+    // After a stale wish (a wish that is too old) the tool does not press before the button is released.
     p->barred = (p->barred || p->wish.stale) && p->wish.pressed;
 }
 
@@ -205,7 +205,7 @@ kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn
     if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.leaves = true};
     follow(p);
     p->seq++;
-    // Remember the first pose that carries this wish. The answer to that pose answers the wish.
+    // Store the number of the first pose that follows this wish. A force that answers this pose answers the wish.
     if (!p->asked_event && wish->event != p->news.event) p->asked_event = wish->event, p->asked_seq = p->seq;
     return (kn_hand_out){.send = true, .session = p->session, .seq = p->seq, .point = p->point};
 }

@@ -1,5 +1,5 @@
-// knead probe: a virtual haptic device at 1 kHz. hand.h has the hand, player.h its news and device.h its thread. This
-// file has the order of the session and its messages.
+// knead probe: a virtual haptic device at 1 kHz. hand.h contains the hand, player.h the state that other threads can
+// read, and device.h the thread. This file contains the steps of a session in order, and the messages to the user.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
 #include "clients/knead/foot.h"
@@ -121,7 +121,7 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
     else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
 }
 
-// Wait up to 3 s for a whole mesh later than after_tick. Return false if none came.
+// Wait up to 3 s for a complete mesh of a tick later than after_tick. Return false if no such mesh came.
 static bool look(probe *p, int64_t after_tick)
 {
     for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
@@ -245,7 +245,7 @@ static int take_device(probe *p)
     kn_device_def *d = &def.render.device;
     int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
     d->force_scale = p->scene->device.force_scale; // kneadd scales the force, so use the factor of the scene's device
-    // The simulated arm lives in the scene's axes and lengths, so the device stands there without rotation.
+    // The simulated arm uses the axes and lengths of the scene, so the device is mounted without rotation and scaling.
     d->scale = 1.0;
     memcpy(d->basis, (double[]){1, 2, 3}, sizeof d->basis);
     memcpy(d->rotation_wxyz, (double[]){1, 0, 0, 0}, sizeof d->rotation_wxyz);
@@ -339,7 +339,7 @@ static void attend(probe *p)
     bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
-        kn_join_handle(p->mesh_bus, 50); // also takes mesh messages, so that p->mesh stays recent
+        kn_join_handle(p->mesh_bus, 50); // receive mesh messages while waiting, so that p->mesh stays recent
         done = atomic_load(&p->device.done);
         int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);

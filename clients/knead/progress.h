@@ -14,7 +14,7 @@ typedef struct kn_progress {
     const char *what;
     double total;
     bool terminal;
-    int64_t began_ns, shown_ns; // CLOCK_MONOTONIC
+    int64_t began_ns, shown_ns; // times (CLOCK_MONOTONIC) when the bar was opened and last drawn
 } kn_progress;
 
 // Open a progress bar. what: label of one or two words; the text must outlive the bar. total: amount of work in any
@@ -26,8 +26,8 @@ void kn_progress_step(kn_progress *progress, double done);
 void kn_progress_close(kn_progress *progress);
 
 #define KN_PROGRESS_LINE 100
-// Format the progress bar that is shown `elapsed_s` after the work began: "film  [##########          ]  50 %  12 s
-// left".
+// Format the progress bar that is shown `elapsed_s` after the work began, such as
+// "film  [##########          ]  50 %  12 s left".
 void kn_progress_line(const kn_progress *progress, double done, double elapsed_s, char line[KN_PROGRESS_LINE]);
 
 #endif

@@ -17,7 +17,7 @@
 // Force message and the time of its arrival.
 typedef struct kn_heard_force {
     knead_contact_force_t force;
-    int64_t arrived_ns; // CLOCK_MONOTONIC
+    int64_t arrived_ns; // time of arrival (CLOCK_MONOTONIC)
 } kn_heard_force;
 
 typedef struct kn_record {

@@ -52,7 +52,7 @@ typedef struct kn_render_def { // a field of 0 selects its default, if it has on
     bool held;
 } kn_render_def;
 
-typedef struct kn_render { // read-only for the caller
+typedef struct kn_render { // state of the output stage; read-only for the caller
     kn_render_def def;
     int64_t session;
     kn_render_stop stop;
@@ -93,8 +93,8 @@ bool kn_render_force(kn_render *r, const double scene_n[3], double age_s);
 // Take a KNEAD_CONTACT of any session. Return the local model's decision about it.
 kn_contact_take kn_render_contact(kn_render *r, const kn_contact_unit *unit);
 
-// Compute given_n for the device at this position and velocity. dt_s: time since the last call. share: factor of the
-// watchdogs on the force, 0 .. 1.
+// Compute r->given_n, the force for the motors, at this position and velocity of the device. dt_s: time since the last
+// call. share: factor of the watchdogs on the force, 0 .. 1.
 void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3], double share);
 
 // Return a text that explains why the rendering stopped, or NULL for KN_RENDER_RUNS.

@@ -348,7 +348,8 @@ static int verdict(const replay_run *run)
     return KN_EXIT_OK;
 }
 
-// Refuse --verify before any work if there is nothing to compare with.
+// Refuse --verify before the replay starts if the log contains no forces to compare with, or if the options change the
+// scene or the computation of the log.
 static int refuse_verify(const replay_run *run)
 {
     const char *log = run->opt->def.log_path;

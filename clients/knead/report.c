@@ -58,7 +58,7 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
         r->matched += t != NULL;
         r->strange += t == NULL;
         r->missed += f->missed_cycles;
-        // A smaller tick means that kneadd has started again.
+        // If the tick is smaller than the last one, kneadd was restarted.
         bool goes_on = before && before->session == f->session && f->tick > before->tick;
         if (goes_on) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
         if (!t) continue;

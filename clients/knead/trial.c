@@ -85,7 +85,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
         in.probe[0].position_m[k] = aside[k] * depth;
         in.probe[0].velocity_m_s[k] = aside[k] * (next - depth) / dt;
     }
-    // The jump lasts three steps of the trial itself, also in runs with shorter steps.
+    // The jump lasts three time steps of the trial. In a run with shorter time steps it lasts as long.
     double at = (time_s - 0.5 * dt) / t->def.solver.dt_s - floor(0.25 * t->steps);
     if (t->hand == KN_HAND_JUMP && at > 0 && at < 3)
         for (int k = 0; k < 3; k++) in.probe[0].position_m[k] += t->jump_m[k];

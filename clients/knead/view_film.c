@@ -9,7 +9,7 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct film { // a film in progress
+typedef struct film { // state of a film that is being written
     const kn_view_options *o;
     bool live;
     // Number of pictures of the film; 0: not known before the first pass over the recordings.
@@ -57,7 +57,7 @@ static int survey(film *f)
     kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
     while (code == KN_EXIT_OK && !rests && moment(f->o, f->pictures) <= f->o->to_s) {
         code = kn_lineup_to(l, moment(f->o, f->pictures));
-        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches this moment
+        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches the time of this picture
         code = kn_lineup_stills(l, &f->extent);
         kn_lineup_drop(l);
         kn_progress_step(&bar, ticks(l, false));
@@ -65,7 +65,7 @@ static int survey(film *f)
     }
     kn_progress_close(&bar);
     if (code == KN_EXIT_OK && f->pictures == 0) code = check_from(f);
-    // A recording of one tick has its beginning and its end at the same moment.
+    // A recording of one tick begins and ends at the same time, so its film has one picture.
     if (code == KN_EXIT_OK && f->pictures == 0) {
         f->pictures = 1;
         code = kn_lineup_stills(l, &f->extent);

@@ -91,7 +91,7 @@ static bool camera(const char *text, kn_view_options *o)
 
 typedef struct asked {                 // options that are applied after all other options are known
     double azimuth_deg, elevation_deg; // viewing angles of --azimuth and --elevation; NAN: as set by --camera
-    bool sized;                        // --size was given
+    bool sized;                        // true: the option --size was given
     int moments;                       // number of times in the list of --at; 0: --at was not given
 } asked;
 

@@ -125,7 +125,7 @@ static void tools_of_log(const kn_replay *r, kn_still *still)
         if (!f->live) continue;
         kn_still_probe(still, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n,
                        f->gain);
-        const kn_pose *hand = &r->servo.tool[i]; // the pose after the clutch
+        const kn_pose *hand = &r->servo.tool[i]; // pose of the hand that the servo loop uses, after the clutch
         if (r->servo.last[i].session != 0) kn_still_hand(still, hand->position_m, hand->orientation_wxyz);
     }
 }
@@ -141,7 +141,7 @@ static int unheard(const kn_view_options *o, const kn_live *live)
         kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
-// Join the bus and wait for a whole mesh and the scene.
+// Join the bus and wait until a complete mesh and the scene have arrived.
 static int open_bus(kn_source *s, const kn_view_options *o)
 {
     char error[400];

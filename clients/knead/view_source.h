@@ -13,7 +13,7 @@
 #include "server/replay.h"
 #include "server/snapshot.h"
 
-typedef struct kn_source { // read-only for the caller
+typedef struct kn_source { // source of one object to draw; read-only for the caller
     kn_view_kind kind;
     const char *path; // name of the file; NULL: the source is the bus
     // Time of the state to draw. For a recording, since its first session began; for the bus, since it was opened.

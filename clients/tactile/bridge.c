@@ -165,7 +165,7 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     close_lost(b);
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
 
-    // Post the news for other threads. The mailbox never blocks this thread.
+    // Post the bridge's state for other threads. The mailbox never blocks this thread.
     b->now.messages = d->messages;
     b->now.bad = d->bad;
     b->now.lost = d->lost;

@@ -15,7 +15,7 @@
 #define KN_DEVICES_TEXT 192
 
 typedef struct kn_found {
-    char kind[16];                 // spacenavd, haply, tty, usb
+    char kind[16];                 // kind of the device: "spacenavd", "haply", "tty" or "usb"
     char where[KN_DEVICES_TEXT];   // where the device was found: socket, address, device file, or place on the USB bus
     char usb[10];                  // USB vendor and product ids such as "2341:0043"; "": not a USB device
     char name[KN_DEVICES_TEXT];    // name that the device reports, printable characters only

@@ -27,7 +27,7 @@ typedef enum kn_frame_kind {
 } kn_frame_kind;
 
 enum {                  // flags of a state frame; bits 4..7 are buttons 0..3
-    KN_FRAME_MOTOR = 1, // the motor is on
+    KN_FRAME_MOTOR = 1, // flag of a state frame: the paddle's motor is on
     // The paddle's own watchdog has tripped: no command for 20 ms. A command without KN_FRAME_ENABLE clears the trip.
     KN_FRAME_TRIPPED = 2,
     KN_FRAME_SATURATED = 4, // the motor cannot give the commanded force

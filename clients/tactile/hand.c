@@ -177,7 +177,8 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
     const kn_tether *r = &n->tether;
     const char *then = "0 N; 1.2 s of silence, then a new session";
     bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
-    // A tick of 10 ms or more means that this process stood still, so neither end is to blame.
+    // If the tick lasted 10 ms or more, this process itself stood still, so neither the device nor kneadd caused the
+    // trip.
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
@@ -201,7 +202,8 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
     t->heard = r->heard;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
-    // Name the likely cause: another client, no kneadd, or a device that has not given a pose yet.
+    // Report the likely cause of missing forces: another client holds the tool, kneadd does not run, or the device has
+    // not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")

@@ -74,7 +74,8 @@ static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns;
 
 // ---- conversation with the service
 
-// Request a write, unless an answer is still pending or the proof demands silence.
+// Request a write to the service, unless an answer of the service is pending or the watchdog test (proof) requires
+// silence.
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;

@@ -83,7 +83,7 @@ static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_hap
         snprintf(error, size, "expected cursor_velocity x, y, z within 100 m/s");
         return KN_HAPLY_MALFORMED;
     }
-    // A missing control_mode counts as not idle: the watchdog's proof must not pass by accident.
+    // A message without control_mode counts as not idle, so that the watchdog test cannot pass by accident.
     const char *mode = json_string_value(json_object_get(state, "control_mode"));
     s->idle = mode && !strcmp(mode, "idle");
     s->calibrated = !json_is_false(json_object_get(json_object_get(arm, "status"), "calibrated"));

@@ -36,7 +36,7 @@ bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 //     30 ms   send nothing
 //     50 ms   the paddle's watchdog must have tripped
 //
-// The proof starts again if this thread was late, or if the motor never reported that it was on.
+// The test (proof) starts again if this thread was late, or if the paddle never reported that its motor was on.
 #define ENABLED_NS 10000000
 #define SILENT_NS 30000000  // time at which the commands of the watchdog test end and its silence begins
 #define JUDGED_NS 130000000 // latest time at which the paddle must have reported the trip of its watchdog
@@ -50,12 +50,12 @@ static void begin_proof(kn_paddle *p)
     p->begun_ns = p->given_ns = kn_now_ns();
 }
 
-// Advance the proof with a state frame of the paddle.
+// Advance the watchdog test (proof) with a state frame of the paddle.
 static void judge_watchdog(kn_paddle *p, const kn_frame *f)
 {
     bool tripped = f->flags & KN_FRAME_TRIPPED;
     int64_t age_ns = kn_now_ns() - p->begun_ns;
-    // After the proof, armed stays set until a command without enable has cleared the trip.
+    // After the watchdog test (proof), `armed` stays set until a command without enable has cleared the trip.
     p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED;
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
     // If the paddle reports a trip during the silence, its watchdog is proved. If it reports none by the deadline, the
@@ -66,7 +66,7 @@ static void judge_watchdog(kn_paddle *p, const kn_frame *f)
     else if (age_ns > JUDGED_NS) begin_proof(p);
 }
 
-// Return whether the proof sends a command now. *live: whether this command has enable set.
+// Return true if the watchdog test (proof) sends a command now. *live: true if this command has the flag enable.
 static bool prove(kn_paddle *p, bool *live)
 {
     int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
@@ -152,7 +152,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
         if (p->fd >= 0) close(p->fd);
         return false;
     }
-    // Each opening starts with a fresh frame and a new proof of the watchdog.
+    // After each opening, the decoder starts with an empty frame and the watchdog test starts from its beginning.
     p->deframer.count = 0;
     p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     p->proofs = 0;
@@ -170,7 +170,7 @@ static void close_paddle(kn_tactile *device)
     close(p->fd);
 }
 
-// Send a force command, or the next command of the watchdog's proof.
+// Send a force command, or the next command of the watchdog test (proof).
 static void give(kn_tactile *device, const double force_n[3], bool live)
 {
     kn_paddle *p = (kn_paddle *)device;

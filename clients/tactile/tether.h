@@ -22,7 +22,7 @@
 // HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
 typedef enum kn_tether_mode { KN_TETHER_HELD, KN_TETHER_SILENT } kn_tether_mode;
 
-typedef struct kn_tether { // read only for the caller
+typedef struct kn_tether { // link between one device and kneadd; read-only for the caller
     kn_tether_mode mode;
     // Number of the present session, and number of the last pose sent in this session.
     int64_t session, seq;

@@ -28,7 +28,7 @@ typedef struct kn_asker {
     // object. If no answer came, it is {"ok": false, "error": "..."}.
     void (*answered)(void *arg, int tag, const json_t *answer);
     void *arg;
-    kn_asker_call call[KN_ASKER_CALLS]; // private
+    kn_asker_call call[KN_ASKER_CALLS]; // the requests that wait for answers (private)
 } kn_asker;
 
 // Prepare an asker. It must be zeroed except for path, answered and arg, and must not move afterwards.

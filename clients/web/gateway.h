@@ -55,7 +55,7 @@ typedef struct kn_web_page { // browser page that has shown the token
 } kn_web_page;
 
 typedef struct kn_web_file { // contents of one download
-    const char *type;        // MIME type
+    const char *type;        // MIME type of the download
     char path[128];          // file to send; "": send `bytes` instead
     char *bytes;             // contents if `path` is empty; allocated with malloc by `fetch`, freed by the gateway
     size_t size;
@@ -85,7 +85,7 @@ typedef struct kn_gateway {
     ev_timer pause;  // while this timer runs, no connection is accepted
     ev_timer expiry; // timer that closes guests which have stayed too long
     struct lws *guest[KN_GATEWAY_GUESTS];
-    double guest_s[KN_GATEWAY_GUESTS]; // time of each guest's arrival
+    double guest_s[KN_GATEWAY_GUESTS]; // arrival times of the guests
     int64_t admitted;                  // number of pages admitted so far
     int fd, connections, guests;
     int64_t told_ms; // time when a refusal was last reported

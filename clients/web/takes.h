@@ -26,7 +26,7 @@ typedef struct kn_take {
     int number; // number of the recording, from 1 on; 0: this place for a recording is free
     // A kn_take_state. Once the state is WHOLE or FAILED, another thread may also read the fields that are not atomic.
     _Atomic int state;
-    _Atomic int ms; // duration recorded so far
+    _Atomic int ms; // duration of the recording so far
     _Atomic int64_t bytes;
     // True: the log contains a force, so a replay can start from any snapshot that is saved from now on.
     atomic_bool felt;

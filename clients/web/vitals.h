@@ -19,7 +19,7 @@ typedef struct kn_vitals {
     double stored_j, work_j;
     knead_touch_patch_t touch;
     int64_t mesh_bytes;     // total size of all KNEAD_MESH_UPDATE messages so far
-    char touch_channel[80]; // private
+    char touch_channel[80]; // channel of the contact patches of the chosen probe (private)
 } kn_vitals;
 
 // Subscribe to the messages on two buses, which the caller reads and closes. Return false if a bus has too many

@@ -69,7 +69,7 @@ typedef struct kn_web {
     double held_spacing_m;
     kn_reach reach;
     kn_device device;
-    bool moving;        // the device's thread is running
+    bool moving;        // true: the device's thread is running
     kn_pointer pointer; // used by the device's thread only
     int stale_ms;       // time since the device's thread last received a wish; used by this thread only
     kn_mailbox wishes;  // wanted motions of the tool (kn_pointer_wish), from the main thread to the device's thread
@@ -109,7 +109,7 @@ typedef struct kn_web {
     int png_page;                 // index of the page that waits for a PNG of the next picture, -1: none
     uint32_t png_id;              // id of the page's request for the PNG
     int64_t png_ms;               // time of the request for the PNG
-    bool png_there;               // the PNG is ready
+    bool png_there;               // true: the requested PNG is ready
     double meshes_hz, mesh_bytes; // rate of mesh messages; mean size of one mesh message, bytes
     int64_t counted_ms, counted_meshes, counted_bytes;
 
@@ -177,7 +177,7 @@ void kn_web_on_request(void *web, int page, const kn_request *request);
 void kn_web_on_replayed(void *web, int number, bool ok, const char *words);
 void kn_web_turn(kn_web *w); // called ten times a second: continues waiting work on recordings and PNG pictures
 void kn_web_on_answered(void *web, int tag, const json_t *answer);
-void kn_web_ask_status(kn_web *w); // at most once a second
+void kn_web_ask_status(kn_web *w); // requests kneadd's status, at most once a second
 __attribute__((format(printf, 5, 6))) void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok,
                                                               const char *format, ...);
 
