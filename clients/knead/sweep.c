@@ -42,7 +42,7 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     if (n->kind < KN_ELEMENT_SERIES)
         return kn_part_thins(&net->part[n->leaf]) ? net->part[n->leaf].p0_pa / stress : INFINITY;
     kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
-    // Parts in series carry the whole stress. Of parts in parallel, each carries a fraction of the stress.
+    // Parts in series carry the whole stress. Each part in parallel carries a fraction of the stress.
     for (int i = 0; i < n->count; i++) {
         double part[2], share = stress;
         kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
