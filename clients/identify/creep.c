@@ -19,17 +19,14 @@
 #include <time.h>
 
 static const char help[] =
-    "usage: knead identify creep FILE... [OPTION]...\n"
-    "\n"
+    "usage: knead identify creep FILE... [OPTION]...\n\n"
     "Fit the material of a virtual object to creep measurements: how far a specimen gave way under a load, and how far "
     "it\n"
     "recovered afterwards. The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between "
     "P0\n"
-    "and P1, which does not.\n"
-    "\n"
+    "and P1, which does not.\n\n"
     "    knead identify creep 10gf.csv 30gf.csv 50gf.csv --out dough.yaml\n"
-    "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n"
-    "\n"
+    "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n\n"
     "A file is a table with a name and a unit above each column: time; height, displacement or strain; and load or "
     "stress\n"
     "if they were recorded. Lines before the table may give values that hold for the whole file:\n"
@@ -38,8 +35,7 @@ static const char help[] =
     "The separator (comma, semicolon or tab) and decimal commas are detected. Readings may be missing and in any "
     "order.\n"
     "Several columns of displacement with a load in their names are several curves. Each additional load improves the\n"
-    "result: P0 needs a load below it, P1 a large load that is sampled fast.\n"
-    "\n"
+    "result: P0 needs a load below it, P1 a large load that is sampled fast.\n\n"
     "  --load W, --stress P   load or stress, for files that do not state it\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --release TIME         time at which the load was removed\n"
@@ -48,8 +44,8 @@ static const char help[] =
     "  --late                 also fit a time offset and a duration for each load, in case they differ from the file; "
     "the\n"
     "                         offset is at most the length of the curve; all results count time from the fitted "
-    "start\n" KN_IDENTIFY_OUTPUT_HELP "\n"
-    "The output gives the best parameters over all curves together, with 95 % intervals. The intervals are valid if "
+    "start\n" KN_IDENTIFY_OUTPUT_HELP
+    "\nThe output gives the best parameters over all curves together, with 95 % intervals. The intervals are valid if "
     "the\n"
     "model is right and the noise is independent; the output tells if that is so, and which parameters these curves "
     "cannot\n"
@@ -124,9 +120,7 @@ static void print_stages(const work *w)
     for (int k = 0; k < w->curves; k++) {
         kn_stages s;
         if (!kn_stages_fit(&s, &w->curve[k])) continue;
-        if (first)
-            printf("\n"
-                   "the first paper's two-stage method, curve by curve: deviation from the joint fit\n");
+        if (first) printf("\nthe first paper's two-stage method, curve by curve: deviation from the joint fit\n");
         first = false;
         const kn_material *a = &s.material, *b = &w->joint.material;
         printf("%-20s k1 %+.3g %%   c1 %+.3g %%   alpha %+.3g %%   beta %+.3g %%\n", w->curve[k].name,

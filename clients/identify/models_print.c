@@ -183,9 +183,8 @@ static void print_row(const kn_models *m, const kn_models_row *row)
 void kn_models_print(const kn_models *m)
 {
     char text[1000];
-    printf("\n"
-           "models      fitted to %d readings up to %.4g s%s, tested on the %d after that\n",
-           m->early, m->cut_s, m->relax ? " of the hold" : " of each load", m->late);
+    printf("\nmodels      fitted to %d readings up to %.4g s%s, tested on the %d after that\n", m->early, m->cut_s,
+           m->relax ? " of the hold" : " of each load", m->late);
     printf("            %s\n", m->relax
                                    ? "errors: mean of |model/measured - 1|; readings are means in 20 bins per decade"
                                    : "errors: root mean square, relative to the curve's largest strain");

@@ -15,17 +15,14 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: knead identify relax FILE... [OPTION]...\n"
-    "\n"
+    "usage: knead identify relax FILE... [OPTION]...\n\n"
     "Fit the material of a virtual object to stress relaxation: how the stress fell while a specimen was held "
     "compressed.\n"
     "The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between P0 and P1, which "
     "relaxes\n"
-    "the stress.\n"
-    "\n"
+    "the stress.\n\n"
     "    knead identify relax ramp.csv --height 1cm --area 1cm^2 --out dough.yaml\n"
-    "    knead identify relax modulus.csv --strain 5% --png fit.png\n"
-    "\n"
+    "    knead identify relax modulus.csv --strain 5% --png fit.png\n\n"
     "A file is a table with a name and a unit above each column: time; stress, load or modulus; and strain, "
     "displacement or\n"
     "height if they were recorded. Lines before the table may give values that hold for the whole file:\n"
@@ -35,8 +32,7 @@ static const char help[] =
     "slow\n"
     "rise, about 2 %/s, is best. A hold alone determines c1/k1, alpha/k1 and beta, and a lower bound of k1, which is "
     "exact\n"
-    "if nothing had flowed by the first reading. A modulus without --strain gives no material.\n"
-    "\n"
+    "if nothing had flowed by the first reading. A modulus without --strain gives no material.\n\n"
     "  --strain S             held strain, for files that do not state it, e.g. 10% or 0.1\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
@@ -45,8 +41,8 @@ static const char help[] =
     "of\n"
     "                         time, so that each decade counts the same (default)\n"
     "  --noise constant       weight residuals in Pa, each reading the same: for noise of the "
-    "instrument\n" KN_IDENTIFY_OUTPUT_HELP "\n"
-    "The output gives the best parameters with 95 % intervals. The intervals are valid if the model is right and the "
+    "instrument\n" KN_IDENTIFY_OUTPUT_HELP
+    "\nThe output gives the best parameters with 95 % intervals. The intervals are valid if the model is right and the "
     "noise\n"
     "is independent; the output tells if that is so, and which parameters these curves cannot determine. It also "
     "compares\n"
@@ -75,9 +71,7 @@ static void print_number(const kn_identified *n)
 // Print the parameters that this experiment determines: in Pa after a rise, else the ratios to k1.
 static void print_numbers(const kn_relaxation *r)
 {
-    printf("\n"
-           "%-9s best value and 95 %% interval\n",
-           "");
+    printf("\n%-9s best value and 95 %% interval\n", "");
     if (r->scale != KN_RELAXATION_MODULUS) {
         print_number(&r->number[KN_RELAXATION_K1]);
         if (r->scale == KN_RELAXATION_RISE)

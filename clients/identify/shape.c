@@ -123,9 +123,7 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
     char error[600];
     kn_candidate finer;
     if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
-        printf("\n"
-               "%s is a mesh: not pressed again with halved cells.\n",
-               best->name);
+        printf("\n%s is a mesh: not pressed again with halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))

@@ -18,12 +18,10 @@ static void on_signal(int signal)
 static void help(void)
 {
     puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
-         "                    [--fault NAME[=RATE],...] [--seed N]\n"
-         "\n"
+         "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
          "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print "
          "the URI\n"
-         "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n"
-         "\n"
+         "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
          "  --link PATH       symbolic link to the terminal, which stays when the device is unplugged or restarted\n"
@@ -39,8 +37,7 @@ static void help(void)
 #define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_FAULTS(KN_FAULT_HELP)
 #undef KN_FAULT_HELP
-    puts("  --help, --version\n"
-         "\n"
+    puts("  --help, --version\n\n"
          "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
 }
 

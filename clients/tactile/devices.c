@@ -16,18 +16,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char help[] = "usage: knead devices [--json]\n"
-                           "\n"
-                           "List the devices of this machine that can serve as a hand: spacenavd, Haply's Inverse "
-                           "Service, serial lines, haptic\n"
-                           "devices on USB. Each entry tells how to use the device, which `device:` of a scene fits "
-                           "it, what is missing, and the\n"
-                           "fix. No device is opened.\n"
-                           "\n"
-                           "  --json       print JSON\n"
-                           "  --root DIR   look for dev and sys in DIR (default: /)\n"
-                           "\n"
-                           "Exit codes: 0 for any result, 2 bad input.\n";
+static const char help[] =
+    "usage: knead devices [--json]\n\n"
+    "List the devices of this machine that can serve as a hand: spacenavd, Haply's Inverse Service, serial lines and\n"
+    "haptic devices on USB. Each entry tells how to use the device, which `device:` of a scene fits it, what is\n"
+    "missing, and the fix. No device is opened.\n\n"
+    "  --json       print JSON\n"
+    "  --root DIR   look for dev and sys in DIR (default: /)\n\n"
+    "Exit codes: 0 for any result, 2 bad input.\n";
 
 // Known USB devices: vendor, product (-1: any), name, most suitable profile. knead drives pucks through spacenavd.
 static const struct known {
@@ -209,8 +205,7 @@ static void print_lines(const kn_found *found, int count)
         else printf("          %s\n          fix: %s\n", f->missing, f->fix);
     }
     if (ttys == 0) printf("tty       no /dev/ttyACM* or /dev/ttyUSB*: no serial device is plugged in\n");
-    printf("\n"
-           "No driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
+    printf("\nNo driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
 }
 
 static int print_json(const kn_found *found, int count)

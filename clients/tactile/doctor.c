@@ -29,19 +29,16 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: knead doctor [--json] [--seconds N]\n"
-    "\n"
+    "usage: knead doctor [--json] [--seconds N]\n\n"
     "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time "
     "priority,\n"
     "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups "
     "of\n"
     "the user, permissions of devices. Then measure how late a thread wakes that sleeps a millisecond at a time, as\n"
-    "kneadd's does.\n"
-    "\n"
+    "kneadd's does.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
-    "  --root DIR    look for dev and sys in DIR (default: /)\n"
-    "\n"
+    "  --root DIR    look for dev and sys in DIR (default: /)\n\n"
     "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)

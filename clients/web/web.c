@@ -23,15 +23,13 @@
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
-    "       knead web [--port N] --bind COMMAND...\n"
-    "\n"
+    "       knead web [--port N] --bind COMMAND...\n\n"
     "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and "
     "run\n"
     "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only "
     "with\n"
     "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
-    "certificate, whose fingerprint is printed with the address.\n"
-    "\n"
+    "certificate, whose fingerprint is printed with the address.\n\n"
     "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
     "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
@@ -44,8 +42,7 @@ static const char help[] =
     "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web "
     "--listen-fd 3\n"
     "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
-    "  --listen-fd N      descriptor of a listening socket, see --bind\n"
-    "\n"
+    "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
