@@ -428,7 +428,7 @@ TEST("where nothing explains it the least off is nearest, and none that is less 
     c[1].no_gas_left = true;
     kn_verdict_make(&v, 3, c, &e);
     CHECK(v.best == 2 && v.rival == 0 && !v.explained && v.delta[0] < v.delta[2]);
-    CHECK(strstr(v.words, "both comes nearest and is 10.0 times") &&
+    CHECK(strstr(v.words, "both comes nearest and is off by 10.0 times") &&
           strstr(v.words, "diagonals is nearly as close, 10.5"));
     for (int i = 0; i < 3; i++) c[i].sum = 0.01 * off[i] * off[i] * e.readings;
     kn_verdict_make(&v, 3, c, &e);
