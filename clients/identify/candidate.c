@@ -23,7 +23,7 @@ typedef struct kind {
 
 static const kind kinds[KN_CANDIDATES] = {
     {"diagonals", "diagonals", false, false, NULL},
-    {"pressure", "inside pressure, the least of diagonals", false, true, "0.02"},
+    {"pressure", "inside pressure with the fewest diagonals", false, true, "0.02"},
     {"both", "diagonals and inside pressure", false, true, NULL},
     {"mesh", "the edges of the mesh", true, false, NULL},
     {"mesh-pressure", "the edges of the mesh and inside pressure", true, true, NULL}};
@@ -46,8 +46,8 @@ static bool are_known(const char *only, char *error, size_t error_size)
             known |= strlen(kinds[k].name) == strcspn(at, ",") && !strncmp(at, kinds[k].name, strcspn(at, ","));
         if (known) continue;
         snprintf(error, error_size,
-                 "--only %s: '%.*s' is no structure, expected diagonals, pressure, both, mesh, "
-                 "mesh-pressure, with commas between",
+                 "--only %s: unknown structure '%.*s', expected a list of diagonals, pressure, both, mesh, "
+                 "mesh-pressure, separated by commas",
                  only, (int)fmin((double)strcspn(at, ","), 40), at);
         return false;
     }
@@ -144,8 +144,8 @@ static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn
     for (int k = 0; k < 3; k++) same &= fabs(is_m[k] - was_m[k]) <= alike * was_m[k];
     if (!same)
         snprintf(error, error_size,
-                 "--mesh %s: is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm but for a tenth; is "
-                 "--mesh-unit %s right?",
+                 "--mesh %s: the mesh is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm within 10 "
+                 "%%; is --mesh-unit %s right?",
                  def->mesh, 1e3 * is_m[0], 1e3 * is_m[1], 1e3 * is_m[2], 1e3 * was_m[0], 1e3 * was_m[1], 1e3 * was_m[2],
                  def->mesh_unit);
     return same;
@@ -217,7 +217,7 @@ static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *resi
     double shift_m[2] = {w->shift_m[0], w->shift_m[1]}, sum = 0;
     c->presses++;
     bool ok = model && kn_press_run(&e->press, &play, &x.pressed);
-    if (model && !ok) snprintf(c->why, sizeof c->why, "its press diverges");
+    if (model && !ok) snprintf(c->why, sizeof c->why, "the simulated press diverges");
     kn_model_destroy(model);
     ok = ok && kn_evidence_compare(e, &x, shift_m, residual, NULL);
     for (int i = 0; ok && i < e->readings; i++) sum += residual[i] * residual[i];

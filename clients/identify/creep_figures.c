@@ -126,14 +126,14 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     add(&p[0], "identified", c->count, c->time_s, n->fitted, height, KN_FIGURE_LINE, 2);
     p[1] =
         (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
-    add(&p[1], "of the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
-    add(&p[1], "of the identified one", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
+    add(&p[1], "from the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
+    add(&p[1], "from the identified displacement", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
     // Without the two stages there are no figures 8 and 9.
     if (!s) return kn_figure_draw(subcommand, path, c->name, p, 2, 2);
 
     const int back = recover(n, c, s);
     p[2] = (kn_figure_panel){
-        .title = "what came back (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
+        .title = "recovery (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
     add(&p[2], "measured", back, n->since, n->came_back, height, KN_FIGURE_POINTS, 1);
     add(&p[2], "identified", back, n->since, n->fitted_back, height, KN_FIGURE_LINE, 2);
     add(&p[2], "equation 5 alone", back, n->since, n->equation5, height, KN_FIGURE_DASHES, 0);
@@ -208,12 +208,12 @@ static int draw_all(all *a, const char *subcommand, const char *path, int curves
         (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
     a->panel[1] = (kn_figure_panel){
         .title = "the same, logarithmic", .x_label = "time, s", .y_label = "strain", .log_x = true, .log_y = true};
-    a->panel[2] = (kn_figure_panel){.title = "what is left, means of neighbours; grey: two standard deviations",
+    a->panel[2] = (kn_figure_panel){.title = "residuals, means of neighbours; grey: two standard deviations",
                                     .x_label = "time, s",
                                     .y_label = "(measured - identified)/deviation",
                                     .log_x = true,
                                     .band = 2};
-    a->panel[3] = damper_panel("damper; points: by the first paper's two stages");
+    a->panel[3] = damper_panel("damper; points: by the first paper's two-stage method");
     for (int k = 0; k < curves; k++) {
         if (!compute(&a->of[k], &curve[k], joint))
             return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);

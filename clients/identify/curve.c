@@ -191,8 +191,8 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     const kn_sheet *s = &f->sheet;
     if (r->count < KN_CURVE_LEAST)
         return kn_sheet_complain(s, r->count ? r->line[0] : s->header_line, 1,
-                                 "%d reading%s of %s that can be used, expected at least %d", r->count,
-                                 r->count == 1 ? "" : "s", name, KN_CURVE_LEAST);
+                                 "%d usable reading%s of %s, expected at least %d", r->count, r->count == 1 ? "" : "s",
+                                 name, KN_CURVE_LEAST);
     int i = 1;
     while (i < r->count && r->value[i] == r->value[0]) i++;
     if (i == r->count)
@@ -239,15 +239,16 @@ void kn_curve_upright(const kn_curve_file *f, int count, double *value, const ch
     for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
     if (!(below > 20 * above)) return;
     for (int i = 0; i < count; i++) value[i] = -value[i];
-    kn_curve_say(f, "%s is below 0, as of a file where compression is: its sign is changed", name);
+    kn_curve_say(f, "%s is negative, as in a file where compression is negative: its sign is changed", name);
 }
 
 void kn_curve_say_bare(const kn_curve_file *f, int column)
 {
     if (column < 0 || f->sheet.column[column].heading.has_unit) return;
     const char *name = f->sheet.column[column].heading.name;
-    kn_curve_say(f, "'%s' has no unit and is taken as a share of the height, 0.05 as 5 %%; were it per cent: '%s [%%]'",
-                 name, name);
+    kn_curve_say(
+        f, "'%s' has no unit and is read as a fraction of the height (0.05 is 5 %%); for per cent, name it '%s [%%]'",
+        name, name);
 }
 
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
@@ -255,9 +256,10 @@ double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = r->time_s[0], span = r->time_s[r->count - 1] - first;
     if (first <= span) return 0; // readings may also begin before the load
-    kn_curve_say(
-        f, "time counts from long before, from its first reading, %.6g s, on here; a note '# begin:' knows better",
-        first);
+    kn_curve_say(f,
+                 "time does not begin near 0: it is counted from the first reading, %.6g s; a line '# begin: TIME' "
+                 "sets another begin",
+                 first);
     return first;
 }
 
@@ -386,7 +388,7 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     const int before = *count;
     int code = kn_sheet_open(&f->sheet, file, options->units, options->subcommand);
     if (code == KN_EXIT_OK) code = load[kind](f);
-    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "numbers have decimal commas");
+    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "the numbers have decimal commas");
     // After a complaint, free the curves that this file has added.
     while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
     kn_sheet_close(&f->sheet);

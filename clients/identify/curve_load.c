@@ -63,8 +63,8 @@ static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_cur
     const double at_s = kn_onset(r->count, r->time_s, r->value, noise, &least_s);
     if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, r->time_s[0]) : begin) + 1e-3 * span)) return;
     kn_curve_say(f,
-                 "the strain begins at %.6g s, but the load is taken to have come at %.6g s, as nothing says when it "
-                 "did: a note '# begin: %.6g s' or --late",
+                 "the strain begins at %.6g s, but the load is assumed to begin at %.6g s, since the file does not say "
+                 "when it was applied: add a line '# begin: %.6g s' or use --late",
                  at_s, begin, at_s);
 }
 
@@ -76,9 +76,7 @@ static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_step
         if (s->load == 0 && c->steps == 0) continue; // before the first load
         if (s->load < 0)
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1,
-                                     "a load that presses and pulls, %.3g Pa here, expected "
-                                     "one that presses",
-                                     s->load);
+                                     "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
         if (i == 0) { // no reading comes before the first load, so the readings do not show its time
             const double begin = kn_curve_begin(f, r);
             c->step[c->steps++] = (kn_curve_step){begin, s->load, begin, begin};
@@ -109,7 +107,7 @@ int kn_curve_load_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_c
                      name);
     code = take_steps(f, r, &found, noise, c);
     if (code != KN_EXIT_OK || c->steps > 0) return code;
-    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 throughout, expected one that the specimen bears",
+    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 in all readings, expected a load on the specimen",
                              name);
 }
 
@@ -160,7 +158,7 @@ int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];
     } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
-        kn_curve_say(f, "released at %g s, as the load says, not at %g s", last->time_s, f->release_s);
+        kn_curve_say(f, "released at %g s according to the load, not at %g s", last->time_s, f->release_s);
         return KN_EXIT_OK;
     }
     *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};

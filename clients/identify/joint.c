@@ -441,24 +441,25 @@ static void say(kn_joint *j)
 {
     if (constant(j)) {
         snprintf(j->number[KN_JOINT_BETA].words, sizeof j->number[0].words,
-                 "one stress alone: how the damper depends on it is not in these curves; it is taken as constant");
+                 "only one stress: these curves do not show how the damper depends on it; it is taken as constant");
         return;
     }
     kn_identified *p0 = &j->number[KN_JOINT_P0], *p1 = &j->number[KN_JOINT_P1];
     if (p0->known != KN_KNOWN)
         snprintf(p0->words, sizeof p0->words,
-                 "no load went below %.4g Pa; taken as that, and not extrapolated: measure a smaller one",
+                 "no load was below %.4g Pa; this value is used and not extrapolated; measure a smaller load",
                  j->lowest_pa);
     if (p1->known != KN_KNOWN)
         snprintf(p1->words, sizeof p1->words,
-                 "the largest stress, %.4g Pa, did not last; a larger load, sampled faster at its start, would tell",
+                 "the largest stress, %.4g Pa, did not last; measure a larger load, sampled faster at its start",
                  j->highest_pa);
     for (int i = KN_JOINT_K1; i <= KN_JOINT_BETA; i++) {
         kn_identified *n = &j->number[i];
         if (n->known == KN_AT_MOST) snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
         else if (n->known == KN_AT_LEAST)
             snprintf(n->words, sizeof n->words, "these curves cannot tell it from infinity");
-        else if (n->known == KN_UNKNOWN) snprintf(n->words, sizeof n->words, "these curves do not depend on it alone");
+        else if (n->known == KN_UNKNOWN)
+            snprintf(n->words, sizeof n->words, "these curves do not determine it on its own");
     }
 }
 

@@ -240,14 +240,16 @@ bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn
     if (curve->kind == KN_CURVE_RELAX && curves > KN_MODELS_HOLDS) return false;
     snprintf(error, error_size, "out of memory");
     if (!take(m, curves, curve, options)) return false;
-    snprintf(error, error_size, "%d readings up to the cut and %d behind it are too few to compare models: 8 and 3",
-             m->early, m->late);
+    snprintf(error, error_size,
+             "%d readings before the cut and %d after it are too few to compare models, expected 8 and 3", m->early,
+             m->late);
     if (m->early < 8 || m->late < 3) return false;
     for (int c = 0; m->relax && c < curves; c++)
         for (int part = EARLY; part <= LATE; part++)
             for (int i = 0; i < m->curve[c].part[part].count; i++)
                 if (!(m->curve[c].part[part].value[i] > 0)) {
-                    snprintf(error, error_size, "%s falls to 0 or below, so errors have no shares", curve[c].name);
+                    snprintf(error, error_size, "%s falls to 0 or below, so relative errors are undefined",
+                             curve[c].name);
                     return false;
                 }
     snprintf(error, error_size, "out of memory");

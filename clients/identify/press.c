@@ -80,7 +80,7 @@ static int choose_probe(const kn_model_def *def, const char *name, char *error, 
         if (name ? !strcmp(def->probe[i].name, name) : def->probe[i].shape == KN_PROBE_PLATE) return i;
     if (!name && def->probe_count > 0) return 0;
     snprintf(error, error_size,
-             name ? "--probe %s: the scene has none of that name"
+             name ? "--probe %s: the scene has no probe of that name"
                   : "the scene has no probe%s, expected one to press with",
              name ? name : "");
     return -1;
@@ -252,7 +252,7 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
     // The probes of both scenes must have the same names, since the poses belong to these probes.
     bool good = r->model->def.probe_count == p->probes;
     for (int i = 0; good && i < p->probes; i++) good = !strcmp(r->model->def.probe[i].name, scene->model.probe[i].name);
-    if (!good) snprintf(error, error_size, "%s: is of a scene with other probes, expected those of the scene", log);
+    if (!good) snprintf(error, error_size, "%s: was recorded with other probes, expected those of the scene", log);
     // Put the listener in the place of the replay's backend.
     listener l = {.own = r->backend, .press = p};
     r->backend.self = &l;

@@ -113,7 +113,7 @@ static bool check(const kn_relaxation *r, bool constant_noise, char *error, size
         const kn_relaxation_curve *k = &r->curve[c];
         if (r->scale == KN_RELAXATION_MODULUS && k->ramp.strain > 0) {
             snprintf(error, size,
-                     "%s: has a strain, and another file has none; expected one for all or for none, --strain",
+                     "%s: has a strain, but another file has none, expected one in all files or in none, or --strain",
                      k->curve->file);
             return false;
         }

@@ -204,20 +204,21 @@ static bool fits(const kn_relief *r, const double low_m[3], const double high_m[
     }
     for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
     if (r->frame.highest_m > 2 * r->tall_m)
-        snprintf(error, error_size, "stands %.3g mm high, expected about the object's %.3g mm",
+        snprintf(error, error_size, "shows a height of %.3g mm, expected about the object's %.3g mm",
                  1e3 * r->frame.highest_m, 1e3 * r->tall_m);
     else if (reach_m[0] < 0.6 * there_m[0] || reach_m[0] > 1.8 * there_m[0] || reach_m[1] < 0.6 * there_m[1] ||
              reach_m[1] > 1.8 * there_m[1])
-        snprintf(error, error_size, "sees something of %.3g x %.3g mm, expected about the object's %.3g x %.3g mm",
+        snprintf(error, error_size, "shows an extent of %.3g x %.3g mm, expected about the object's %.3g x %.3g mm",
                  1e3 * reach_m[0], 1e3 * reach_m[1], 1e3 * there_m[0], 1e3 * there_m[1]);
     else if (fabs(r->centre_m[0] - 0.5 * (low_m[0] + high_m[0])) > 0.25 * there_m[0] ||
              fabs(r->centre_m[1] - 0.5 * (low_m[1] + high_m[1])) > 0.25 * there_m[1])
         snprintf(error, error_size,
-                 "has its middle at %.3g, %.3g mm, expected the object's place; is left or top right?",
+                 "has its centre at %.3g, %.3g mm, expected the object's place; is left or top right?",
                  1e3 * r->centre_m[0], 1e3 * r->centre_m[1]);
     else if (r->rays < KN_RELIEF_RAYS / 6 || r->patches < 10)
-        snprintf(error, error_size, "shows %d of %d rays of the outline and %d patches of the top, expected more of it",
-                 r->rays, KN_RELIEF_RAYS, r->patches);
+        snprintf(error, error_size,
+                 "shows %d of %d rays of the outline and %d patches of the top, expected more of the object", r->rays,
+                 KN_RELIEF_RAYS, r->patches);
     else return true;
     return false;
 }
@@ -385,12 +386,12 @@ bool kn_relief_points(kn_relief *r, int count, double (*point_m)[3], int vertice
     r->readings = r->points;
     if (r->points >= 20 && far <= count / 2) return true;
     if (far > count / 2)
-        snprintf(
-            error, error_size,
-            "%d of %d points are farther from the object than it is high, expected its surface, in the scene's frame",
-            far, count);
+        snprintf(error, error_size,
+                 "%d of %d points are farther from the object than its height, expected points on its surface, in the "
+                 "scene's frame",
+                 far, count);
     else
-        snprintf(error, error_size, "%d points of the surface that the tool does not hide, expected 20 or more",
+        snprintf(error, error_size, "%d points on the surface that the tool does not hide, expected 20 or more",
                  r->points);
     kn_relief_free(r);
     return false;

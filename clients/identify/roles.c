@@ -133,7 +133,7 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
                 const int again = twin(s, role, names[role][n], c);
                 if (again >= 0 && code)
                     *code = kn_sheet_complain(s, s->header_line, s->column[again].at,
-                                              "a second column of %s, '%s', expected one: cut the other out",
+                                              "a second column of %s, '%s', expected one: remove the other",
                                               kinds[role].name, s->column[again].heading.name);
                 if (again >= 0 && code) return -1;
                 convert(h, role);

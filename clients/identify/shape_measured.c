@@ -169,7 +169,7 @@ static int force_of(const kn_sheet *s)
         kn_sheet_complain(s, s->header_line, 1, "no column of force with its unit, expected e.g. time [s], force [N]");
     if (several < 2) return best;
     kn_sheet_complain(s, s->header_line, s->column[best].at,
-                      "%s: %d columns of a force, expected one, of the contact force along z, or that one called force",
+                      "%s: %d columns of a force, expected one: the contact force along z, or a column named force",
                       names, several);
     return -1;
 }
@@ -215,7 +215,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     const int end = kn_curve_range_end(s, wanted[0], 0);
     if (end < s->rows)
         return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], wanted[0]),
-                                 "time begins anew, expected one press in a file");
+                                 "time restarts, expected one press per file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
     *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
@@ -250,7 +250,7 @@ static int logged_force(const kn_press *p, double **time_s, double **force_n, in
 static void print_force(const kn_pull *p, const char *file, const char *told)
 {
     printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->bins,
-           p->most_n, p->turned ? ", compression being negative there" : "", p->noise_n);
+           p->most_n, p->turned ? ", where compression is negative" : "", p->noise_n);
     if (p->strays > 0)
         printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->strays,
                p->stray_n, p->stray_s);

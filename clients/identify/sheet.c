@@ -66,8 +66,8 @@ int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, dou
         if (!kn_heading_quantity(n->value, unit, value, error, sizeof error))
             return kn_sheet_complain(s, n->line, n->at, "%s: %s", key, error);
         if (first && *value != before)
-            return kn_sheet_complain(s, n->line, n->at, "%s of %s here, of %s in line %d, expected one", key, n->value,
-                                     first->value, first->line);
+            return kn_sheet_complain(s, n->line, n->at, "%s of %s here, but of %s in line %d, expected one value", key,
+                                     n->value, first->value, first->line);
         first = n;
     }
     return KN_EXIT_OK;
@@ -223,7 +223,7 @@ static int bad_text(const kn_sheet *s)
     const char *text = s->strange.text;
     if (s->strange.lines > 1)
         return kn_sheet_complain(s, s->strange.line, 1,
-                                 "'%s' and more text, expected one table in a file: cut the others out", text);
+                                 "'%s' and more text, expected one table in a file: remove the others", text);
     const bool thousands = strchr(text, ',') && strchr(text, '.');
     return kn_sheet_complain(
         s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
@@ -346,7 +346,7 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
     if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
         return kn_sheet_complain(s, s->header_line, s->column[s->only.column].at,
-                                 "%d rows of another %s than '%s', expected rows of it", s->only.left_out,
+                                 "%d rows, all of another %s than '%s', expected rows of it", s->only.left_out,
                                  s->column[s->only.column].heading.name, s->only.text);
     if (code == KN_EXIT_OK && s->rows == 0)
         return kn_sheet_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",

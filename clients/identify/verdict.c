@@ -58,13 +58,13 @@ static void tell_rival(kn_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
     if (!v->explained) {
-        add(v, " %s is nearly as near, %.1f times: which of the two it is cannot be told like this.", b->name,
-            v->off[v->rival]);
+        add(v, " %s is nearly as close, %.1f times the noise: these measurements cannot tell which of the two it is.",
+            b->name, v->off[v->rival]);
         return;
     }
     add(v, " It cannot be told apart from %s (dAICc %.1f)", b->words, v->delta[v->rival]);
-    if (a->gas != b->gas) add(v, ": so little gas hardly changes what was measured.");
-    else add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
+    if (a->gas != b->gas) add(v, ": so little gas hardly changes the measured quantities.");
+    else add(v, ": a range image of the dent without the tool, or the force over the hold, may tell them apart.");
 }
 
 // State the verdict in words: the best, its misfit, the rival, and structures without gas.
@@ -72,19 +72,19 @@ static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_evide
 {
     const kn_candidate *best = &c[v->best];
     if (v->explained) {
-        add(v, "%s explains it: what is left is %.2g times the noise.", best->name, v->off[v->best]);
+        add(v, "%s explains it: the residual is %.2g times the noise.", best->name, v->off[v->best]);
     } else {
-        add(v, "None of them explains it. %s comes nearest and is %.1f times the noise off", best->name,
+        add(v, "None of them explains it. %s comes nearest and is off by %.1f times the noise", best->name,
             v->off[v->best]);
         if (e->reliefs > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (e->pulled) add(v, ", %.2g %% of the force", 100 * best->pull_share);
-        add(v, ": take its numbers as the nearest there are; material, lattice or the set-up is another, too.");
+        add(v, ": use its parameters as the nearest ones; the material, the lattice or the set-up differs as well.");
     }
     if (v->rival >= 0) tell_rival(v, c);
     for (int i = 0; i < count; i++)
         if (c[i].no_gas_left && i != v->best)
-            add(v, " The fit of %s leaves no gas: it is the same without.", c[i].name);
-    if (best->no_gas_left) add(v, " The fit leaves no gas in it.");
+            add(v, " The fit of %s has no gas left: it equals the structure without gas.", c[i].name);
+    if (best->no_gas_left) add(v, " The fit has no gas left.");
     if (!best->settled) add(v, " Its fit had not settled.");
 }
 

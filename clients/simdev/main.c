@@ -19,25 +19,26 @@ static void help(void)
 {
     puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
          "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
-         "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
-         "Prints the\n"
-         "URI by which it is reached, serves until SIGTERM or SIGINT, then prints what it did.\n\n"
-         "  --uart            frames on a pseudo-terminal\n"
-         "  --baud N          as on a line of N bits a second, ten to a byte (--uart); without it as fast as it goes\n"
-         "  --link PATH       a name for it that stays when it is unplugged or started again\n"
-         "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl\n"
-         "                    with the link before it (--uart), under Verilator, in a time of its own\n"
-         "                    (URI?miss=1000), if it was built with Verilator\n"
-         "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that golden takes (12,16,10); rtl:\n"
+         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print "
+         "the URI\n"
+         "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n\n"
+         "  --uart            send frames over a pseudo-terminal\n"
+         "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
+         "  --link PATH       symbolic link to the terminal, which stays when the device is unplugged or restarted\n"
+         "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
+         "  --engine NAME     golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl (with --uart\n"
+         "                    behind its link), simulated by Verilator in its own time (URI?miss=1000), if built with\n"
+         "                    Verilator (default: golden)\n"
+         "  --caps N,E,B      log2 of the most nodes, edges and nodes under tools for golden (default: 12,16,10); rtl "
+         "has\n"
          "                    10,13,8\n"
-         "  --seed N          of chance (1)\n"
-         "  --fault ...       what goes wrong, and in which share of the requests (0.01):");
+         "  --seed N          seed of the random numbers (default: 1)\n"
+         "  --fault ...       inject faults into this share of the requests (default: 0.01):");
 #define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_FAULTS(KN_FAULT_HELP)
 #undef KN_FAULT_HELP
-    puts("  --help, --version\n\nExit: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or a name that is "
-         "taken.");
+    puts("  --help, --version\n\n"
+         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
 }
 
 static int bad(const char *what, const char *expected)
@@ -70,7 +71,7 @@ static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, c
     sigaction(SIGINT, &action, NULL);
     s->stop = &stop;
     if (!power_up(&s->engine, rtl, caps)) {
-        fputs("knead-simdev: memory is short\n", stderr);
+        fputs("knead-simdev: out of memory\n", stderr);
         return 3;
     }
     bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
@@ -123,7 +124,7 @@ static int run(int argc, char **argv)
             break;
         case 'f':
             if (!kn_faults_parse(&s.faults, optarg, wrong))
-                return bad(wrong, "--fault NAME[=RATE], a rate of 0 to 1; --help has the names");
+                return bad(wrong, "--fault NAME[=RATE] with a rate of 0 to 1; --help lists the names");
             break;
         case 's':
             seed = strtoull(optarg, &end, 10);
@@ -135,20 +136,20 @@ static int run(int argc, char **argv)
         }
     }
     if (optind < argc) return bad(argv[optind], "options only");
-    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no way in", "one of --uart and --bar NAME");
-    if (link && !uart) return bad("--link", "--uart beside it");
-    if (baud && !uart) return bad("--baud", "--uart beside it");
+    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no connection", "one of --uart and --bar NAME");
+    if (link && !uart) return bad("--link", "--uart with it");
+    if (baud && !uart) return bad("--baud", "--uart with it");
     if (baud) s.byte_ns = 10000000000 / (int64_t)baud;
     if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
         return bad(bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
-            return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
-    if (rtl && sized) return bad("--caps", "--engine golden: the circuit is built for 10,13,8");
+            return bad(kn_fault_word((kn_fault)i), "--uart, since memory has no frames");
+    if (rtl && sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
     if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
-        return bad("torn", "--engine golden: the circuit steps when it is asked");
+        return bad("torn", "--engine golden, since the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL
-    if (rtl) return fputs("knead-simdev: built without Verilator: expected --engine golden\n", stderr), 3;
+    if (rtl) return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
 #endif
     s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
     return serve(&s, rtl, caps, link, bar);

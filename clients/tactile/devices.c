@@ -18,11 +18,12 @@
 
 static const char help[] =
     "usage: knead devices [--json]\n\n"
-    "Lists what could be a hand on this machine: spacenavd, Haply's Inverse Service, serial lines, haptic devices on\n"
-    "USB. Of each: how to use it, which `device:` fits it in a scene, what it lacks, and the fix. Opens no device.\n\n"
-    "  --json       the same for programs\n"
-    "  --root DIR   look for dev and sys in there (/)\n\n"
-    "Exit codes: 0 whatever was found, 2 bad input.\n";
+    "List the devices of this machine that can serve as a hand: spacenavd, Haply's Inverse Service, serial lines and\n"
+    "haptic devices on USB. Each entry tells how to use the device, which `device:` of a scene fits it, what is\n"
+    "missing, and the fix. No device is opened.\n\n"
+    "  --json       print JSON\n"
+    "  --root DIR   look for dev and sys in DIR (default: /)\n\n"
+    "Exit codes: 0 for any result, 2 bad input.\n";
 
 // Known USB devices: vendor, product (-1: any), name, most suitable profile. knead drives pucks through spacenavd.
 static const struct known {
@@ -95,7 +96,7 @@ static void find_spacenavd(kn_found *f, bool puck)
         set(f->missing, "no permission for the socket");
         set(f->fix, "chmod a+rw %s", f->where);
     } else {
-        set(f->missing, "spacenavd is not running%s", puck ? ", and a puck is there" : "");
+        set(f->missing, "spacenavd is not running%s", puck ? ", but a puck is plugged in" : "");
         set(f->fix, "apt install spacenavd; systemctl start spacenavd");
     }
 }
@@ -160,8 +161,9 @@ static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck
         f->ready = true;
         set(f->use, "knead hand spacenav");
     } else {
-        set(f->missing, "no driver here for %s", known->name);
-        set(f->fix, "clients/examples/hand.c with its maker's library, `device: %s` in the scene", known->profile);
+        set(f->missing, "no driver for %s", known->name);
+        set(f->fix, "extend clients/examples/hand.c with the maker's library; `device: %s` in the scene",
+            known->profile);
     }
     return true;
 }
@@ -206,7 +208,7 @@ static void print_lines(const kn_found *found, int count)
         else printf("          %s\n          fix: %s\n", f->missing, f->fix);
     }
     if (ttys == 0) printf("tty       no /dev/ttyACM* or /dev/ttyUSB*: no serial device is plugged in\n");
-    printf("\nEvery driver is untested on hardware. Without any device: knead probe, knead web.\n");
+    printf("\nNo driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
 }
 
 static int print_json(const kn_found *found, int count)

@@ -208,7 +208,7 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
             : *n->state             ? n->state
-                                    : "the device has not said where it is");
+                                    : "the device has not sent a position yet");
 }
 
 // Overwrite one terminal line with the tool's position, its force and the state of the link.
@@ -232,18 +232,18 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
-        printf("knead hand: energy given to the hand %.3g mJ, damped for that in %" PRId64
+        printf("knead hand: energy given to the hand %.3g mJ, damped because of it in %" PRId64
                " periods; impulse guard hit "
                "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
                1e3 * t->render.passivity.given_j, t->render.passivity.acted, t->render.guards, t->render.reflexes,
                1e3 * t->render.round_trip_s, t->render.refusals ? ", refused" : "");
     if (t->render.def.local)
-        printf("knead hand: local model, %" PRId64 " messages in the last session, not taken %" PRId64 "\n",
+        printf("knead hand: local model, %" PRId64 " messages in the last session, rejected %" PRId64 "\n",
                t->render.model.taken, t->render.model.refused);
-    printf("knead hand: tripped by kneadd's silence %" PRId64 ", by the device's %" PRId64 ", by faults %" PRId64
-           "; forces of others %" PRId64 "\n",
+    printf("knead hand: tripped by silence of kneadd %" PRId64 ", of the device %" PRId64 ", by faults %" PRId64
+           "; forces for other clients %" PRId64 "\n",
            t->forces.trips, t->poses.trips, t->faults, t->foreign);
-    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", never came %" PRId64 ", lost %" PRId64
+    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", missing %" PRId64 ", lost %" PRId64
            ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n",
            name, n->messages, n->bad, n->lost, n->losses, n->arrivals, n->late, *n->bad_why ? "; last bad: " : "",
            n->bad_why, *n->state ? "; " : "", n->state);
@@ -264,8 +264,8 @@ static int watch(hand *h)
         // The test of the device's own watchdog has failed, so it would not be safe to continue.
         if (n->watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE,
-                               "the %s kept its motor on through 100 ms of silence: if this program "
-                               "dies, the force stays. --no-watchdog accepts that",
+                               "the %s kept its motor on during 100 ms of silence: if this program dies, the force "
+                               "stays. --no-watchdog accepts that",
                                name);
         tell_tether(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);

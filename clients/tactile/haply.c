@@ -214,7 +214,7 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
                                          .ietf_version_or_minus_one = -1,
                                          .pwsi = &h->wsi,
                                          .local_protocol_name = "haply"};
-    snprintf(error, error_size, "the Inverse Service at %s:%d takes no connection", h->host, h->port);
+    snprintf(error, error_size, "the Inverse Service at %s:%d accepts no connection", h->host, h->port);
     return lws_client_connect_via_info(&to) != NULL;
 }
 

@@ -112,8 +112,8 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
         // Keep the newest frame only, because older frames are out of date after a stall.
         if (kn_deframer_push(d, bytes[i], &frame)) newest = frame;
     if (d->skipped != skipped)
-        kn_tactile_bad(&p->base, "%lld bytes that are no frame, %lld wrong checksums so far", (long long)d->skipped,
-                       (long long)d->bad);
+        kn_tactile_bad(&p->base, "%lld bytes that are not part of a frame, %lld wrong checksums so far",
+                       (long long)d->skipped, (long long)d->bad);
     p->base.lost = d->lost;
     if (newest.kind) take(p, &newest);
 }

@@ -121,7 +121,7 @@ GLuint kn_gl_program(const kn_gl *gl, const char *vertex, const char *fragment, 
     if (linked) return program;
     char log[256] = "";
     gl->GetProgramInfoLog(program, sizeof log, NULL, log);
-    snprintf(error, error_size, "the picture's shaders do not build on this OpenGL: %s", log);
+    snprintf(error, error_size, "the shaders do not compile on this OpenGL: %s", log);
     gl->DeleteProgram(program);
     return 0;
 }

@@ -162,7 +162,7 @@ bool kn_image_read_gray16(const char *path, int most, int *width, int *height, u
     errno = file ? 0 : errno;
     const bool whole = file && fread(head, 1, sizeof head, file) == sizeof head;
     if (!whole || png_sig_cmp(head, 0, sizeof head) != 0) {
-        snprintf(error, error_size, "%s: %s", path, errno ? strerror(errno) : "is no PNG, expected a range image");
+        snprintf(error, error_size, "%s: %s", path, errno ? strerror(errno) : "is not a PNG, expected a range image");
         if (file) fclose(file);
         return false;
     }

@@ -26,7 +26,7 @@ static bool load(char *error, size_t error_size)
     void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL); // never closed
     const char *missing = NULL;
     if (cairo.create) return true;
-    if (!library) snprintf(error, error_size, "nothing can be written on pictures: install the package libcairo2");
+    if (!library) snprintf(error, error_size, "no text on pictures: install the package libcairo2");
     if (!library) return false;
 #define LOAD(name)                                                                                                     \
     cairo.name = (__typeof__(cairo.name))dlsym(library, "cairo_" #name);                                               \
@@ -34,7 +34,7 @@ static bool load(char *error, size_t error_size)
     FUNCTIONS(LOAD)
     if (!missing) return true;
     cairo.create = NULL;
-    snprintf(error, error_size, "nothing can be written on pictures: this libcairo.so.2 has no %s", missing);
+    snprintf(error, error_size, "no text on pictures: this libcairo.so.2 has no %s", missing);
     return false;
 }
 

@@ -54,7 +54,7 @@ static bool open_context(kn_offscreen *screen, int width, int height, int sample
     const char *name = screen->backend->name;
     screen->context = screen->backend->create();
     if (!screen->context) {
-        snprintf(error, error_size, "%s makes no OpenGL 3.3 core context here", name);
+        snprintf(error, error_size, "%s cannot create an OpenGL 3.3 core context here", name);
         return false;
     }
     const char *missing = kn_gl_load(&screen->gl, screen->backend->get_proc);
@@ -63,7 +63,8 @@ static bool open_context(kn_offscreen *screen, int width, int height, int sample
         return false;
     }
     if (kn_gl_target_create(&screen->gl, &screen->target, width, height, samples)) return true;
-    snprintf(error, error_size, "%s makes no frame buffer of %d x %d with %d samples", name, width, height, samples);
+    snprintf(error, error_size, "%s cannot create a frame buffer of %d x %d with %d samples", name, width, height,
+             samples);
     return false;
 }
 
@@ -71,7 +72,7 @@ kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error,
 {
     if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN ||
         height > KN_OFFSCREEN_MAX) {
-        snprintf(error, error_size, "a picture of %d x %d pixels, expected %d..%d on each side", width, height,
+        snprintf(error, error_size, "picture of %d x %d pixels, expected %d..%d on each side", width, height,
                  KN_OFFSCREEN_MIN, KN_OFFSCREEN_MAX);
         return NULL;
     }

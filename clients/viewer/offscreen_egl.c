@@ -54,7 +54,7 @@ static bool load(char *error, size_t error_size)
     if (missing) snprintf(error, error_size, LIBRARY " has no %s", missing);
     ready = !missing && open_display();
     if (!missing && !ready)
-        snprintf(error, error_size, LIBRARY " draws nothing without a screen: install the package libgl1-mesa-dri");
+        snprintf(error, error_size, LIBRARY " cannot draw without a screen: install the package libgl1-mesa-dri");
     return ready;
 }
 

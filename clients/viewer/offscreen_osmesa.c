@@ -35,7 +35,7 @@ static bool load(char *error, size_t error_size)
     mesa.get_proc = (__typeof__(mesa.get_proc))dlsym(library, "OSMesaGetProcAddress");
     mesa.create = (__typeof__(mesa.create))dlsym(library, "OSMesaCreateContextAttribs");
     if (mesa.create && mesa.make_current && mesa.destroy && mesa.get_proc) return true;
-    snprintf(error, error_size, LIBRARY " is older than Mesa 12: it makes no core contexts");
+    snprintf(error, error_size, LIBRARY " is older than Mesa 12 and cannot create core contexts");
     mesa.create = NULL;
     return false;
 }

@@ -105,7 +105,7 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     if (!r->depth || !r->solid || !r->table || !r->bare || !r->edge) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
-    snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
+    snprintf(error, error_size, "OpenGL cannot create a shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
     return false;
 }
 

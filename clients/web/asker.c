@@ -24,7 +24,7 @@ static void end(kn_asker_call *c, const char *why)
     c->text = NULL;
     if (!json_is_object(answer)) {
         json_decref(answer);
-        answer = json_pack("{s:b, s:s}", "ok", 0, "error", why ? why : "what answers there is no kneadd");
+        answer = json_pack("{s:b, s:s}", "ok", 0, "error", why ? why : "the program that answers there is not kneadd");
     }
     if (answer) a->answered(a->arg, c->tag, answer);
     json_decref(answer);
@@ -40,8 +40,8 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (got > 0) c->size += (size_t)got;
     // An answer ends with a newline. Anything larger than ANSWER_MAX is not from kneadd.
     if (c->size > 0 && c->text[c->size - 1] == '\n') end(c, NULL);
-    else if (got <= 0) end(c, "kneadd hung up without an answer");
-    else if (c->size == ANSWER_MAX) end(c, "what answers there is no kneadd");
+    else if (got <= 0) end(c, "kneadd closed the connection without an answer");
+    else if (c->size == ANSWER_MAX) end(c, "the program that answers there is not kneadd");
 }
 
 static void on_late(struct ev_loop *ev, ev_timer *w, int events)
@@ -58,7 +58,8 @@ bool kn_asker_ask(kn_asker *a, int tag, const json_t *request, bool urgent, char
     // Place 0 is reserved for urgent requests.
     for (int i = urgent ? 0 : 1; !c && i < KN_ASKER_CALLS; i++)
         if (!a->call[i].text) c = &a->call[i];
-    snprintf(error, error_size, "%s", !a->path ? "knead web has no --control" : "kneadd is busy with what was asked");
+    snprintf(error, error_size, "%s",
+             !a->path ? "knead web has no --control" : "kneadd is still busy with earlier requests");
     if (!a->path || !c) return false;
     int fd = kn_ask_begin(a->path, request, error, error_size);
     if (fd < 0) return false;

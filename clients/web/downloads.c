@@ -39,8 +39,8 @@ static bool material(const kn_web *w, kn_web_file *file)
     if (size == 0 || more == 0) return false;
     char head[256], name[128];
     plain(w->live.scene->name, name, sizeof name);
-    int n =
-        snprintf(head, sizeof head, "# As it was served in %s. In a scene: `material: FILE.yaml`, beside it.\n", name);
+    int n = snprintf(head, sizeof head,
+                     "# As served in %s. In a scene: `material: FILE.yaml`, with this file beside it.\n", name);
     file->type = "application/yaml; charset=utf-8";
     file->size = (size_t)n + size + more;
     file->bytes = malloc(file->size);

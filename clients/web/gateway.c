@@ -174,7 +174,7 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
         return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
     // Downloads have their own places, so that they never take those of pages or guests.
     if (is_guest(g, wsi) && g->connections - g->guests - kn_gateway_pages(g) >= DOWNLOADS)
-        return refuse(g, wsi, 503, "eight downloads are under way already");
+        return refuse(g, wsi, 503, "too many downloads at once, expected at most eight");
     forget_guest(g, wsi);
     if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
     // libwebsockets sends the file in pieces without calling this callback again.
@@ -279,7 +279,7 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
     if (s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, or JSON as text");
     if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_SEEN)
-        return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
+        return hang_up(g, wsi, PROTOCOL, "malformed message: unknown kind");
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
@@ -307,7 +307,7 @@ static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes
     if (lws_is_first_fragment(wsi)) s->length = 0;
     size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_REQUEST_MAX : KN_GATEWAY_TOKEN;
     if (size > most - s->length)
-        return hang_up(g, wsi, TOO_BIG, "too large a message: expected 20 bytes, or 256 of JSON as text");
+        return hang_up(g, wsi, TOO_BIG, "message too large: expected 20 bytes, or at most 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;
@@ -323,7 +323,7 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
     if (s->page < 0 && s->admitted && !s->closing)
-        return hang_up(g, wsi, OUSTED, "a newer page has taken this one's place: reload to have it back");
+        return hang_up(g, wsi, OUSTED, "a newer page has taken over: reload to take it back");
     if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
@@ -422,7 +422,7 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, SOMAXCONN))
         return fd;
     snprintf(error, error_size, "%s:%d: %s%s", host, port, strerror(errno),
-             errno == EADDRINUSE && port ? "; --port 0 takes a free one"
+             errno == EADDRINUSE && port ? "; --port 0 chooses a free one"
              : errno == EADDRNOTAVAIL    ? "; expected an address of this machine"
                                          : "");
     if (fd >= 0) close(fd);

@@ -144,14 +144,15 @@ static void order(kn_web *w, int page, const kn_request *r)
     while (tag < KN_ASKER_CALLS && w->asked[tag].id) tag++;
     json_t *request = request_of(w, r);
     if (!request) {
-        kn_web_answer_page(w, page, r->id, false, "%s %s: there is no such name", kn_verb_word(r->verb), r->name);
+        kn_web_answer_page(w, page, r->id, false, "%s %s: unknown name", kn_verb_word(r->verb), r->name);
         return;
     }
     if (tag < KN_ASKER_CALLS && kn_asker_ask(&w->asker, tag, request, r->verb == KN_VERB_ESTOP, error, sizeof error)) {
         w->asked[tag].page = page;
         w->asked[tag].id = r->id;
         w->asked[tag].verb = r->verb;
-    } else kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too much is being asked");
+    } else
+        kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too many requests are waiting");
     json_decref(request);
 }
 
@@ -176,10 +177,10 @@ static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json
     case KN_VERB_ESTOP: DONE("Stopped: every force is zero until Recover."); break;
     case KN_VERB_RECOVER: DONE("Recovered: the tool engages once it is clear of the object."); break;
     case KN_VERB_SCENE: DONE("Loading."); break;
-    case KN_VERB_QUALITY: DONE("Quality taken."); break;
+    case KN_VERB_QUALITY: DONE("Quality set."); break;
     default:
         if (after)
-            DONE("Taken: the object stores %.3g mJ, %.3g before.", 1e3 * json_number_value(after),
+            DONE("Set: the object stores %.3g mJ, %.3g mJ before.", 1e3 * json_number_value(after),
                  1e3 * json_number_value(before));
         else DONE("Taken.");
     }
@@ -263,7 +264,8 @@ static void take_measure(kn_web *w, int page, const kn_request *r)
         if (strcmp(r->name, kn_measure_names[i].name) == 0) measure = i;
     const bool is = measure < 0 || kn_web_measured(w, measure);
     if (is) w->measure = measure, w->top = 0;
-    kn_web_answer_page(w, page, r->id, is, is ? "Coloured." : "The meshes do not tell it: the scene's mesh.measures.");
+    kn_web_answer_page(w, page, r->id, is,
+                       is ? "Coloured." : "The meshes do not contain it: see the scene's mesh.measures.");
 }
 
 // Request a PNG of the next picture. The answer comes when the PNG is ready.
@@ -272,7 +274,7 @@ static void take_picture(kn_web *w, int page, const kn_request *r)
     const bool now = w->png_page < 0 && w->folder[0];
     if (!now)
         kn_web_answer_page(w, page, r->id, false, "%s",
-                           w->folder[0] ? "Another one is being made." : "There is no folder to write it to.");
+                           w->folder[0] ? "Another picture is being saved." : "There is no folder to save it in.");
     if (!now) return;
     w->png_page = page;
     w->png_id = r->id;
@@ -294,7 +296,7 @@ static void record(kn_web *w, int page, const kn_request *r)
     if (!w->tool || w->lent) kn_web_answer_page(w, page, r->id, false, "There is no tool in hand.");
     else if (!kn_takes_begin(&w->takes, w->tool->name, error, sizeof error))
         kn_web_answer_page(w, page, r->id, false, "%s", error);
-    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which is told every second.");
+    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which comes every second.");
 }
 
 static void verify(kn_web *w, int page, const kn_request *r)
@@ -357,14 +359,14 @@ static void end_take(kn_web *w, int page, const kn_request *r)
         tell_replayed(w, false, "Stopped.");
         any = true;
     }
-    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing of that recording goes on.");
+    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "That recording is neither running nor replayed.");
 }
 
 // Give up a requested PNG that was not drawn in time, because no mesh arrives or no page can take a picture.
 static void give_up_picture(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || w->drawing || kn_live_now_ms() - w->png_ms < PICTURE_MS) return;
-    kn_web_answer_page(w, w->png_page, w->png_id, false, "No picture has been drawn for 5 s: is anything served?");
+    kn_web_answer_page(w, w->png_page, w->png_id, false, "No picture has been drawn for 5 s: is kneadd serving?");
     w->png_page = -1;
 }
 
@@ -399,7 +401,7 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
     switch (r->verb) {
     case KN_VERB_VIEW:
         look(w, r);
-        kn_web_answer_page(w, page, r->id, true, "Looked at from there.");
+        kn_web_answer_page(w, page, r->id, true, "View changed.");
         break;
     case KN_VERB_STYLE: kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name); break;
     case KN_VERB_MEASURE: take_measure(w, page, r); break;

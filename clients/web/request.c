@@ -92,7 +92,7 @@ bool kn_request_parse(kn_request *r, const char *text, size_t size, char *error,
     *r = (kn_request){0};
     // The size is checked before the parser runs, so a large message costs nothing.
     json_t *object = size <= KN_REQUEST_MAX ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
-    const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of 256 bytes at most";
+    const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of at most 256 bytes";
     json_decref(object);
     if (expected) snprintf(error, error_size, "malformed request: expected %s", expected);
     return !expected;

@@ -106,7 +106,7 @@ static void *run(void *self)
         return NULL;
     }
     if (ok && !write_path(log, t->probe, path)) {
-        snprintf(one->words, sizeof one->words, "Its poses could not be written: is the folder for recordings full?");
+        snprintf(one->words, sizeof one->words, "Its poses cannot be written: is the folder for recordings full?");
         ok = false;
     }
     atomic_store(&one->state, ok ? KN_TAKE_WHOLE : KN_TAKE_FAILED);
@@ -125,8 +125,8 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
 {
     kn_take *one = &t->take[t->count % KN_TAKES];
     kn_takes_tidy(t);
-    const char *why = kn_takes_busy(t)                             ? "A recording runs already."
-                      : !*t->folder                                ? "There is no folder to record to."
+    const char *why = kn_takes_busy(t)                             ? "Another recording is running."
+                      : !*t->folder                                ? "There is no folder for recordings."
                       : t->child_pid && t->child_of == one->number ? "The oldest recording is in use."
                                                                    : NULL;
     if (why) {
@@ -144,7 +144,7 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
     if (pthread_create(&t->thread, NULL, run, t) == 0) return true;
     t->now = NULL;
     one->number = 0;
-    snprintf(error, error_size, "There is no thread to record in.");
+    snprintf(error, error_size, "Cannot start a thread for the recording.");
     return false;
 }
 
@@ -201,7 +201,7 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     kn_take *one = kn_takes_find(t, t->child_of);
     const bool stopped = t->child_stopped;
     const bool ok = !stopped && WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
-    char words[200] = "It ended without a word.";
+    char words[200] = "It ended without a message.";
     ev_child_stop(ev, w);
     t->child_pid = 0;
     last_line(t, words, sizeof words);
@@ -235,7 +235,7 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
         _exit(3);
     }
     if (pid < 0) {
-        snprintf(error, error_size, "There is no process for it.");
+        snprintf(error, error_size, "Cannot start a process for it.");
         return false;
     }
     t->child_pid = pid;

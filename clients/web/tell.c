@@ -21,8 +21,8 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
-    SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name(fault), kn_fault_remedy(fault))
-    if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
+    SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
+    if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
@@ -36,20 +36,20 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
     if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
     if (n->fault || n->mode == KN_POINTER_LET_GO)
-        SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
-            n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
+        SAY("fault", "force set to zero: %s. The tool lifts; let go, then press again",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
     if (n->mode == KN_POINTER_ABSENT && w->button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
     if (!n->heard && n->mode == KN_POINTER_FOLLOW)
         SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
     if (!n->released || w->button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
-        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
+        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "engaging");
     if (w->button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     if (n->contact) SAY("ok", "in contact");
     SAY("ok", w->button == KN_BUTTON_UP ? "ready: press on the object"
-              : n->depth_m > 0          ? "held: nothing pushes back"
-                                        : "coming down");
+              : n->depth_m > 0          ? "held still: no contact force"
+                                        : "moving down");
 #undef SAY_FAULT
 #undef SAY
 }

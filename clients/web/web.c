@@ -24,25 +24,25 @@
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serves a page that shows what a running kneadd serves, and on which the pointer presses. Prints its address, and "
-    "runs\n"
-    "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
-    "token in\n"
-    "the address. --address opens it to a network, encrypted: a browser there warns of an unknown certificate, whose\n"
-    "fingerprint is printed with the address.\n\n"
-    "  --probe NAME       the tool in hand (the scene's first round one, else its first probe)\n"
-    "  --address HOST     an IPv4 address of this machine, at which alone the page is served (127.0.0.1)\n"
-    "  --port N           0..65535; 0: a free one (0)\n"
-    "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
-    "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
-    "  --control PATH     kneadd's --control, for all that an operator may say (none: nothing of that)\n"
-    "  --scenes DIR       whose *.yaml may be loaded from the page (none)\n"
-    "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
-    "  --mesh-url URL     meshes (" KN_MESH_URL ")\n"
-    "  --bind COMMAND...  opens the page's socket as descriptor 3 and becomes COMMAND, whose knead web --listen-fd 3 "
-    "serves\n"
-    "                     it: from inside a network namespace, which no browser outside reaches\n"
-    "  --listen-fd N      see --bind\n\n"
+    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and "
+    "run\n"
+    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only "
+    "with\n"
+    "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
+    "certificate, whose fingerprint is printed with the address.\n\n"
+    "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
+    "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
+    "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
+    "  --rate HZ          pictures per second, 5 to 60, at most the scene's mesh.rate (default: 30)\n"
+    "  --size WxH         size of a picture, 160 to 1920 pixels each (default: 800x450)\n"
+    "  --control PATH     control socket of kneadd, its --control, for the buttons of an operator (default: none)\n"
+    "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
+    "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web "
+    "--listen-fd 3\n"
+    "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
+    "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
@@ -110,7 +110,7 @@ static void label(kn_web *w)
 static void tell_png(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || !w->painter.png) return;
-    const char *why = w->painter.size > 0 ? w->painter.png_error : "it could not be drawn";
+    const char *why = w->painter.size > 0 ? w->painter.png_error : "The picture could not be drawn.";
     kn_web_answer_page(w, w->png_page, w->png_id, !*why, "%s", *why ? why : "The picture is ready.");
     w->png_there = !*why;
     w->png_page = -1;
@@ -249,10 +249,10 @@ static void make_folder(kn_web *w)
     const char *wanted = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
     const bool fits = strlen(wanted) < FOLDER_MAX;
     if (!fits)
-        fprintf(stderr, "knead web: TMPDIR %s: expected %d characters at most; /tmp it is\n", wanted, FOLDER_MAX - 1);
+        fprintf(stderr, "knead web: TMPDIR %s: expected at most %d characters; using /tmp\n", wanted, FOLDER_MAX - 1);
     snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", fits ? wanted : "/tmp");
     if (mkdtemp(w->folder)) return;
-    fprintf(stderr, "knead web: %s: %s: nothing can be recorded, no picture saved\n", w->folder, strerror(errno));
+    fprintf(stderr, "knead web: %s: %s: recordings and pictures cannot be saved\n", w->folder, strerror(errno));
     w->folder[0] = 0;
 }
 
@@ -378,7 +378,7 @@ static const char *take(kn_web *w, int option, const char *text)
     case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
     case 'c': return (w->control = text), *text ? NULL : "a path";
     case 'S': return (w->scenes = text), is_directory(text) ? NULL : "a directory";
-    default: return listening(text, &w->listen_fd) ? NULL : "a socket that listens";
+    default: return listening(text, &w->listen_fd) ? NULL : "a listening socket";
     }
 }
 
@@ -433,7 +433,7 @@ int kn_web_main(int argc, char **argv)
                    w.gateway.fingerprint);
         // Nobody can open the page without the printed address, so the program ends if the print fails.
         if (fflush(stdout) != 0)
-            code = fail(KN_EXIT_DEVICE, "nobody can read the page's address: standard output is broken");
+            code = fail(KN_EXIT_DEVICE, "cannot print the page's address: standard output is broken");
     }
     if (code == KN_EXIT_OK) {
         watch(&w);

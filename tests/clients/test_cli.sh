@@ -51,7 +51,7 @@ for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
 done
 begins 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
 begins 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
-begins 2 'knead web: --listen-fd 0: expected a socket that listens' knead web --listen-fd 0
+begins 2 'knead web: --listen-fd 0: expected a listening socket' knead web --listen-fd 0
 begins 2 'knead web: page: expected an option' knead web page
 begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
