@@ -21,15 +21,14 @@
 #include <unistd.h>
 
 static const char usage[] =
-    "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
-    "       knead check SCENE --quality NAME         the same with its point fast, balanced or accurate; own: none\n"
-    "       knead check SCENE --log LOG              play a log on the scene and on its uniform lattice: does it keep\n"
-    "                                                object.accuracy? 1: no\n"
-    "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
-    "       knead check SCENE --text                 the scene with every value written out, in SI\n"
-    "       knead check SCENE --json                 the main of it for programs, with all warnings\n"
-    "\n"
-    "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
+    "usage: knead check SCENE [--set KEY=VALUE]...   describe a scene: size, cost, warnings\n"
+    "       knead check SCENE --quality NAME         describe its point fast, balanced or accurate; own: none\n"
+    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice; exit 1\n"
+    "                                                if the scene misses its object.accuracy\n"
+    "       knead check --keys                       list every key of a scene: unit, range, default, meaning\n"
+    "       knead check SCENE --text                 print the scene with every value written out, in SI units\n"
+    "       knead check SCENE --json                 print the main figures and all warnings as JSON\n\n"
+    "An unusable scene is reported in one line, file:line:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Print a warning and add it to the JSON list `warnings`.
 __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)

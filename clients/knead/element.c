@@ -9,23 +9,19 @@
 #include <string.h>
 
 static const char usage[] =
-    "usage: knead element EXPR          what an element of springs and dampers does, and why\n"
-    "       knead element --catalogue   the eleven elements of the first paper's figure 2\n"
-    "\n"
+    "usage: knead element EXPR          analyse an element of springs and dampers, with reasons\n"
+    "       knead element --catalogue   list the eleven elements of the first paper's figure 2\n\n"
     "EXPR connects springs s and dampers d in series (-) and in parallel (|); - binds tighter, parentheses group:\n"
     "    knead element '(s|d)-d'       a spring beside a damper, in series with a damper: the papers' element\n"
     "    knead element 's-d|s'         the same as '(s-d)|s'\n"
     "    knead element burgers         also voigt (kelvin, kelvin-voigt) s|d, maxwell s-d, zener (sls) (s-d)|s,\n"
-    "                                  jeffreys (s|d)-d, burgers s-d-(s|d), spring, damper (dashpot); as parts, too:\n"
-    "    knead element 'maxwell|maxwell'\n"
-    "\n"
-    "Told are the paper's verdicts (residual deformation, bouncing, decreasing vibration) with the rule for each "
-    "group,\n"
-    "and the impedance between the two ends: what it does at last and at once, how many of its parameters can be\n"
-    "identified, and which other elements no experiment tells from it. knead creep, relax and sweep put it on a "
-    "bench.\n"
-    "\n"
-    "A wrong EXPR gives one line, EXPR:1:col: what is wrong, what was expected, and exit 2.\n";
+    "                                  jeffreys (s|d)-d, burgers s-d-(s|d), spring, damper (dashpot)\n"
+    "    knead element 'maxwell|maxwell'    names can be parts of an expression, too\n\n"
+    "The output begins with the paper's verdicts (residual deformation, bouncing, decreasing vibration) and the\n"
+    "rule for each group. The impedance between the two ends follows: the long-term and the instantaneous response,\n"
+    "the number of parameters that can be identified, and the other elements that no experiment can tell from this\n"
+    "one. knead creep, relax and sweep test an element on a bench.\n\n"
+    "A wrong EXPR is reported in one line, EXPR:1:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Parse a text that is known to be valid.
 static kn_element element_of(const char *text)

@@ -15,14 +15,15 @@
 static const char help[] =
     "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what\n"
-    "it has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "Fills a closed surface with tetrahedra, for object.mesh of a scene; or checks a mesh and prints its figures:\n"
+    "nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
-    "  -o OUT.msh          the mesh, in Gmsh's format 4.1, in the unit of the surface\n"
-    "  --size LENGTH       of an edge, about: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  the program (gmsh): gmsh meshes the surface anew, tetgen keeps it and adds to it\n"
-    "  --unit m|cm|mm|um   of the coordinates in the file (mm)\n\n"
-    "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
+    "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
+    "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'\n"
+    "  --tool gmsh|tetgen  meshing program: gmsh meshes the surface anew, tetgen keeps it and adds to it (default:\n"
+    "                      gmsh)\n"
+    "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
+    "A surface is refused, with file:line:col, if it has holes, edges of three triangles, or two pieces.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
 // Quality (core/simplices.h) below which an element is worth a warning. Such an element has 3 % of the volume of a

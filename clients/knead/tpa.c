@@ -20,18 +20,19 @@
 
 static const char help[] =
     "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
-    "Texture profile analysis: a plate bites twice, and what food laboratories read off the two peaks is told: "
-    "hardness,\n"
-    "cohesiveness, springiness, resilience. Adhesiveness is not: the plate does not stick, so no force ever pulls.\n\n"
+    "Texture profile analysis: a plate bites twice. The figures that food laboratories read off the two peaks are\n"
+    "printed: hardness, cohesiveness, springiness, resilience. Adhesiveness is not modelled: the plate does not\n"
+    "stick, so no force ever pulls.\n\n"
     "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
     "    knead tpa jelly --strain 30%\n\n"
-    "  --strain S        depth of both bites, share of the height of the untouched specimen (50 %)\n"
-    "  --speed V         of the plate, down and up (1 mm/s)\n"
-    "  --wait TIME       between the bites, the plate at the height of the untouched specimen (5 s)\n"
-    "  --csv FILE        bite,time_s,plate_m,strain,force_n,stress_pa; plate_m: how far the plate is below that "
-    "height\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
+    "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default:\n"
+    "                    5 s)\n"
+    "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
+    "                    below the height of the untouched specimen\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
