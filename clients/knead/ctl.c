@@ -204,7 +204,7 @@ static int add_values(json_t *request, char **values)
     json_t *list = json_array();
     for (; *values; values++)
         if (json_array_append_new(list, json_string(*values)) != 0)
-            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE of UTF-8", *values);
+            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE in UTF-8", *values);
     json_object_set_new(request, "values", list);
     return KN_EXIT_OK;
 }
@@ -226,7 +226,7 @@ static int await_next(const options *o, double since_us)
     json_decref(request);
     return next
                ? KN_EXIT_OK
-               : kn_complain("ctl", KN_EXIT_DEVICE, "load: nothing serves after %d s, its stderr says why", PATIENCE_S);
+               : kn_complain("ctl", KN_EXIT_DEVICE, "load: no server after %d s; see the stderr of kneadd", PATIENCE_S);
 }
 
 int kn_ctl_main(int argc, char **argv)
@@ -251,7 +251,7 @@ int kn_ctl_main(int argc, char **argv)
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
-    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
+    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command in UTF-8", command);
     json_decref(answer);
     json_decref(request);
     return code;

@@ -110,7 +110,7 @@ static int check_outputs(const options *o)
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
-                REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
+                REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
     // A series needs a fixed colour scale: a colour must mean the same in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
@@ -119,12 +119,12 @@ static int check_outputs(const options *o)
 // Check that the options fit together.
 static int check(options *o)
 {
-    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; knead export --help tells the rest");
+    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
     if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
     if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
     if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
         REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log; nothing happens to a scene at rest");
-    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to and --every beside it");
+    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
     if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
     if (o->top && (o->top_si = kn_measure_top((kn_measure)o->measure, o->top)) == 0)
@@ -276,8 +276,8 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     char error[PATH_MAX];
     // A diverged object cannot be drawn.
     if (!whole(m))
-        REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
-               m->time_s);
+        REFUSE("%s: the shape is not finite at %.3f s because the object diverged, expected --to before that",
+               r->o->log, m->time_s);
     if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
     if (r->moments == 0) r->first_s = m->time_s;
     r->last_s = m->time_s;
@@ -363,7 +363,7 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
-    if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
+    if (isinf(last_s)) REFUSE("%s: it contains no tick, expected a recorded session", o->log);
     // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
     if (one && isinf(end_s)) {
         add_rows(r, replay);
@@ -388,7 +388,7 @@ static int of_log(run *r)
     if (code == KN_EXIT_OK) code = step_through(r, replay);
     // A damaged log is used up to the damage. A message reports the damage.
     if (code == KN_EXIT_OK && replay->damage[0])
-        kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
+        kn_complain("export", KN_EXIT_OK, "%s: %s: the part before it was used", o->log, replay->damage);
     kn_replay_destroy(replay);
     return code;
 }

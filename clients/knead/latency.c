@@ -120,7 +120,7 @@ static int parse(options *o, int argc, char **argv)
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
-                           "--lcm-url: expected neither SCENE nor --phase with it; the kneadd there has its own");
+                           "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
     char error[256];
     if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
@@ -216,7 +216,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
     // Always stop kneadd: its trace has the stages of the poses.
     bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
-    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
+    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
     kn_path_destroy(way);

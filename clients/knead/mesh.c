@@ -118,8 +118,7 @@ static int take_options(int argc, char **argv, options *o)
         else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (o->help) return KN_EXIT_OK;
-    if (argc - optind != 1)
-        return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; --help tells the rest");
+    if (argc - optind != 1) return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; see --help");
     o->in = argv[optind];
     return check_options(o);
 }
@@ -145,7 +144,7 @@ static void print_mesh(const options *o, const char *file, const char *format, c
            m.quality_min, s->tag[m.worst], flat ? "triangle" : "tetrahedron");
     // A thin element deserves a warning.
     if (m.quality_min < THIN)
-        printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
+        printf("warning   element %ld is thin: it hardly carries load and may invert\n", s->tag[m.worst]);
     printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
 }
 
@@ -159,7 +158,7 @@ static int check_mesh(const options *o, const char *file)
     print_mesh(o, file, facts.format, s);
     // Report the parts of the file that the object will not have.
     if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
-    if (facts.loose > 0) printf("left out  %d nodes that no element has\n", facts.loose);
+    if (facts.loose > 0) printf("left out  %d nodes that no element uses\n", facts.loose);
     kn_simplices_destroy(s);
     return KN_EXIT_OK;
 }

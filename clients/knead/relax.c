@@ -124,7 +124,7 @@ static int run(kn_bench *b, kn_table *t)
     if (opt->ramp_per_s > 0)
         printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);
     else printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
-    printf("\n%8s %35s   s until it has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
+    printf("\n%8s %35s   s until the stress has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
            "at the end", "held", "at last", "1/2", "1/e", "1/10");
     for (int lattice = 0; lattice <= (model != NULL); lattice++) {
         reading r;
@@ -136,7 +136,7 @@ static int run(kn_bench *b, kn_table *t)
         if (code != KN_EXIT_OK) return code;
         print_row(lattice ? "lattice" : "element", &r);
     }
-    printf("\nheld: just after the ramp has ended%s; what a dashpot carries for its speed is gone at once\n",
+    printf("\nheld: just after the ramp has ended%s; the viscous stress of a dashpot has vanished by then\n",
            model ? " (lattice: ten steps)" : "");
     return KN_EXIT_OK;
 }

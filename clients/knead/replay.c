@@ -196,7 +196,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
     }
     int files = argc - optind;
     if (files != 1 && files != 2)
-        return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; knead replay --help tells the rest");
+        return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; see knead replay --help");
     if (files == 2) opt->def.scene_path = argv[optind];
     if (files == 2 && is_log(argv[optind]))
         return kn_complain("replay", KN_EXIT_USAGE,
@@ -307,8 +307,9 @@ static void verify_force(replay_run *run, int p)
 
 static int complain_damage(const replay_run *run, const char *log)
 {
-    return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal",
-                       log, run->replay->damage, (long long)run->verified);
+    return kn_complain("replay", KN_EXIT_FAILED,
+                       "%s: cannot be verified completely: %s; %lld forces before it are equal", log,
+                       run->replay->damage, (long long)run->verified);
 }
 
 // Report the result of --verify, the most serious reason first. Return the exit code.
@@ -336,9 +337,10 @@ static int verdict(const replay_run *run)
             (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
     if (run->replay->damage[0]) return complain_damage(run, log);
     if (tally->malformed > 0)
-        return kn_complain("replay", KN_EXIT_FAILED,
-                           "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal",
-                           log, (long long)tally->malformed, (long long)run->verified);
+        return kn_complain(
+            "replay", KN_EXIT_FAILED,
+            "%s: cannot be verified completely: %lld malformed records were left out; %lld forces are equal", log,
+            (long long)tally->malformed, (long long)run->verified);
     kn_result_integer(kn_result(), "verified_forces", run->verified);
     printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
     return KN_EXIT_OK;
@@ -398,7 +400,7 @@ static void tell(const replay_run *run)
                     "are coarse there",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (run->opt->verify) return; // the verdict reports the rest
-    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
+    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: the part before it was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
@@ -448,9 +450,9 @@ static int judge_circuit(replay_run *run)
     char why[KN_LINK_WHY] = "";
     if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
     bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
-    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld others; lost %lld times; %s%s\n",
+    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld different; lost %lld times; %s%s\n",
            (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different, (long long)n.losses,
-           agrees ? "its state at the end is the twin's" : "", why);
+           agrees ? "its final state equals the twin's" : "", why);
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;
 }
 
@@ -506,7 +508,7 @@ static int play(replay_run *run)
     code = close_outputs(run);
     if (code != KN_EXIT_OK) return code;
     tell_result(run);
-    if (r->resumed_tick >= 0) printf("went on from the snapshot of tick %lld\n", (long long)r->resumed_tick);
+    if (r->resumed_tick >= 0) printf("continued from the snapshot of tick %lld\n", (long long)r->resumed_tick);
     printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
     uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
     if (run->opt->hash) tell_hash(kn_hash_bytes(run->hash, &state, sizeof state));

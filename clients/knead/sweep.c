@@ -112,7 +112,7 @@ static int run(kn_bench *b, kn_table *t)
     bool any_nonlinear = false;
     kn_bench_print(b);
     if (opt->amplitude > 0)
-        printf("test      swings of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
+        printf("test      oscillations of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
     else printf("test      linear: dampers as at rest\n");
     printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
            opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
@@ -133,7 +133,7 @@ static int run(kn_bench *b, kn_table *t)
     }
     kn_result_table("frequencies", t);
     if (any_nonlinear && opt->amplitude == 0)
-        printf("\na damper depends on the stress: larger swings meet a softer specimen, see --amplitude\n");
+        printf("\na damper depends on the stress: the specimen is softer under larger oscillations, see --amplitude\n");
     return KN_EXIT_OK;
 }
 

@@ -141,7 +141,7 @@ static void draw(watch *w)
     // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
-    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("nobody holds it");
+    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
     else print_words(w);
     printf("\033[K\n  v +----------------+\033[K\n");
     for (int i = CELLS - 1; i >= 0; i--) {

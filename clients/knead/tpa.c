@@ -184,8 +184,9 @@ static void print(const kn_bench *b, const bite r[2])
     printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
            r[1].peak_n);
     printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
-    printf("springiness   %.4f, way of the second bite over the first\n", (opt->strain - r[1].touched) / opt->strain);
-    printf("resilience    %.4f, area of the first bite's way up over its way down\n", r[0].up_j / r[0].down_j);
+    printf("springiness   %.4f, travel of the second bite over the first\n",
+           (opt->strain - r[1].touched) / opt->strain);
+    printf("resilience    %.4f, area of the first bite's upstroke over its downstroke\n", r[0].up_j / r[0].down_j);
     printf("adhesiveness  not modelled: the plate does not stick\n");
 }
 

@@ -267,7 +267,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, b
     // A job needs no other arguments.
     if (opt->job) return KN_EXIT_OK;
     if (argc - optind != 2)
-        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; knead tradeoff --help tells the rest");
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
     opt->scene = argv[optind];
     opt->log = argv[optind + 1];
     return check(opt);

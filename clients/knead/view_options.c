@@ -135,7 +135,7 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'l': o->url = text; return NULL;
     case 'm': o->mesh_url = text; return NULL;
     case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
-    case 't': return moments(text, o, a) ? NULL : "seconds, or end; as many as 4, with commas between";
+    case 't': return moments(text, o, a) ? NULL : "up to 4 times in seconds, or end, separated by commas";
     case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
     case 'a': return kn_number_take(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
     case 'e': return kn_number_take(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
@@ -189,10 +189,11 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
         if (code != KN_EXIT_OK) return code;
     }
     if (o->scene && o->file_count > 0 && !kn_view_has(o, KN_VIEW_SNAPSHOT))
-        REFUSE("--scene %s: expected a snapshot of it, or nothing else; logs and scenes hold their own", o->scene);
+        REFUSE("--scene %s: expected a snapshot of it, or no other file; logs and scenes hold their own scene",
+               o->scene);
     for (int i = 0; i < o->file_count; i++)
         if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
-            REFUSE("%s: is a snapshot, expected --scene FILE with the scene that it is of", o->file[i]);
+            REFUSE("%s: is a snapshot, expected --scene FILE with its scene", o->file[i]);
     // --scene alone shows the scene at rest.
     if (o->scene && o->file_count == 0) o->file[o->file_count] = o->scene, o->kind[o->file_count++] = KN_VIEW_SCENE;
     return KN_EXIT_OK;
@@ -224,15 +225,17 @@ static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
     if (rests && !(o->seconds > 0 && o->orbit_deg_s != 0))
-        REFUSE("--video: expected a log among them, or --orbit and --seconds; what is at rest does not move by itself");
+        REFUSE(
+            "--video: expected a log among them, or --orbit and --seconds; an object at rest does not move by itself");
     if (rests && (o->speed != 1 || isfinite(o->to_s) || o->from_s != 0))
         REFUSE("--from, --to and --speed: expected a log among them");
-    if (recorded && o->seconds > 0) REFUSE("--seconds: is for what does not end, expected --from and --to for a log");
-    if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
-    if (live && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
+    if (recorded && o->seconds > 0)
+        REFUSE("--seconds: is for films without an end of their own, expected --from and --to for a log");
+    if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N for the served object");
+    if (live && o->speed != 1) REFUSE("--speed %g: expected a log; a served object is filmed in real time", o->speed);
     if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
     if (live && o->measure >= 0 && !o->top)
-        REFUSE("--color: expected --top as well, nobody knows yet how much there will be");
+        REFUSE("--color: expected --top as well, because the range is not known in advance");
     if (o->to_s <= o->from_s) REFUSE("--to %g: expected more than --from %g", o->to_s, o->from_s);
     if (o->width % 2 || o->height % 2) REFUSE("--size %dx%d: expected even numbers for a film", o->width, o->height);
     return KN_EXIT_OK;
@@ -246,7 +249,7 @@ static int check_depth(const kn_view_options *o, const asked *a)
     if (o->measure >= 0 || o->compare) REFUSE("--depth: expected neither --color nor --compare; its greys are heights");
     if (isfinite(a->azimuth_deg) || isfinite(a->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
         o->look.elevation_deg != usual.elevation_deg || o->look.zoom > 0)
-        REFUSE("--depth: is seen straight from above, expected no --camera, --azimuth, --elevation or --zoom");
+        REFUSE("--depth: the view is straight from above, expected no --camera, --azimuth, --elevation or --zoom");
     return KN_EXIT_OK;
 }
 
@@ -288,7 +291,7 @@ static int check(kn_view_options *o, const asked *a)
     if (!a->sized) default_size(o);
     const int panels = o->file_count + o->compare;
     if (panels > 1 && o->width / panels < KN_OFFSCREEN_MIN)
-        REFUSE("--size %dx%d: expected %d pixels or more for each of %d pictures side by side", o->width, o->height,
+        REFUSE("--size %dx%d: expected at least %d pixels for each of %d pictures side by side", o->width, o->height,
                KN_OFFSCREEN_MIN, panels);
     const char *gl = getenv("KNEAD_GL");
     if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);
