@@ -24,7 +24,7 @@ static const struct {
     [KN_SERIES_STEP] = {"  step", "step", "the lattice"},
     [KN_SERIES_GUARD] = {"  guard", "guard", "the output stage"},
     [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has it"},
-    [KN_SERIES_EXECUTION] = {"execution", "execution", "of the tick, as kneadd reports: read, step, guard"},
+    [KN_SERIES_EXECUTION] = {"execution", "execution", "the tick, as kneadd reports: read, step, guard"},
 };
 
 // Return the list of poses that a series is computed from.

@@ -166,13 +166,13 @@ static const struct axis {
     take_item take;
     const char *expected;
 } list_axes[] = {
-    {'s', "solver", 4, take_method, "of blend, secant, tangent, rk4, with commas"},
+    {'s', "solver", 4, take_method, "any of blend, secant, tangent and rk4, separated by commas"},
     {'p', "precision", 2, take_precision, "f32, f64 or f32,f64"},
-    {'i', "iterations", KN_AXIS_MAX, take_count, "at most 32 whole numbers from 1 to 1000, with commas"},
-    {'t', "tolerance", KN_AXIS_MAX, take_tolerance, "at most 32 numbers from 0 to 1, with commas"},
-    {'P', "passes", KN_AXIS_MAX, take_pass, "at most 32 whole numbers from 1 to 20, with commas"},
-    {'d', "dt", KN_AXIS_MAX, take_step, "at most 32 times like '0.5 ms', 1 ms divided by a whole number, with commas"},
-    {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', with commas"}};
+    {'i', "iterations", KN_AXIS_MAX, take_count, "at most 32 whole numbers from 1 to 1000, separated by commas"},
+    {'t', "tolerance", KN_AXIS_MAX, take_tolerance, "at most 32 numbers from 0 to 1, separated by commas"},
+    {'P', "passes", KN_AXIS_MAX, take_pass, "at most 32 whole numbers from 1 to 20, separated by commas"},
+    {'d', "dt", KN_AXIS_MAX, take_step, "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"},
+    {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', separated by commas"}};
 
 // Parse a list separated by commas.
 static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const char *text)
