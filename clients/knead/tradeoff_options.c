@@ -171,7 +171,8 @@ static const struct axis {
     {'i', "iterations", KN_AXIS_MAX, take_count, "at most 32 whole numbers from 1 to 1000, separated by commas"},
     {'t', "tolerance", KN_AXIS_MAX, take_tolerance, "at most 32 numbers from 0 to 1, separated by commas"},
     {'P', "passes", KN_AXIS_MAX, take_pass, "at most 32 whole numbers from 1 to 20, separated by commas"},
-    {'d', "dt", KN_AXIS_MAX, take_step, "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"},
+    {'d', "dt", KN_AXIS_MAX, take_step,
+     "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"},
     {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', separated by commas"}};
 
 // Parse a list separated by commas.
