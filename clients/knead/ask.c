@@ -71,9 +71,9 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
     // Distinguish a program that is not kneadd, a server that does not answer, and a server that closes the connection.
     if (!answer)
         snprintf(error, error_size, "%s: %s", path,
-                 size > 0                                               ? "what answers there is no kneadd"
+                 size > 0                                               ? "the program that answers there is not kneadd"
                  : got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? "no answer for 10 s"
-                                                                        : "hung up without an answer");
+                                                                        : "closed the connection without an answer");
     free(text);
     close(fd);
     return answer;

@@ -202,8 +202,8 @@ static void print_table(const kn_atlas *a)
     }
     // Print the total only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
-    printf("\ncoarse: the step itself, whoever solves it, costs more than %g %%; loose: its answer is not converged in "
-           "every step\n",
+    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the answer did not converge in every "
+           "step\n",
            100 * COARSE);
 }
 
@@ -266,7 +266,7 @@ static int print_bad(const kn_atlas *a)
         int map, i, j;
         place(a, c, &map, &i, &j);
         const kn_map *m = &a->map[map];
-        if (count++ == 0) printf("\nnot right by the default solver:\n");
+        if (count++ == 0) printf("\nnot solved right by the default solver:\n");
         printf("  %s, %s: %s %g, ", m->family, m->title, m->across, m->x[i]);
         if (m->y_text[j]) printf("%s", m->y_text[j]);
         else printf("%s %g", m->down, m->y[j]);

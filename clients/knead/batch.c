@@ -32,7 +32,8 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
     *b = (kn_batch){0};
     *taken = empty(path) != 1;
     if (*taken)
-        return fail(path, empty(path) < 0 ? "is no folder, expected a new one" : "is not empty, expected a new folder",
+        return fail(path,
+                    empty(path) < 0 ? "is not a folder, expected a new folder" : "is not empty, expected a new folder",
                     error, size);
     // Put the temporary folder beside the path, so that a rename can move it there.
     size_t length = strlen(path);

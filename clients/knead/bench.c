@@ -225,8 +225,9 @@ int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
     } else if (!scene) {
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s", error);
     } else if (opt->param_count > 0) {
-        code = kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is no expression, expected --set KEY=VALUE",
-                           opt->params[0], opt->specimen);
+        code =
+            kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is not an expression, expected --set KEY=VALUE",
+                        opt->params[0], opt->specimen);
     } else {
         b->net = kn_network_of(&scene->model.material);
         char parts[KN_ELEMENT_TEXT];
@@ -277,7 +278,7 @@ static int take_drive(kn_bench *b, kn_drive drive)
     if (b->model) return KN_EXIT_OK; // the lattice follows in the next step
     if (!kn_network_jump(&b->net, &b->now, &drive))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "%s: answers at once with a dashpot, so a step of strain needs an infinite stress, expected "
+                           "%s: responds as a dashpot at first, so a step of strain needs an infinite stress, expected "
                            "--ramp RATE, e.g. --ramp 10%%/s",
                            b->title);
     read_element(b);
@@ -347,7 +348,7 @@ int kn_bench_advance(kn_bench *b, double until_s)
     }
     if (!kn_network_advance(&b->net, &b->now, &b->drive, until_s, KN_BENCH_TOLERANCE))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "%s: no step converges at %.6g s, expected numbers of this world", b->title, b->now.time_s);
+                           "%s: no step converges at %.6g s, expected realistic parameters", b->title, b->now.time_s);
     read_element(b);
     return KN_EXIT_OK;
 }
@@ -367,7 +368,7 @@ void kn_bench_print(const kn_bench *b)
     printf("specimen  %s, ", b->title);
     if (n[0] != n[2] || n[1] != n[2]) printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);
     else printf("1 cm cube");
-    printf("%s\n", b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
+    printf("%s\n", b->opt->constant_area ? ", constant area" : "; the section grows as the height falls");
     printf("parts    ");
     char name[8];
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
@@ -375,7 +376,7 @@ void kn_bench_print(const kn_bench *b)
         printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
         // Print the range of a stress-dependent damper and the stroke, if the part has them.
         if (kn_part_thins(p))
-            printf(" at no stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
+            printf(" at zero stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
                    kn_part_modulus(&b->net, i, p->p1_pa));
         if (p->stroke) printf(", stopped at a strain of %.3g and %.3g", p->stop[0], p->stop[1]);
     }

@@ -91,17 +91,17 @@ int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int arg
 // Help text on the specimen, shared by all four experiments.
 #define KN_BENCH_HELP                                                                                                  \
     "the specimen, a 1 cm cube:\n"                                                                                     \
-    "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, as they are or with -rheological,\n"        \
-    "                    -viscoelastic, -plastic; or the file of a scene, for its material\n"                          \
+    "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, alone or with -rheological,\n"              \
+    "                    -viscoelastic, -plastic; or a scene file, for its material\n"                                 \
     "  --set KEY=VALUE   any key of a scene, e.g. material.k1='300 gf/cm^3'\n"                                         \
-    "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help tells how to write them\n" \
-    "  --param P=VALUE   one for each part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
+    "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help explains the notation\n"   \
+    "  --param P=VALUE   value of one part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
     "                    s1='46 kPa' or '470 gf/cm^3' (per cm of the cube), d1='245 kPa*s' or '2500 gf s/cm^3', and\n" \
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
     "                    alpha exp(-beta P) between the stresses P0 and P1, constant outside\n"
 
 // Help text for the three experiments whose stress depends on the section.
 #define KN_BENCH_AREA_HELP                                                                                             \
-    "  --area constant   stress = force/S0; else the section grows as the height falls, S h = S0 h0\n"
+    "  --area constant   take stress = force/S0; by default the section grows as the height falls, S h = S0 h0\n"
 
 #endif

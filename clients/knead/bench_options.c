@@ -205,9 +205,8 @@ int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const 
         if (code != KN_EXIT_OK) return code;
     }
     if (argc - optind != 1)
-        return kn_complain(
-            subcommand, KN_EXIT_USAGE,
-            "expected one specimen, a material like dough or an expression like '(s|d)-d'; --help tells the rest");
+        return kn_complain(subcommand, KN_EXIT_USAGE,
+                           "expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help");
     opt->specimen = argv[optind];
     return KN_EXIT_OK;
 }

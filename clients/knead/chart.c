@@ -8,7 +8,7 @@
 
 static void print_head(void)
 {
-    printf("%69s | %-20s| %-13s| %s\n", "us of a tick", "force: error, %", "shape", "what a hand would notice");
+    printf("%69s | %-20s| %-13s| %s\n", "us of a tick", "force: error, %", "shape", "effects a hand notices");
     printf("%-8s %8s %-7s %3s  %-18s %-3s %8s %6s | %6s %5s %6s | %6s %5s | %6s %6s %6s %5s %6s\n", "lattice", "step",
            "solver", "", "CG iterations", "on", "p50", "p90", "solver", "step", "all", "solver", "all", "peak %",
            "lag ms", "mm deep", "N/ms", "TV/pk");
@@ -64,7 +64,7 @@ static void print_lattice(const kn_front *front, const kn_row *r)
     printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
     // Without a lattice error, this lattice is itself the finest.
-    if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
+    if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
     else
         printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice, 100 * r->shape.lattice,
@@ -83,8 +83,8 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
     printf("solver: against f64, same step, secant, 5 linearisations, CG to 1e-8; ");
     if (plan->fine) puts("step: that against f64 at 1/16 of the scene's step;");
     else puts("step: not measured (--quick);");
-    puts("all: against the latter plus what the lattice itself is off. * nothing cheaper is nearer. The rest: a "
-         "hand's.");
+    puts("all: against f64 at 1/16, plus the error of the lattice. *: no cheaper point is more accurate. The other "
+         "columns: effects a hand notices.");
     for (int i = 0; i < plan->notes; i++) puts(plan->note[i]);
 }
 
@@ -120,8 +120,8 @@ typedef struct panel {
     bool shape, all, named;
 } panel;
 
-static const panel panels[] = {{"contact force: left by the solver", .named = true},
-                               {"shape that stays: left by the solver", .shape = true, .named = true},
+static const panel panels[] = {{"contact force: error of the solver", .named = true},
+                               {"residual shape: error of the solver", .shape = true, .named = true},
                                {"contact force: with step and lattice", .all = true}};
 enum { PANELS = sizeof panels / sizeof *panels };
 

@@ -21,15 +21,14 @@
 #include <unistd.h>
 
 static const char usage[] =
-    "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
-    "       knead check SCENE --quality NAME         the same with its point fast, balanced or accurate; own: none\n"
-    "       knead check SCENE --log LOG              play a log on the scene and on its uniform lattice: does it keep\n"
-    "                                                object.accuracy? 1: no\n"
-    "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
-    "       knead check SCENE --text                 the scene with every value written out, in SI\n"
-    "       knead check SCENE --json                 the main of it for programs, with all warnings\n"
-    "\n"
-    "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
+    "usage: knead check SCENE [--set KEY=VALUE]...   describe a scene: size, cost, warnings\n"
+    "       knead check SCENE --quality NAME         describe its point fast, balanced or accurate; own: none\n"
+    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice; exit 1\n"
+    "                                                if the scene misses its object.accuracy\n"
+    "       knead check --keys                       list every key of a scene: unit, range, default, meaning\n"
+    "       knead check SCENE --text                 print the scene with every value written out, in SI units\n"
+    "       knead check SCENE --json                 print the main figures and all warnings as JSON\n\n"
+    "An unusable scene is reported in one line, file:line:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Print a warning and add it to the JSON list `warnings`.
 __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
@@ -66,9 +65,9 @@ static void print_net(const kn_model *model)
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
     // Warn about properties that the mesh's geometry causes.
-    if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
-    if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
-    if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
+    if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
+    if (fabs(model->creep_error) > 0.1) warn("no gamma gives the mesh the creep of the material");
+    if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
 }
 
 // Print the fine box of a lattice with two resolutions, or the reason why the lattice is uniform.
@@ -76,7 +75,8 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &model->def;
     if (!model->composite) {
-        printf("accuracy  %s: uniform\n", def->probe_count > 0 ? "the tools reach all of it" : "there is no tool");
+        printf("accuracy  %s: uniform\n",
+               def->probe_count > 0 ? "the tools reach the whole object" : "there is no tool");
         return;
     }
     printf("accuracy  %g %% of the force: spacing in a box", 100 * scene->accuracy);
@@ -85,9 +85,10 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
         double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
         printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
     }
-    printf(" mm, twice it outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
+    printf(" mm, twice that outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
            kn_composite_edges(model));
-    printf("          knead check SCENE --log LOG plays a press on both lattices and says what it costs\n");
+    printf(
+        "          knead check SCENE --log LOG replays a press on both lattices and prints the error and the time\n");
 }
 
 static void print_block(const kn_scene *scene, const kn_model *model)
@@ -131,11 +132,12 @@ static void print_object(const kn_scene *scene, const kn_model *model)
 static void print_plastic(const kn_material *m)
 {
     double c2 = kn_material_c2(m, 0), share = m->c1_pa_s / (m->c1_pa_s + c2), off = 1 - share;
-    printf("plastic   no spring: everything stays; c1 and c2 are one damper of %.4g Pa s at rest", c2 * share);
+    printf("plastic   no spring: all deformation remains; c1 and c2 act as one damper of %.4g Pa s at rest",
+           c2 * share);
     bool depends = kn_material_thinning(m, m->p0_pa) > 0;
     printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
-        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
+        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest and hides how c2 depends "
              "on the stress",
              100 * off);
 }
@@ -149,13 +151,13 @@ static void print_material(const kn_model *model)
     // A damper whose two stops coincide cannot move, so no deformation stays.
     double in, out;
     bool rigid = kn_material_stroke(m, &in, &out);
-    if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
-    else if (rigid) printf("; a damper without a way to go: nothing stays\n");
+    if (m->damper == KN_DAMPER_NONE) printf("; no damper: no deformation remains\n");
+    else if (rigid) printf("; a damper without stroke: no deformation remains\n");
     else
         printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0), kn_material_c2(m, m->p1_pa),
                m->p1_pa);
     if (!rigid && m->stroke[1] > 0)
-        printf("stroke    a %g to %g around %.3g: left alone an edge is %.4g to %.4g times as long as it was made\n",
+        printf("stroke    a %g to %g around %.3g: without load an edge has %.4g to %.4g times its original length\n",
                m->stroke[0], m->stroke[1], m->ratio, 1 + in, 1 + out);
     if (!rigid && m->k1_pa == 0) print_plastic(m);
     printf("law       %s", law[model->law.kind]);
@@ -189,13 +191,15 @@ static void print_cost(const kn_model *model)
     // The scene's own solver settings, without a named quality.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
     double us = kn_cost_us(model, &own, false);
-    printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
+    printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
     // A blow is a sudden change of the forces, for which the step is repeated (core/impact.h). Its time is printed
     // separately.
     double blow = kn_cost_blow_us(model, &own);
-    if (blow > 0) printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
-    if (kn_cost_newton(model)) warn("each edge solves its damper by itself, at some 40 times the time");
+    if (blow > 0)
+        printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
+    if (kn_cost_newton(model))
+        warn("each edge solves its damper by its own iteration, which takes about 40 times as long");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
 
@@ -217,9 +221,9 @@ static void print_sag(const kn_model_def *def)
     // `flown` is the share of the height that the object loses after the first second.
     double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1);
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
-           100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", which this scene leaves out");
+           100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", although the scene has no gravity");
     if (flown > 0.02 && def->gravity_m_s2 > 0)
-        warn("it does not keep its shape: the damper at rest is too soft for its weight");
+        warn("the object does not keep its shape: the damper at rest is too soft for its weight");
 }
 
 static void print_solver(const kn_model *model)
@@ -236,7 +240,7 @@ static void print_solver(const kn_model *model)
                "%.3g N\n",
                s->dt_s, s->passes, s->iterations, ldexp(f->lambda_m, KN_FIXED_U - 1) / s->dt_s,
                ldexp(f->phi_n, KN_FIXED_T - 1));
-        printf("%s   %.2g %% of the force is left unsolved %d ms into a press that begins at once at 1 cm/s\n",
+        printf("%s   %.2g %% of the force is left unsolved %d ms into a press that starts abruptly at 1 cm/s\n",
                f->error > KN_FIXED_ERROR ? "warning" : "error  ", 100 * f->error, KN_FIXED_TRIAL);
     } else {
         printf("solver    implicit %s, dt %g s, %s, %d to %d CG iterations (tolerance %g), %d pass%s\n", precision,
@@ -250,7 +254,7 @@ static void print_solver(const kn_model *model)
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
-        warn("more than this machine's memory");
+        warn("the object needs more memory than this machine has");
 }
 
 // Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is played on
@@ -284,7 +288,7 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
         if (scene->point[q].live) printf(", estimate %.0f us", kn_cost_us(model, e, false));
-        else printf(", another lattice or precision: not while it runs");
+        else printf(", another lattice or precision: cannot be selected while kneadd runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
     }
 }
@@ -302,10 +306,10 @@ static void print_coupling(const kn_scene *scene)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
     if (d->force_scale != 1.0)
-        printf("          the hand is given %g of the force: %g N of the object reach the clamp\n", d->force_scale,
-               d->force_limit_n / d->force_scale);
+        printf("          the hand is given %g of the force: the clamp is reached at %g N of the object\n",
+               d->force_scale, d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
-        warn("such a device bears a coupling of %.3g N/m at most: it will buzz at a wall", bound);
+        warn("this device is stable up to a coupling of %.3g N/m: it will buzz at a wall", bound);
 }
 
 static void print_device(const kn_scene *scene)
@@ -318,7 +322,7 @@ static void print_device(const kn_scene *scene)
     print_coupling(scene);
     // Indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};
-    printf("mesh      %g Hz: places%s\n", scene->mesh_hz, told[scene->mesh_measures]);
+    printf("mesh      %g Hz: positions%s\n", scene->mesh_hz, told[scene->mesh_measures]);
 }
 
 static void print_field(const kn_field *f)
@@ -506,9 +510,9 @@ int kn_check_main(int argc, char **argv)
         } else status = KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (status < 0 && argc - optind != 1)
-        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");
+        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
     if (status < 0 && json && (log || text))
-        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected no --log and no --text beside it");
+        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
     if (status < 0 && json) kn_result_open();
     if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
     if (status < 0) status = check(argv[optind], sets, count, text);

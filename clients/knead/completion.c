@@ -12,11 +12,11 @@ __asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
 
 static const char help[] =
     "usage: knead completion [bash|zsh]\n\n"
-    "Prints what a shell completes knead, kneadd and knead-simdev by: subcommands, options, their values, keys of a\n"
+    "Prints the shell completion of knead, kneadd and knead-simdev: subcommands, options, their values, keys of a\n"
     "scene, files. It reads --help when Tab is pressed.\n\n"
-    "    source <(knead completion)         in this bash; in every one: the line in ~/.bashrc\n"
+    "    source <(knead completion)         in this bash; add the line to ~/.bashrc for every bash\n"
     "    source <(knead completion zsh)     in this zsh\n\n"
-    "cmake --install puts it where the package bash-completion finds it.\n\n"
+    "cmake --install puts the completion where the package bash-completion finds it.\n\n"
     "Exit codes: 0 ok, 2 bad input.\n";
 
 int kn_completion_main(int argc, char **argv)

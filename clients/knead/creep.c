@@ -9,23 +9,22 @@
 
 static const char help[] =
     "usage: knead creep MATERIAL|EXPR [OPTION]...\n\n"
-    "Puts a weight on a specimen, takes it off, and tells how it creeps and recovers: the height against time, what "
-    "has\n"
-    "come back and what stays. By default the first paper's test: 50 gf for 60 s, then 70 s of rest.\n\n"
+    "Loads a specimen with a weight, unloads it, and prints creep and recovery: the height against time, the share\n"
+    "that recovers and the share that remains. The default is the test of the first paper: 50 gf for 60 s, then 70\n"
+    "s of rest.\n\n"
     "    knead creep dough\n"
     "    knead creep dough --load 10gf,30gf,50gf,70gf,90gf --png creep.png\n"
     "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
-    "  --load W[,W]...   weights, each on a fresh specimen (50gf)\n"
-    "  --hold TIME       under the weight (60 s)\n"
-    "  --rest TIME       after it (70 s)\n"
-    "  --lattice NxNxN   a block of that many cells over the height of the cube, through the solver that serves "
-    "scenes,\n"
-    "                    beside the element\n"
-    "  --csv FILE        load_n,time_s,strain,height_m,stress_pa\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
-    "Stress is W h/(S0 h0): it falls while the specimen creeps. Exit codes: 0 ok, 2 bad input, 3 a file cannot be "
-    "written.\n";
+    "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
+    "  --hold TIME       time under the weight (default: 60 s)\n"
+    "  --rest TIME       time after unloading (default: 70 s)\n"
+    "  --lattice NxNxN   also test a block of that many cells over the height of the cube, with the solver that\n"
+    "                    serves scenes, beside the element\n"
+    "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "Stress is W h/(S0 h0): it falls while the specimen creeps.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
 

@@ -311,10 +311,11 @@ static bool has_files(const kn_scene *scene)
 static int play_in_parallel(kn_crew *c)
 {
     if (c->hosts && has_files(c->plan->scene))
-        return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "--hosts: does not send meshes, expected a scene without object.mesh and tools of files");
+        return kn_complain(
+            "tradeoff", KN_EXIT_USAGE,
+            "--hosts: does not send meshes, expected a scene without object.mesh and without tools from files");
     int jobs = write_jobs(c);
-    if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: jobs cannot be written", c->folder.path);
+    if (jobs < 0) return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: the jobs could not be written", c->folder.path);
     if (jobs == 0) return KN_EXIT_OK;
     pid_t child = fork();
     if (child == 0) become_parallel(c);
@@ -340,7 +341,7 @@ static int play_in_parallel(kn_crew *c)
                            foreign);
     if (code == 0 && missing == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%d of %d runs have no result%s", missing, c->plan->count,
-                       c->resume ? "; the same command goes on with them" : "; with --resume the others would be kept");
+                       c->resume ? "; repeat the command to play them" : "; --resume DIR would keep the others");
 }
 
 // ---- all of it
@@ -359,6 +360,6 @@ int kn_crew_load(const kn_crew *c, kn_trace *traces)
     char path[PATH_MAX];
     for (int i = 0; i < c->plan->count; i++)
         if (kn_trace_load(&traces[i], in_folder(c, c->plan->run[i].id, ".trace", path), c->program) != KN_TRACE_FOUND)
-            return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: is damaged or gone", path);
+            return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: is damaged or missing", path);
     return KN_EXIT_OK;
 }

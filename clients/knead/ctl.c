@@ -14,24 +14,26 @@
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
-    "Commands a running kneadd, by the socket that its --control names.\n\n"
-    "  status           how it is: mode, faults and the way back, the loop, every tool's link, what acted how often;\n"
-    "                   what is 0 is left out, but for --json (server/README.md has its names)\n"
-    "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
-    "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
-    "  set KEY=VALUE... keys of the scene, as 'knead check --keys' lists them: the object goes on in what they make\n"
-    "                   of it, a hand's force through zero. Limits of the device can be lowered, never raised\n"
-    "  load [FILE]      a start with that scene, or with the same one as its file is now, once it has been checked\n"
-    "  snapshot         the object as it is, on disk when this is answered, in a file that stays; kneadd --state-dir\n"
-    "  restore [N]      the object as in snapshot N, or in the newest\n"
-    "  undo             the object as before it was kneaded last, reset or restored\n"
-    "  estop            every force fades within 20 ms and stays 0, for every hand that comes, until recover: over a\n"
-    "                   load, too, and over restarts of kneadd --state-dir; without that a restart ends it\n"
-    "  recover          latched faults are forgotten; tools engage again once lifted clear of the object\n"
-    "  stop             forces go to zero, then kneadd ends: as SIGTERM\n\n"
-    "  --control PATH   the socket (KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
-    "  --json           the answer as it came, one JSON object\n\n"
-    "Exit: 0 done, 2 refused, 3 no server there.\n";
+    "Sends a control command to a running kneadd, through the socket that its --control names.\n\n"
+    "  status           print the state: mode, faults and their remedies, the loop, the link of every tool, counts\n"
+    "                   of safety actions; zeros are left out without --json (server/README.md explains the names)\n"
+    "  reset            restore the initial object; forces fade out, and tools engage again once lifted clear\n"
+    "  quality NAME     switch to the scene's point fast, balanced, accurate or own; the force passes through zero\n"
+    "  set KEY=VALUE... set keys of the scene (see 'knead check --keys'); the object continues with the new values,\n"
+    "                   and the force on a hand passes through zero. Limits of the device can be lowered, never\n"
+    "                   raised\n"
+    "  load [FILE]      start again with the scene FILE, or with the same scene as its file is now; checked first\n"
+    "  snapshot         save the object to a file that is kept, and answer once it is on disk; needs\n"
+    "                   kneadd --state-dir\n"
+    "  restore [N]      restore the object from snapshot N (default: the newest)\n"
+    "  undo             undo the last kneading, reset or restore\n"
+    "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
+    "                   The stop outlasts load, and with kneadd --state-dir a restart; else a restart ends it\n"
+    "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
+    "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
+    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
+    "  --json           print the answer as received, one JSON object\n\n"
+    "Exit codes: 0 done, 2 refused, 3 no server on the socket.\n";
 
 typedef struct options {
     const char *path;
@@ -202,7 +204,7 @@ static int add_values(json_t *request, char **values)
     json_t *list = json_array();
     for (; *values; values++)
         if (json_array_append_new(list, json_string(*values)) != 0)
-            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE of UTF-8", *values);
+            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE in UTF-8", *values);
     json_object_set_new(request, "values", list);
     return KN_EXIT_OK;
 }
@@ -224,7 +226,7 @@ static int await_next(const options *o, double since_us)
     json_decref(request);
     return next
                ? KN_EXIT_OK
-               : kn_complain("ctl", KN_EXIT_DEVICE, "load: nothing serves after %d s, its stderr says why", PATIENCE_S);
+               : kn_complain("ctl", KN_EXIT_DEVICE, "load: no server after %d s; see the stderr of kneadd", PATIENCE_S);
 }
 
 int kn_ctl_main(int argc, char **argv)
@@ -249,7 +251,7 @@ int kn_ctl_main(int argc, char **argv)
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
-    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
+    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command in UTF-8", command);
     json_decref(answer);
     json_decref(request);
     return code;

@@ -141,7 +141,7 @@ bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char 
     prepare(d, hand, self, url, probe, error, error_size);
     sem_init(&d->ready, 0, 0);
     if (pthread_create(&d->thread, NULL, run, d) != 0) {
-        snprintf(error, error_size, "no thread for the device");
+        snprintf(error, error_size, "cannot start a thread for the device");
         return false;
     }
     while (sem_wait(&d->ready) != 0)

@@ -9,23 +9,19 @@
 #include <string.h>
 
 static const char usage[] =
-    "usage: knead element EXPR          what an element of springs and dampers does, and why\n"
-    "       knead element --catalogue   the eleven elements of the first paper's figure 2\n"
-    "\n"
+    "usage: knead element EXPR          analyse an element of springs and dampers, with reasons\n"
+    "       knead element --catalogue   list the eleven elements of the first paper's figure 2\n\n"
     "EXPR connects springs s and dampers d in series (-) and in parallel (|); - binds tighter, parentheses group:\n"
     "    knead element '(s|d)-d'       a spring beside a damper, in series with a damper: the papers' element\n"
     "    knead element 's-d|s'         the same as '(s-d)|s'\n"
     "    knead element burgers         also voigt (kelvin, kelvin-voigt) s|d, maxwell s-d, zener (sls) (s-d)|s,\n"
-    "                                  jeffreys (s|d)-d, burgers s-d-(s|d), spring, damper (dashpot); as parts, too:\n"
-    "    knead element 'maxwell|maxwell'\n"
-    "\n"
-    "Told are the paper's verdicts (residual deformation, bouncing, decreasing vibration) with the rule for each "
-    "group,\n"
-    "and the impedance between the two ends: what it does at last and at once, how many of its parameters can be\n"
-    "identified, and which other elements no experiment tells from it. knead creep, relax and sweep put it on a "
-    "bench.\n"
-    "\n"
-    "A wrong EXPR gives one line, EXPR:1:col: what is wrong, what was expected, and exit 2.\n";
+    "                                  jeffreys (s|d)-d, burgers s-d-(s|d), spring, damper (dashpot)\n"
+    "    knead element 'maxwell|maxwell'    names can be parts of an expression, too\n\n"
+    "The output begins with the paper's verdicts (residual deformation, bouncing, decreasing vibration) and the\n"
+    "rule for each group. The impedance between the two ends follows: the long-term and the instantaneous response,\n"
+    "the number of parameters that can be identified, and the other elements that no experiment can tell from this\n"
+    "one. knead creep, relax and sweep test an element on a bench.\n\n"
+    "A wrong EXPR is reported in one line, EXPR:1:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Parse a text that is known to be valid.
 static kn_element element_of(const char *text)
@@ -64,8 +60,8 @@ static void explain_residual(const kn_element *e, int node)
     kn_element_print(e, node, false, text);
     bool yes = kn_element_residual(e, node);
     printf("            %-12s %s", text, yes ? "yes, " : "no, ");
-    if (g->kind == KN_ELEMENT_SPRING) printf("a spring goes back\n");
-    else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper stays where it is\n");
+    if (g->kind == KN_ELEMENT_SPRING) printf("a spring recovers\n");
+    else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper keeps its deformation\n");
     // Single parts decide if a series group has residual deformation, or if a parallel group has none.
     else if (yes == (g->kind == KN_ELEMENT_SERIES)) {
         printf(yes ? "in series one is enough (Table 1a): "
@@ -101,9 +97,9 @@ static void print_rules(const kn_element *e)
     bool dies = kn_element_vibration_dies(e, e->root);
     int springs = kn_element_count(e, e->root, KN_ELEMENT_SPRING);
     printf("\nby the first paper's rules, section 3.1\n");
-    printf("residual    %s\n", residual ? "yes: something stays" : "no: everything goes back");
+    printf("residual    %s\n", residual ? "yes: part of the deformation remains" : "no: all deformation recovers");
     explain_residual(e, e->root);
-    printf("bouncing    %s\n", bouncing ? "yes: something comes back" : "no: nothing comes back");
+    printf("bouncing    %s\n", bouncing ? "yes: deformation recovers, at least in part" : "no: nothing recovers");
     if (bouncing) printf("            a spring anywhere is enough (Table 2): it has %d\n", springs);
     else printf("            it has no spring (Table 2)\n");
     printf("vibration   %s\n", dies ? "decreases" : "remains");
@@ -139,10 +135,11 @@ static void print_impedance(const kn_oneport *o)
     if (o->degree_d > 0) printf(" / ");
     if (o->degree_d > 0) print_polynomial('a', 0, o->degree_d);
     printf(", stress over strain, p = d/dt\n");
-    printf("at last     %s\n", o->fluid ? "fluid: Z(0) = 0, it flows under any lasting load, and what has flowed stays"
-                                        : "solid: Z(0) > 0, a lasting load finds a last strain, which goes back");
+    printf("long term   %s\n", o->fluid
+                                   ? "fluid: Z(0) = 0, it flows under any constant load, and this deformation remains"
+                                   : "solid: Z(0) > 0, a constant load leads to a final strain, which recovers");
     // Z(0) distinguishes a fluid from a solid. The growth of Z for large p distinguishes a spring from a dashpot.
-    printf("at once     %s\n", o->elastic
+    printf("instant     %s\n", o->elastic
                                    ? "spring: Z stays finite for fast changes; a step of strain meets a finite stress"
                                    : "dashpot: Z grows with p; no step of strain is possible, a fast probe feels c, "
                                      "never k");
@@ -188,7 +185,7 @@ static void print_vibration(const kn_element *e, const kn_oneport *o)
         printf("a mass on it comes to rest, a light one after ringing: its loss falls as 1/frequency\n");
     else printf("a mass on it comes to rest, a light one without ringing: it meets the dashpot\n");
     if (other)
-        printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: it speaks of the picture\n",
+        printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: it depends on the drawing\n",
                dies ? "decreases" : "remains", dies ? "remains" : "decreases", other);
 }
 
@@ -199,7 +196,7 @@ static void print_oneport(const kn_element *e)
     printf("\nbetween its two ends\n");
     print_impedance(&o);
     printf("parameters  %d of %d can be identified%s\n", o.parameters, e->leaves,
-           o.parameters < e->leaves ? ": it is more complicated than what it does" : "");
+           o.parameters < e->leaves ? ": the element has more parts than its response shows" : "");
     print_class(&o);
     print_vibration(e, &o);
 }
@@ -231,8 +228,8 @@ static int explain(const char *text)
 static void print_catalogue(void)
 {
     static const char *const provenance[] = {"forced", "one of 2", "one of 4"};
-    printf("Figure 2 of the first paper. Its drawings are lost; the verdicts are its text's, and the elements those "
-           "that fit.\n"
+    printf("Figure 2 of the first paper. The drawings are lost: the verdicts are from its text, and the elements fit "
+           "them.\n"
            "forced: nothing else of that size fits, or another figure shows it. one of 2, one of 4: reconstructed.\n\n"
            "    element        residual  bouncing  vibration  all three  one-port               the text leaves\n");
     for (int i = 0; i < KN_CATALOGUE; i++) {
@@ -248,9 +245,9 @@ static void print_catalogue(void)
     }
     printf(
         "\nAll three with the fewest parts: (d) and (f). The paper takes (d); between their ends they are the same.\n"
-        "Entries with the same one-port differ in what they look like, not in what they do: figure 2 holds six.\n"
-        "The rule for vibration is none of one-ports: it parts (c) from (e), and (h), (j) from (g), (k).\n"
-        "Elements that say twice the same, like ((s-d)|d)-d, are left out: they have a parameter too many.\n");
+        "Entries with the same one-port differ in their drawing, not in their response: figure 2 holds six one-ports.\n"
+        "The rule for vibration is no property of one-ports: it separates (c) from (e), and (h), (j) from (g), (k).\n"
+        "Redundant elements, like ((s-d)|d)-d, are left out: they have one parameter too many.\n");
 }
 
 int kn_element_main(int argc, char **argv)
@@ -267,7 +264,7 @@ int kn_element_main(int argc, char **argv)
     }
     if (argc - optind != !catalogue)
         return kn_complain("element", KN_EXIT_USAGE,
-                           "expected one expression like '(s|d)-d', or --catalogue; --help tells the rest");
+                           "expected one expression like '(s|d)-d', or --catalogue; see --help");
     if (!catalogue) return explain(argv[optind]);
     print_catalogue();
     return KN_EXIT_OK;

@@ -23,27 +23,28 @@
 #define MOMENTS_MAX 100000 // a file name has five digits for the number
 
 static const char help[] =
-    "usage: knead export LOG --vtk DIR [OPTION]...        a recording, stepped through the daemon's own servo\n"
-    "       knead export --scene F --vtk DIR [OPTION]...  a scene's object at rest\n\n"
-    "Writes an object as files for other programs, in SI units; a name ends with its unit. Expected is at least one "
-    "of\n\n"
-    "  --vtk DIR          for ParaView and VTK: open DIR/object.pvd. Every node with its displacement, velocity, von\n"
-    "                     Mises stress, residual strain and contact force, every cell with its volume, the tools with\n"
-    "                     their forces; DIR/edges.pvd has every edge with its stress, strain and residual strain\n"
-    "  --ply PATH         for MeshLab and Open3D: the surface with normals, and --color as number (quality) and "
-    "colour;\n"
-    "                     with --at or --scene a file, else a folder with one for each moment\n"
-    "  --csv FILE         a table: a row per tick and live probe of the same part of the recording, the columns of\n"
-    "                     knead replay --csv\n\n"
-    "  --from S, --to S   part of the recording, seconds since its first session began (0, its end)\n"
-    "  --every S          between two moments of it, 0.001 or more (0.1)\n"
-    "  --at SECONDS|end   that moment alone\n"
-    "  --color WHAT       displacement, stress (von Mises) or residual, of --ply (displacement)\n"
-    "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you "
-    "say\n"
-    "                     it, so that a colour means the same in all)\n"
-    "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
-    "DIR is new, or an empty folder; a FILE is replaced. All appear whole, or not at all.\n"
+    "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
+    "       knead export --scene F --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
+    "Writes an object as files for other programs, in SI units. Each name ends with its unit. At least one of these\n"
+    "is required:\n\n"
+    "  --vtk DIR          files for ParaView and VTK: open DIR/object.pvd. It has every node with its displacement,\n"
+    "                     velocity, von Mises stress, residual strain and contact force, every cell with its\n"
+    "                     volume, and the tools with their forces; DIR/edges.pvd has every edge with its stress,\n"
+    "                     strain and residual strain\n"
+    "  --ply PATH         files for MeshLab and Open3D: the surface with normals, and --color as number (quality)\n"
+    "                     and as colour; PATH is a file with --at or --scene, else a folder with one file for each\n"
+    "                     moment\n"
+    "  --csv FILE         a table with one row per tick and live probe of the same part of the recording; the\n"
+    "                     columns are those of knead replay --csv\n\n"
+    "  --from S, --to S   part of the recording, in seconds since its first session began (default: 0, its end)\n"
+    "  --every S          interval between two moments, in seconds, 0.001 or more (default: 0.1)\n"
+    "  --at SECONDS|end   export this moment only\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual: the quantity in --ply (default:\n"
+    "                     displacement)\n"
+    "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
+    "                     file); required for a folder, so that a colour means the same in all files\n"
+    "  --snapshot PATH    start state of a log that begins on a kneaded object, as in knead replay\n\n"
+    "DIR must be new or an empty folder; a FILE is replaced. Either all outputs appear, complete, or none.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
@@ -109,7 +110,7 @@ static int check_outputs(const options *o)
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
-                REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
+                REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
     // A series needs a fixed colour scale: a colour must mean the same in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
@@ -118,12 +119,12 @@ static int check_outputs(const options *o)
 // Check that the options fit together.
 static int check(options *o)
 {
-    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; knead export --help tells the rest");
+    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
     if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
     if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
     if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
         REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log; nothing happens to a scene at rest");
-    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to and --every beside it");
+    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
     if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
     if (o->top && (o->top_si = kn_measure_top((kn_measure)o->measure, o->top)) == 0)
@@ -275,8 +276,8 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     char error[PATH_MAX];
     // A diverged object cannot be drawn.
     if (!whole(m))
-        REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
-               m->time_s);
+        REFUSE("%s: the shape is not finite at %.3f s because the object diverged, expected --to before that",
+               r->o->log, m->time_s);
     if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
     if (r->moments == 0) r->first_s = m->time_s;
     r->last_s = m->time_s;
@@ -362,7 +363,7 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
-    if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
+    if (isinf(last_s)) REFUSE("%s: it contains no tick, expected a recorded session", o->log);
     // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
     if (one && isinf(end_s)) {
         add_rows(r, replay);
@@ -387,7 +388,7 @@ static int of_log(run *r)
     if (code == KN_EXIT_OK) code = step_through(r, replay);
     // A damaged log is used up to the damage. A message reports the damage.
     if (code == KN_EXIT_OK && replay->damage[0])
-        kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
+        kn_complain("export", KN_EXIT_OK, "%s: %s: the part before it was used", o->log, replay->damage);
     kn_replay_destroy(replay);
     return code;
 }

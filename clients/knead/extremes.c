@@ -300,15 +300,15 @@ static const family families[] = {
     [F_C1] = {"c1", "the dashpot beside it", make_scale},
     [F_C2] = {"c2", "the damper in series", make_scale},
     [F_MASS] = {"mass", "the density", make_scale},
-    [F_PAIR] = {"pairs", "two of them at once, 1 ms steps", make_pair},
+    [F_PAIR] = {"pairs", "two of these parameters at once, 1 ms steps", make_pair},
     [F_LIMIT] = {"limits", "parameters that are zero, ramps, stops", make_limit},
     [F_BAR] = {"bar", "a single edge, a single node", make_bar},
-    [F_ASPECT] = {"aspect", "tetrahedra drawn out or flattened", make_aspect},
-    [F_SLIVER] = {"sliver", "tetrahedra next to no volume", make_sliver},
+    [F_ASPECT] = {"aspect", "tetrahedra elongated or flattened", make_aspect},
+    [F_SLIVER] = {"sliver", "tetrahedra of almost no volume", make_sliver},
     [F_SQUASH] = {"squash", "compression up to 95 %", make_squash},
-    [F_GAS] = {"gas", "cells let go from no volume, and inside out", make_gas},
+    [F_GAS] = {"gas", "cells released from zero volume, and inside out", make_gas},
     [F_JUMP] = {"jump", "a pose up to 10 cm away for three steps", make_jump},
-    [F_MIXED] = {"mixed", "everything anywhere in ten decades", make_mixed},
+    [F_MIXED] = {"mixed", "all parameters at random over ten decades", make_mixed},
     [F_SIZE] = {"size", "finer blocks, stiffer springs", make_size},
 };
 
@@ -472,7 +472,7 @@ static void add_rest(list *l)
     double seeds[KN_MAP_SIDE];
     for (int i = 0; i < KN_MAP_SIDE; i++) seeds[i] = i;
     for (int v = 0; v < 2; v++) {
-        kn_map *c = add(l, F_MIXED, v, v ? "every parameter and the step by chance" : "every parameter by chance, 1 ms",
+        kn_map *c = add(l, F_MIXED, v, v ? "every parameter and the step at random" : "every parameter at random, 1 ms",
                         "draw", "draw");
         set_x(c, seeds, l->quick ? 8 : 16);
         set_y(c, seeds, l->quick ? 5 : 16);

@@ -118,7 +118,7 @@ bool kn_film_ready(char *error, size_t error_size)
             return true;
         p += n + (p[n] == ':');
     }
-    snprintf(error, error_size, "no films without the program ffmpeg: install the package ffmpeg");
+    snprintf(error, error_size, "ffmpeg is not installed, which films need: install the package ffmpeg");
     return false;
 }
 
@@ -189,7 +189,7 @@ static void end(kn_film *film, bool at_once)
 static void last_line(FILE *said, char *line, size_t size)
 {
     char next[300];
-    snprintf(line, size, "it said nothing");
+    snprintf(line, size, "it printed no message");
     rewind(said);
     while (fgets(next, sizeof next, said)) {
         next[strcspn(next, "\r\n")] = '\0';
@@ -216,7 +216,7 @@ bool kn_film_keep(kn_film *film, char *error, size_t error_size)
     last_line(film->said, line, sizeof line);
     bool kept = whole && kn_beside_keep(&film->out, error, error_size);
     if (!whole) {
-        snprintf(error, error_size, "ffmpeg made no film of it: %s", line);
+        snprintf(error, error_size, "ffmpeg could not make the film: %s", line);
         kn_beside_drop(&film->out);
     }
     destroy(film);

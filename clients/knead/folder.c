@@ -120,11 +120,12 @@ int kn_folder_open(kn_folder *f, const char *resume, const uint64_t now[3])
     // Files that no sweep has made must not be touched.
     if (!fresh && access(kn_folder_path(f, "sweep", "", path), F_OK) != 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "%s: is not a sweep's, expected an empty folder or one of --resume", f->path);
+                           "%s: is not a folder of knead tradeoff --resume, expected such a folder or an empty one",
+                           f->path);
     f->lock = open(kn_folder_path(f, "sweep", "", path), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     if (f->lock < 0 || flock(f->lock, LOCK_EX | LOCK_NB) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path,
-                           errno == EWOULDBLOCK ? "another sweep is at work in this folder" : strerror(errno));
+                           errno == EWOULDBLOCK ? "another sweep is running in this folder" : strerror(errno));
     ssize_t size = pread(f->lock, text, sizeof text - 1, 0);
     const char *other = size > 0 ? compare(now, text) : NULL;
     if (other)

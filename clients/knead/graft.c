@@ -68,7 +68,7 @@ bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end
     bool ok = walk(&parser, key, &p);
     if (!ok) snprintf(error, error_size, "%s in line %zu", parser.problem, parser.problem_mark.line + 1);
     yaml_parser_delete(&parser);
-    if (ok && p.braces) snprintf(error, error_size, "the whole is in braces, expected a key a line");
+    if (ok && p.braces) snprintf(error, error_size, "the whole scene is in braces, expected one key per line");
     // If the key is missing, return an empty block at the end of the text.
     *begin = *end = strlen(text);
     if (ok && p.first >= 0) {

@@ -95,7 +95,7 @@ static bool take_key(char *error, size_t error_size)
     own.mute = muted;
     if (own.mute)
         fprintf(stderr,
-                "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
+                "knead: KNEAD_MUTE=1: no hello is sent; messages are accepted if they are stamped within %d s "
                 "of this machine's clock\n",
                 APART_US / 1000000);
     return own.keyed = true;
@@ -188,7 +188,7 @@ lcm_t *kn_join_memory(kn_join *j) { return j->lcm; }
 
 bool kn_join_speaks(char *error, size_t error_size)
 {
-    if (own.mute) snprintf(error, error_size, "KNEAD_MUTE=1: a hand has to send");
+    if (own.mute) snprintf(error, error_size, "KNEAD_MUTE=1: not allowed for a hand, which has to send");
     return !own.mute;
 }
 
@@ -304,10 +304,11 @@ const char *kn_join_why(const char *otherwise)
     int64_t believed_ns = atomic_load(&own.believed_ns), old_ns = atomic_load(&own.old_ns);
     if (!own.keyed) return otherwise;
     if (old_ns > believed_ns && own.mute)
-        return "messages come, but were not stamped within 5 s of this machine's clock";
+        return "messages arrive, but they are not stamped within 5 s of this machine's clock";
     if (old_ns > believed_ns)
-        return "messages come with this KNEAD_KEY, but are old: no kneadd that has it answers our hello";
-    return atomic_load(&own.forged_ns) > believed_ns ? "messages come, but not signed with this KNEAD_KEY" : otherwise;
+        return "messages arrive with this KNEAD_KEY, but are old: no kneadd with this key answers our hello";
+    return atomic_load(&own.forged_ns) > believed_ns ? "messages arrive, but not signed with this KNEAD_KEY"
+                                                     : otherwise;
 }
 
 // --- hear -----------------------------------------------------------------------------------------------------------

@@ -19,26 +19,25 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: knead latency [SCENE] [OPTION]...\n"
-    "\n"
-    "From a pose to the force that answers it: a hand presses the scene's first tool into the object, 1000 poses a\n"
-    "second, on a kneadd that is started for it, with its own buses. In the same milliseconds the same messages go\n"
-    "there and back with nothing in between: what the machine does hits both.\n"
-    "\n"
-    "  SCENE             default: dough.yaml, as installed or in the source tree; 847 nodes\n"
-    "  --seconds N       of work, 1 to 3600; default 10\n"
-    "  --phase MODE      lock (default) or free: kneadd's --phase\n"
-    "  --lcm-url URL     measures the kneadd that serves URL instead. The tool stays in the air, 5 cm above; without\n"
-    "                    stages, which only a kneadd of our own tells\n"
-    "  --contract A,B    us; default 60,150: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
-    "                    most the echo's p99 + execution's p99 + B. none: states none\n"
-    "  --drift PPM       how much slower the hand's clock runs than kneadd's; default 100\n"
-    "  --json FILE       all that is printed\n"
-    "  --plot FILE       PNG of the distributions, by gnuplot\n"
-    "  --help, --version\n"
-    "\n"
-    "A pose that no answer echoes is missed: the next one overtook it. It is as late as the answer to that.\n"
-    "Exit: 1 the contract is missed, 2 bad input, 3 kneadd or the bus cannot be had.\n";
+    "usage: knead latency [SCENE] [OPTION]...\n\n"
+    "Measures the time from a pose to the force that answers it. A hand presses the scene's first tool into the\n"
+    "object with 1000 poses a second, on a kneadd that is started for the measurement, with its own buses. In the\n"
+    "same milliseconds the same messages go there and back with nothing in between: disturbances of the machine\n"
+    "affect both.\n\n"
+    "  SCENE             scene to serve (default: dough.yaml, as installed or in the source tree; 847 nodes)\n"
+    "  --seconds N       measure for N seconds, 1 to 3600 (default: 10)\n"
+    "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
+    "  --lcm-url URL     measure the kneadd that serves URL instead. The tool stays in the air, 5 cm above the\n"
+    "                    object. The stages are missing, because only a kneadd started here reports them\n"
+    "  --contract A,B    limits in us, or none: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
+    "                    most the echo's p99 + execution's p99 + B (default: 60,150)\n"
+    "  --drift PPM       how much slower the hand's clock runs than kneadd's (default: 100)\n"
+    "  --json FILE       write all results as JSON\n"
+    "  --plot FILE       draw the distributions as PNG (needs gnuplot)\n"
+    "  --help, --version\n\n"
+    "A pose that no answer echoes is counted as missed: the next pose overtook it. Its latency is that of the\n"
+    "answer to the next pose.\n"
+    "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
 static const double above_m = 0.05, years_s = 1e8; // tool above the object, m; duration of a path without an end, s
 static const double deep = 0.3;                    // depth of the press as a share of the object's height
@@ -121,7 +120,7 @@ static int parse(options *o, int argc, char **argv)
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
-                           "--lcm-url: expected neither SCENE nor --phase with it; the kneadd there has its own");
+                           "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
     char error[256];
     if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
@@ -217,7 +216,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
     // Always stop kneadd: its trace has the stages of the poses.
     bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
-    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
+    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
     kn_path_destroy(way);

@@ -17,14 +17,14 @@ enum { SHARES = 5 };
 static const struct {
     const char *name, *key, *meaning;
 } series[KN_SERIES_COUNT] = {
-    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, nothing in between"},
+    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, with nothing in between"},
     [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
-    [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose lies in its mailbox"},
+    [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose is in its mailbox"},
     [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses it"},
     [KN_SERIES_STEP] = {"  step", "step", "the lattice"},
     [KN_SERIES_GUARD] = {"  guard", "guard", "the output stage"},
     [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has it"},
-    [KN_SERIES_EXECUTION] = {"execution", "execution", "of the tick, as kneadd tells: read, step, guard"},
+    [KN_SERIES_EXECUTION] = {"execution", "execution", "the tick, as kneadd reports: read, step, guard"},
 };
 
 // Return the list of poses that a series is computed from.
@@ -124,8 +124,8 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
     int contacts = 0;
     for (int i = 0; i < l->flights[KN_LATENCY_POSE].count; i++)
         contacts += l->flights[KN_LATENCY_POSE].list[i].counts && l->flights[KN_LATENCY_POSE].list[i].contacts > 0;
-    printf("\ntouching in %d of them; the hand came too late for %d of its own ms and had to begin anew %d times\n",
-           contacts, l->missed_ms, l->interrupted);
+    printf("\ntouching in %d of them; the hand was too late for %d of its own ms and restarted %d times\n", contacts,
+           l->missed_ms, l->interrupted);
     bool kept = true;
     for (int n = 0; n < 2; n++) {
         double is_us, allowed_us;

@@ -297,14 +297,14 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
     r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;
     bool ok = open_all(&r) && run_threads(&r);
-    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses the threads of the echo");
+    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses threads for the echo");
     // Name the cause if the hand gave up.
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
                  r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")
                  : r.hand.trouble == KN_HAND_NOT_ENGAGED
                      ? "kneadd answers, but does not let the tool in: does another hand hold it?"
-                     : "the machine stood still too often: the hand gave up");
+                     : "the machine stood still too often, so the hand gave up");
         ok = false;
     }
     for (int p = 0; p < KN_LATENCY_PATHS; p++) join_answers(&l->flights[p], &r.answers[p]);

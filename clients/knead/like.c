@@ -19,14 +19,14 @@ static int say(const kn_trace *own, const kn_trace *uniform, const kn_scene *sce
     if (own->diverged || uniform->diverged)
         return kn_complain("check", KN_EXIT_FAILED, "%s diverged: there is no force to compare",
                            own->diverged ? "the scene" : "its uniform lattice");
-    if (isnan(force)) return kn_complain("check", KN_EXIT_USAGE, "the log touches nothing: expected a press");
+    if (isnan(force)) return kn_complain("check", KN_EXIT_USAGE, "the log contains no contact, expected a press");
     printf("accuracy  force %.2g %% off the uniform lattice, %g %% asked: %s; peak %.4g N, uniform %.4g N\n",
            100 * force, 100 * asked, keeps ? "kept" : "missed", kn_felt_peak(own), kn_felt_peak(uniform));
     printf("          shape %.2g %%; a tick takes %.0f us, uniform %.0f us, %.2f of it\n", 100 * shape, own->median_us,
            uniform->median_us, own->median_us / uniform->median_us);
     // A tool outside the fine box presses coarse cells; the log then says little about the accuracy.
     if (t->outside)
-        printf("warning   %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells are coarse there\n",
+        printf("warning   %s pressed up to %.2g mm outside its reach, for %lld ms in all, where the cells are coarse\n",
                scene->model.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (keeps) return KN_EXIT_OK;
     printf("          a larger object.margin, or the probes' whole reach, may help\n");
@@ -49,7 +49,7 @@ int kn_like_uniform(const char *path, const char *log, const char **sets, int co
                   kn_trace_play(&own, &def, &never, error, sizeof error);
     sets[count] = "object.accuracy=0";
     played = played && kn_trace_play(&uniform, &def, &never, error, sizeof error);
-    if (!stated) snprintf(error, sizeof error, "%s: states no object.accuracy, expected it with --log", path);
+    if (!stated) snprintf(error, sizeof error, "%s: has no object.accuracy, which --log needs", path);
     int code = played ? say(&own, &uniform, scene) : kn_complain("check", KN_EXIT_USAGE, "%s", error);
     kn_scene_destroy(scene);
     kn_trace_free(&own);

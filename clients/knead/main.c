@@ -19,11 +19,12 @@ static const command commands[] = {
 
 static void print_help(FILE *out)
 {
-    fprintf(out, "knead: feel, record and replay objects that are kneaded. The daemon that serves them is kneadd.\n\n"
+    fprintf(out, "knead: feel, record and replay deformable objects that flow. The daemon kneadd serves them.\n\n"
                  "usage: knead SUBCOMMAND [OPTION]...\n\n");
     for (const command *c = commands; c->name; c++) fprintf(out, "  %-10s %s\n", c->name, c->summary);
-    fprintf(out, "\n`knead SUBCOMMAND --help` tells the rest; `knead --version` the version.\n"
-                 "Exit codes: 0 ok, 1 the check asked for failed, 2 bad input, 3 device or transport, 70 internal.\n");
+    fprintf(out,
+            "\n`knead SUBCOMMAND --help` describes a subcommand; `knead --version` prints the version.\n"
+            "Exit codes: 0 ok, 1 a requested check failed, 2 bad input, 3 device or transport, 70 internal error.\n");
 }
 
 static int run(int argc, char **argv)

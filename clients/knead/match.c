@@ -99,8 +99,8 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
     if (ok && m->apart_m > COARSE * fmax(longest_side(first), longest_side(second))) {
         snprintf(error, error_size,
-                 "at rest the two are up to %.3g mm apart, expected objects of one shape: "
-                 "compared are points that lie beside each other at rest",
+                 "at rest the two are up to %.3g mm apart, expected objects of the same shape, "
+                 "because points are compared that coincide at rest",
                  1e3 * m->apart_m);
         ok = false;
     }

@@ -15,14 +15,15 @@
 static const char help[] =
     "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what\n"
-    "it has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "Fills a closed surface with tetrahedra, for object.mesh of a scene; or checks a mesh and prints its figures:\n"
+    "nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
-    "  -o OUT.msh          the mesh, in Gmsh's format 4.1, in the unit of the surface\n"
-    "  --size LENGTH       of an edge, about: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  the program (gmsh): gmsh meshes the surface anew, tetgen keeps it and adds to it\n"
-    "  --unit m|cm|mm|um   of the coordinates in the file (mm)\n\n"
-    "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
+    "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
+    "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'\n"
+    "  --tool gmsh|tetgen  meshing program: gmsh meshes the surface anew, tetgen keeps it and adds to it (default:\n"
+    "                      gmsh)\n"
+    "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
+    "A surface is refused, with file:line:col, if it has holes, edges of three triangles, or two pieces.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
 // Quality (core/simplices.h) below which an element is worth a warning. Such an element has 3 % of the volume of a
@@ -117,8 +118,7 @@ static int take_options(int argc, char **argv, options *o)
         else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the reason
     }
     if (o->help) return KN_EXIT_OK;
-    if (argc - optind != 1)
-        return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; --help tells the rest");
+    if (argc - optind != 1) return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; see --help");
     o->in = argv[optind];
     return check_options(o);
 }
@@ -144,7 +144,7 @@ static void print_mesh(const options *o, const char *file, const char *format, c
            m.quality_min, s->tag[m.worst], flat ? "triangle" : "tetrahedron");
     // A thin element deserves a warning.
     if (m.quality_min < THIN)
-        printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
+        printf("warning   element %ld is thin: it hardly carries load and may invert\n", s->tag[m.worst]);
     printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
 }
 
@@ -158,7 +158,7 @@ static int check_mesh(const options *o, const char *file)
     print_mesh(o, file, facts.format, s);
     // Report the parts of the file that the object will not have.
     if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
-    if (facts.loose > 0) printf("left out  %d nodes that no element has\n", facts.loose);
+    if (facts.loose > 0) printf("left out  %d nodes that no element uses\n", facts.loose);
     kn_simplices_destroy(s);
     return KN_EXIT_OK;
 }

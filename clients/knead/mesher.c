@@ -150,7 +150,7 @@ static void find_reason(const job *j, char reason[LINE_BYTES])
 {
     char line[LINE_BYTES];
     FILE *log = fopen(in_folder(j, "log"), "r");
-    snprintf(reason, LINE_BYTES, "it said nothing");
+    snprintf(reason, LINE_BYTES, "it printed no message");
     for (bool found = false; log && !found && fgets(line, sizeof line, log);) {
         const char *text = line + strspn(line, " \t\r\n");
         found = strncmp(text, "Error", 5) == 0 || strstr(text, " intersects facet ") != NULL;
@@ -169,8 +169,7 @@ static int judge(const job *j, int status)
     char reason[LINE_BYTES];
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return KN_EXIT_OK;
     if (WIFEXITED(status) && WEXITSTATUS(status) == EXIT_NO_PROGRAM) {
-        snprintf(j->error, j->error_size, "%s is not installed, expected it: apt-get install %s", j->program,
-                 j->program);
+        snprintf(j->error, j->error_size, "%s is not installed: apt-get install %s", j->program, j->program);
         return KN_EXIT_DEVICE;
     }
     // SIGXCPU: the limit of processor time was reached.
@@ -194,7 +193,7 @@ static int unusable(const job *j, const char *what)
     char copy[512];
     snprintf(copy, sizeof copy, "%s", what);
     const char *clause = strstr(copy, ": ");
-    snprintf(j->error, j->error_size, "%s made no mesh to be used: %s", j->program, clause ? clause + 2 : copy);
+    snprintf(j->error, j->error_size, "%s made an unusable mesh: %s", j->program, clause ? clause + 2 : copy);
     return KN_EXIT_USAGE;
 }
 

@@ -254,7 +254,7 @@ bool kn_plan_references(kn_plan *plan, char *error, size_t error_size)
 {
     int points = plan->count;
     if (plan->scene->accuracy > 0)
-        note(plan, "two resolutions, in the references too: knead check --log measures what the coarser one costs");
+        note(plan, "two resolutions, in the references too: knead check --log measures the error of the coarser one");
     for (int i = 0; i < points; i++) {
         kn_run run = plan->run[i];
         run.same = take_reference(plan, &run, KN_ROLE_SAME, error, error_size);

@@ -24,7 +24,8 @@ int kn_points_try(const kn_plan *plan)
     struct stat there;
     if (plan->scene->model.solver.kind == KN_SOLVER_RK4)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "--write: %s: solver.kind is rk4, which has no points, expected implicit", plan->scene_path);
+                           "--write: %s: solver.kind is rk4, which has no quality points, expected implicit",
+                           plan->scene_path);
     if (!realpath(plan->scene_path, path) || stat(path, &there) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "--write: %s: %s", plan->scene_path, strerror(errno));
     if (!S_ISREG(there.st_mode) || !(there.st_mode & 0222) || access(path, W_OK) != 0)
@@ -34,7 +35,7 @@ int kn_points_try(const kn_plan *plan)
     snprintf(folder, sizeof folder, "%s", path);
     if (access(dirname(folder), W_OK | X_OK) == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE,
-                       "--write: %s: its folder is read-only, expected one for a new file of that name",
+                       "--write: %s: its folder is read-only, expected a writable folder, because the file is replaced",
                        plan->scene_path);
 }
 
@@ -86,7 +87,7 @@ static bool is_same_scene(const kn_plan *plan, const char *path, const char *tex
     kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
     char *now = scene ? kn_graft(scene->text, "quality", "", error, error_size) : NULL;
     bool same = now && !strcmp(now, plan->text);
-    if (now && !same) snprintf(error, error_size, "the scene has changed meanwhile");
+    if (now && !same) snprintf(error, error_size, "the scene file was changed meanwhile");
     free(now);
     kn_scene_destroy(scene);
     return same;
@@ -117,7 +118,7 @@ static void tell(const kn_plan *plan)
     printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (plan->scene->point[q].defined && !plan->scene->point[q].live)
-            printf("the %s that was there is gone: it was of another lattice or precision\n", kn_quality_name(q));
+            printf("removed the old point %s: it was of another lattice or precision\n", kn_quality_name(q));
 }
 
 int kn_points_write(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])

@@ -173,7 +173,7 @@ static kn_path *generate(probe *p, bool again)
     double tool_m = kn_foot_m(p->tool);
     bool press = !strcmp(p->opt.path, "press");
     if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
-        complain(KN_EXIT_DEVICE, "the object has left the place under the tool");
+        complain(KN_EXIT_DEVICE, "the object has moved away from under the tool");
         return NULL;
     }
     // The depth of a press counts from the untouched top. Convert it to a depth below the height of first contact.
@@ -231,7 +231,7 @@ static int64_t random_session(void)
 static int take_device(probe *p)
 {
     if (p->tool->coupling_n_m == 0.0)
-        fprintf(stderr, "knead probe: %s follows its pose rigidly: it may chatter where a coupled tool would not\n",
+        fprintf(stderr, "knead probe: %s follows its pose rigidly and may chatter where a coupled tool would not\n",
                 p->tool->name);
     kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
     def.render = (kn_render_def){.device = p->scene->device,
@@ -401,7 +401,7 @@ static int verdict(probe *p)
                 h->force.fault ? kn_fault_name((kn_fault)h->force.fault) : "no fault");
         break;
     case KN_HAND_SPOILT:
-        fprintf(stderr, "knead probe: %s spoilt %d time%s, at last by %s\n", p->opt.path, h->trips,
+        fprintf(stderr, "knead probe: %s interrupted %d time%s, the last time by %s\n", p->opt.path, h->trips,
                 h->trips == 1 ? "" : "s",
                 last->refusal ? last->refusal
                 : last->own   ? "missing forces"
@@ -424,7 +424,7 @@ static void print_grasp(const kn_grasp *g)
         printf("  local model     %8lld      messages rendered, %lld not taken\n", (long long)g->render.model.taken,
                (long long)g->render.model.refused);
     if (g->render.guards) printf("  impulse guard   %8lld      hits\n", (long long)g->render.guards);
-    printf("  energy given    %8.2f mJ   to the hand; the controller damped for %lld ms\n", 1e3 * n->given_j,
+    printf("  energy given    %8.2f mJ   to the hand; the controller added damping for %lld ms\n", 1e3 * n->given_j,
            (long long)n->acted);
 }
 
@@ -469,7 +469,7 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
             report.residual_m = p->before_m - after_m;
-        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
+        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
     }
     if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);

@@ -146,7 +146,7 @@ bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char
     r->started = true;
     if (pthread_create(&r->thread, NULL, run, r) == 0) return true;
     r->started = false;
-    snprintf(error, error_size, "no thread for the record");
+    snprintf(error, error_size, "cannot start a thread for the recording");
     return false;
 }
 

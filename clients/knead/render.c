@@ -197,8 +197,8 @@ void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const
 const char *kn_render_why(kn_render_stop why)
 {
     static const char *const told[] = {
-        [KN_RENDER_REFLEX] = "own impulse guard: the force was asked to jump",
-        [KN_RENDER_FAR] = "a round trip above 5 ms: forces that old are not given; kneadd --local-model and --local "
+        [KN_RENDER_REFLEX] = "own impulse guard: the requested force jumped",
+        [KN_RENDER_FAR] = "a round trip above 5 ms: forces that old are refused; kneadd --local-model and --local "
                           "render the contact instead",
     };
     return told[why];

@@ -80,7 +80,8 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
 
 void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double clamp_n)
 {
-    if (hand->tries > 1) fprintf(out, "  try %d: the object has kept what the spoilt ones left\n", hand->tries);
+    if (hand->tries > 1)
+        fprintf(out, "  try %d: the object keeps the deformation of the interrupted tries\n", hand->tries);
     if (r->contact_s > 0.0) {
         fprintf(out, "  contact         %8.2f s    from %.2f s on\n", r->contact_s, r->contact_from_s);
         fprintf(out, "  peak            %8.2f N    %.2f s after touch\n", r->peak_n, r->peak_s - r->contact_from_s);
@@ -91,10 +92,10 @@ void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double 
     if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
     if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    the device's limit\n", r->given_peak_n);
     if (r->gain_min < 1.0)
-        fprintf(out, "  poses were late: what the hand was given faded to %.0f %%\n", 100.0 * r->gain_min);
+        fprintf(out, "  poses were late: the force on the hand faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
-    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer somebody else\n",
+    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer another hand\n",
             (long long)r->matched, (long long)r->stale, (long long)r->strange);
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
 }

@@ -203,7 +203,8 @@ bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_s
     bool known = surface && rest_shape(s, model, surface);
     if (!known)
         snprintf(error, error_size, "%s%s",
-                 live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard", live->scene_error);
+                 live->scene ? "the mesh does not belong to the received scene" : "no scene was received",
+                 live->scene_error);
     if (known) paint(&s->view, &model->def);
     if (known) kn_still_update(s, live);
     kn_surface_destroy(surface);

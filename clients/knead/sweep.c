@@ -10,22 +10,21 @@
 
 static const char help[] =
     "usage: knead sweep MATERIAL|EXPR [--freq LOW:HIGH[:NUMBER]] [OPTION]...\n\n"
-    "Swings a specimen and tells its storage modulus G' and loss modulus G'' (stress over strain in compression, in "
-    "phase\n"
-    "and a quarter ahead) at frequencies that are equally far apart on a logarithmic scale.\n\n"
+    "Oscillates a specimen and prints its storage modulus G' and its loss modulus G'' (stress over strain in\n"
+    "compression, in phase and a quarter period ahead). The frequencies are evenly spaced on a logarithmic scale.\n\n"
     "    knead sweep dough --freq 0.001:10 --png sweep.png\n"
     "    knead sweep dough --freq 0.01:1:5 --amplitude 1%\n"
     "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
-    "  --freq L:H[:N]    N frequencies from L to H, Hz (0.001:100:26)\n"
-    "  --amplitude A     swings that far, 1% or 0.01, and takes the fundamental of the stress once it repeats\n"
-    "  --csv FILE        frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP "\n"
-    "Without --amplitude the moduli are those of a swing of no size: a damper that depends on the stress has the\n"
-    "viscosity that it has at rest, and linear_strain is the largest amplitude for which that is exact (its stress "
-    "stays\n"
-    "below p0 in every such damper). With it the test is made as on an instrument, and harmonics is the share of the\n"
-    "stress that is not of the fundamental. The area is constant: moduli are per S0.\n"
+    "  --freq L:H[:N]    N frequencies from L to H, Hz (default: 0.001:100:26)\n"
+    "  --amplitude A     oscillate with strain amplitude A, 1% or 0.01, until the stress is periodic, and evaluate\n"
+    "                    its fundamental (default: an infinitesimal amplitude)\n"
+    "  --csv FILE        write frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP "\n"
+    "Without --amplitude the moduli are those of an infinitesimal oscillation: a damper that depends on the stress\n"
+    "has its viscosity at rest. linear_strain is the largest amplitude for which this is exact (the stress stays\n"
+    "below p0 in every such damper). With --amplitude the test is made as on an instrument, and harmonics is the\n"
+    "share of the stress outside the fundamental. The area is constant: moduli refer to S0.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",
@@ -115,7 +114,7 @@ static int run(kn_bench *b, kn_table *t)
     bool any_nonlinear = false;
     kn_bench_print(b);
     if (opt->amplitude > 0)
-        printf("test      swings of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
+        printf("test      oscillations of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
     else printf("test      linear: dampers as at rest\n");
     printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
            opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
@@ -136,7 +135,7 @@ static int run(kn_bench *b, kn_table *t)
     }
     kn_result_table("frequencies", t);
     if (any_nonlinear && opt->amplitude == 0)
-        printf("\na damper depends on the stress: larger swings meet a softer specimen, see --amplitude\n");
+        printf("\na damper depends on the stress: the specimen is softer under larger oscillations, see --amplitude\n");
     return KN_EXIT_OK;
 }
 

@@ -23,16 +23,18 @@
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
-    "What a tool touches, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8 pressures over the\n"
-    "tool's face, as seen from inside of the tool, contact area, peak pressure, and in the tool's frame the centre of\n"
-    "pressure, the mean normal out of the object and how fast the skin slips under the tool. Drawn in place on a\n"
-    "terminal, else a line for each message, 250 per second.\n\n"
-    "  --probe NAME     tool of the scene (the first that is heard)\n"
-    "  --json           a JSON object per line, SI units; proto/README.md says what pressure_pa lies over\n"
-    "  --once           ends with the first message in which something is touched\n"
-    "  --seconds N      ends after that long, 0.1..86400 (until Ctrl-C)\n"
-    "  --lcm-url URL    touch patches (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
-    "Exit codes: 0 ok, 2 bad input, 3 nothing heard, or with --once nothing touched.\n";
+    "Shows the contact of a tool, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8\n"
+    "pressures over the tool's face, seen from inside the tool, the contact area and the peak pressure. In the\n"
+    "tool's frame it also shows the centre of pressure, the mean normal (out of the object) and the slip velocity\n"
+    "of the skin under the tool. On a terminal the picture is redrawn in place; otherwise one line per message is\n"
+    "printed, 250 per second.\n\n"
+    "  --probe NAME     tool of the scene (default: the first tool that is heard)\n"
+    "  --json           print one JSON object per line, in SI units; see proto/README.md for the grid of\n"
+    "                   pressure_pa\n"
+    "  --once           end with the first message that reports contact\n"
+    "  --seconds N      end after N seconds, 0.1..86400 (default: run until Ctrl-C)\n"
+    "  --lcm-url URL    bus of the touch patches (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
+    "Exit codes: 0 ok, 2 bad input, 3 no message, or with --once no contact.\n";
 
 typedef struct watch {
     const char *probe, *url;
@@ -141,7 +143,7 @@ static void draw(watch *w)
     // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
-    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("nobody holds it");
+    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
     else print_words(w);
     printf("\033[K\n  v +----------------+\033[K\n");
     for (int i = CELLS - 1; i >= 0; i--) {

@@ -20,18 +20,19 @@
 
 static const char help[] =
     "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
-    "Texture profile analysis: a plate bites twice, and what food laboratories read off the two peaks is told: "
-    "hardness,\n"
-    "cohesiveness, springiness, resilience. Adhesiveness is not: the plate does not stick, so no force ever pulls.\n\n"
+    "Texture profile analysis: a plate bites twice. The figures that food laboratories read off the two peaks are\n"
+    "printed: hardness, cohesiveness, springiness, resilience. Adhesiveness is not modelled: the plate does not\n"
+    "stick, so no force ever pulls.\n\n"
     "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
     "    knead tpa jelly --strain 30%\n\n"
-    "  --strain S        depth of both bites, share of the height of the untouched specimen (50 %)\n"
-    "  --speed V         of the plate, down and up (1 mm/s)\n"
-    "  --wait TIME       between the bites, the plate at the height of the untouched specimen (5 s)\n"
-    "  --csv FILE        bite,time_s,plate_m,strain,force_n,stress_pa; plate_m: how far the plate is below that "
-    "height\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
+    "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default:\n"
+    "                    5 s)\n"
+    "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
+    "                    below the height of the untouched specimen\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
@@ -186,8 +187,9 @@ static void print(const kn_bench *b, const bite r[2])
     printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
            r[1].peak_n);
     printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
-    printf("springiness   %.4f, way of the second bite over the first\n", (opt->strain - r[1].touched) / opt->strain);
-    printf("resilience    %.4f, area of the first bite's way up over its way down\n", r[0].up_j / r[0].down_j);
+    printf("springiness   %.4f, travel of the second bite over the first\n",
+           (opt->strain - r[1].touched) / opt->strain);
+    printf("resilience    %.4f, area of the first bite's upstroke over its downstroke\n", r[0].up_j / r[0].down_j);
     printf("adhesiveness  not modelled: the plate does not stick\n");
 }
 

@@ -121,11 +121,11 @@ static void print_times(const sweep *s)
         first = sitting;
     }
     printf(
-        "times      processor time of a tick of the servo, one run at a time, of each tick the better of two rounds");
-    if (several) printf("; NOT all of one sitting: compare with care");
+        "times      processor time of a tick of the servo, one run at a time, for each tick the better of two rounds");
+    if (several) printf("; NOT all measured in one session: compare with care");
     if (s->crew.unsteady > 0)
-        printf("; %d of %d points took over 15 %% longer in the other: this machine has other work", s->crew.unsteady,
-               s->crew.timed);
+        printf("; %d of %d points took over 15 %% longer in the other round: this machine is busy with other work",
+               s->crew.unsteady, s->crew.timed);
     putchar('\n');
 }
 
@@ -139,10 +139,11 @@ static void print_named(const sweep *s)
         char name[96];
         printf("%-10s ", kn_quality_name(q));
         if (!r) printf("none: no point's p90 is %g us or less", budget_us);
-        else if (q > 0 && r == s->named[q - 1]) printf("the same as %s: no other is between", kn_quality_name(q - 1));
+        else if (q > 0 && r == s->named[q - 1])
+            printf("the same as %s: no other point lies between", kn_quality_name(q - 1));
         else
-            printf("%s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver", kn_run_name(r->run, name),
-                   r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
+            printf("%s: %.0f us, p90 %.0f us, error of the solver: force %.2g %%, shape %.2g %%",
+                   kn_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
         if (r && kn_front_excess(r, q) > 1)
             printf("; MISSED: %g %%, %g %% and a jump of %.2g N/ms at most", 100 * kn_front_bounds[q].force,
                    100 * kn_front_bounds[q].shape, KN_JUMP * r->same_jump_n);
@@ -166,8 +167,9 @@ static void print_elsewhere(const sweep *s)
     char name[96];
     const kn_row *r = kn_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
-    printf("no name    %s: p90 %.0f us, force %.3g %% in all, nearer than they are; a server changes neither lattice, "
-           "step nor precision:",
+    printf("no name    %s: p90 %.0f us, force %.3g %% in all, more accurate than they are; a server cannot change "
+           "lattice, "
+           "step or precision:",
            kn_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }
@@ -178,8 +180,8 @@ static int pick(const sweep *s)
     char name[96];
     const kn_row *r = kn_front_pick(&s->front, s->opt.budget_us);
     if (!r)
-        return kn_complain("tradeoff", KN_EXIT_FAILED,
-                           "--budget-us %g: no point that may be used has a p90 of that or less", s->opt.budget_us);
+        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget-us %g: no usable point has a p90 of that or less",
+                           s->opt.budget_us);
     printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
            kn_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);
     print_sets(s, r);

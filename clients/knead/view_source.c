@@ -111,9 +111,9 @@ static int step_log(kn_source *s, double at_s)
     }
     // Report a damaged recording once.
     if (s->ended && r->damage[0])
-        fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", s->path, r->damage), r->damage[0] = 0;
+        fprintf(stderr, "knead view: %s: %s; the part before it was used\n", s->path, r->damage), r->damage[0] = 0;
     if (isinf(s->time_s))
-        return kn_complain("view", KN_EXIT_USAGE, "%s: not one tick in it, expected a recorded session", s->path);
+        return kn_complain("view", KN_EXIT_USAGE, "%s: it contains no tick, expected a recorded session", s->path);
     return KN_EXIT_OK;
 }
 
@@ -147,7 +147,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     char error[400];
     if (o->look.style == KN_VIEW_EDGES)
         return kn_complain("view", KN_EXIT_USAGE,
-                           "--style edges: what is served is the surface alone, expected a log or --scene");
+                           "--style edges: kneadd serves the surface alone, expected a log or --scene");
     if (!kn_join_check(o->url, KN_FORCE_URL, error, sizeof error) ||
         !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return kn_complain("view", KN_EXIT_USAGE, "%s", error);
@@ -182,11 +182,10 @@ static int untold(const kn_live *live, kn_measure what)
     const char *name = kn_measure_names[what].name;
     if (what == KN_MEASURE_DISPLACEMENT) return no_memory();
     if (live->scene->mesh_measures & bit)
-        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd tells none now, though its scene asks for it",
+        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd sends none now, although its scene asks for it",
                            name);
     return kn_complain("view", KN_EXIT_USAGE,
-                       "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
-                       name);
+                       "--color %s: the served scene has no such mesh.measures, expected kneadd with it", name);
 }
 
 // Make a still of the live object. Without its scene, the object is drawn without tools and colours.
@@ -197,7 +196,7 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
         return untold(&s->live, (kn_measure)o->measure);
     if (error[0] && !s->told) {
-        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
+        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the present shape\n",
                 error);
         s->told = true; // the warning is printed once per film
     }

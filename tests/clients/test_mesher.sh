@@ -24,7 +24,7 @@ done <"$bad/expected"
 
 # ---- wrong arguments
 surface=$KN_SOURCE/tests/clients/surfaces/block.obj
-refuses 2 "knead mesh: expected one .obj, .stl or .msh file; --help tells the rest"
+refuses 2 "knead mesh: expected one .obj, .stl or .msh file; see --help"
 refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
 refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected .obj or .stl" "$meshes/block.msh" --size 5mm
 refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" -o x.msh
@@ -72,9 +72,9 @@ refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for
 # ---- without the programs
 mkdir empty
 PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: gmsh is not installed, expected it: apt-get install gmsh" "$surface" --size 1cm -o x.msh
+    "knead mesh: $surface: gmsh is not installed: apt-get install gmsh" "$surface" --size 1cm -o x.msh
 PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: tetgen is not installed, expected it: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
+    "knead mesh: $surface: tetgen is not installed: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
     --tool tetgen
 [ $failed = 0 ] || exit 1
 for tool in gmsh tetgen; do

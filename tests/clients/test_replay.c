@@ -254,9 +254,9 @@ TEST("a log cut within a record is good up to there, says so, and does not pass 
         fwrite(bytes, 1, size / 2 - (size_t)cut, f);
         fclose(f);
         CHECK(REPLAY("cut.lcmlog") == KN_EXIT_OK);
-        CHECK(strstr(err, "complete records: what stands before it was used"));
+        CHECK(strstr(err, "complete records: the part before it was used"));
         CHECK(REPLAY("cut.lcmlog", "--verify") == KN_EXIT_FAILED);
-        CHECK(strstr(err, "cannot be verified whole: cut within a record") &&
+        CHECK(strstr(err, "cannot be verified completely: cut within a record") &&
               strstr(err, "forces before it are equal"));
         CHECK(!strstr(out, "verified"));
     }
@@ -447,7 +447,7 @@ TEST("a log that begins on a kneaded object goes on from a snapshot of that run,
         CHECK(REPLAY("late.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
         if (!strstr(out, "verified")) printf("%s%s", out, err);
         char line[80];
-        snprintf(line, sizeof line, "went on from the snapshot of tick %lld\n", (long long)saved.tick);
+        snprintf(line, sizeof line, "continued from the snapshot of tick %lld\n", (long long)saved.tick);
         CHECK(strstr(out, line));
         CHECK(REPLAY("late.lcmlog", "--snapshot", state, "--set", "material.k1=300 gf/cm^3") == KN_EXIT_USAGE);
         CHECK(REPLAY("late.lcmlog", "--snapshot", "nowhere") == KN_EXIT_USAGE && strstr(err, "nowhere: No such file"));

@@ -128,7 +128,7 @@ TEST("what is kept is not played again; another log, or other sets, are refused 
     CHECK(said("kept: its runs are of another scene, expected"));
     record("tradeoff.lcmlog", 0.002);
     CHECK(RUN(SMALL, "--resume", "kept") == KN_EXIT_USAGE && said("of another log, expected"));
-    CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a sweep's, expected an empty folder"));
+    CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a folder of knead tradeoff --resume"));
 }
 
 TEST("a budget that nothing meets is told by the exit code, one that all meet takes the nearest")

@@ -81,7 +81,7 @@ kill=0 replay= differ=0 runs=0 losses=0 back=0
 end_replay() {
     wait "$replay"
     losses=$((losses + $(grep -oE 'lost [0-9]+' killed.txt | grep -oE '[0-9]+' || echo 0)))
-    ! grep -q "its state at the end is the twin's" killed.txt || back=$((back + 1))
+    ! grep -q "its final state equals the twin's" killed.txt || back=$((back + 1))
     [ "$(hash_of killed.txt)" = "$(hash_of twin.txt)" ] || differ=$((differ + 1))
     runs=$((runs + 1))
 }

@@ -86,7 +86,7 @@ refused "with a slash behind it" 2 'expected a path of its own' press.lcmlog --v
 ln -s . here
 refused "by a link" 2 'expected a path of its own' press.lcmlog --csv x --ply here/x --at 0.1
 mkdir empty
-refused "one output in another" 2 'expected a path of its own for each output, none in another' press.lcmlog --vtk empty --csv empty/x
+refused "one output in another" 2 'expected a separate path for each output, none inside another' press.lcmlog --vtk empty --csv empty/x
 refused "nowhere" 2 "^knead export: --vtk '': expected a value$" press.lcmlog --vtk ''
 refused "a table nowhere" 2 "^knead export: --csv '': expected a value$" press.lcmlog --csv ''
 for text in ' 1' 0x2 1e inf nan +; do
@@ -121,7 +121,7 @@ refused "a scene that is none" 2 'nosuch.yaml:1:1: ' --scene nosuch.yaml --vtk x
 head -c 300000 press.lcmlog >cut.lcmlog
 knead export cut.lcmlog --vtk cut >out 2>err
 check "a damaged log is used up to there" [ -e cut/object.pvd ]
-check "and says so: $(cat err)" grep -q "what stands before it was used" err
+check "and says so: $(cat err)" grep -q "the part before it was used" err
 (ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv) >out 2>err
 got=$?
 check "a disk that is full is told ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'
