@@ -96,7 +96,7 @@ TEST("a file of the user's begins with a profile and changes it; what is wrong i
     CHECK(scene && scene->device.mass_kg == 0.3 && scene->device.force_limit_n == 8.0);
     CHECK(scene && strstr(scene->text, "profile: falcon\n"));
     CHECK(ftruncate(fd, 0) == 0 && pwrite(fd, wrong, strlen(wrong), 0) == (ssize_t)strlen(wrong));
-    CHECK(!with(set) && strstr(error, "gravity stands in"));
+    CHECK(!with(set) && strstr(error, "gravity is in"));
     close(fd);
     unlink(path);
 }
