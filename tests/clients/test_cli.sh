@@ -84,6 +84,6 @@ begins 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead 
 begins 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
 begins 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe
 ip route del 224.0.0.0/4 dev lo
-begins 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
+begins 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the multicast group is not routed' knead probe
 
 exit $failed

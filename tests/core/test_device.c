@@ -103,8 +103,8 @@ TEST("a file of the user's begins with a profile and changes it; what is wrong i
 
 TEST("a basis that is no permutation or left-handed, and a rotation that is none, are refused")
 {
-    CHECK(!with("{profile: touch, basis: [1, 1, 3]}") && strstr(error, "no permutation"));
-    CHECK(!with("{profile: touch, basis: [1, 2.5, 3]}") && strstr(error, "no permutation"));
+    CHECK(!with("{profile: touch, basis: [1, 1, 3]}") && strstr(error, "not a permutation"));
+    CHECK(!with("{profile: touch, basis: [1, 2.5, 3]}") && strstr(error, "not a permutation"));
     CHECK(!with("{profile: touch, basis: [2, 1, 3]}") && strstr(error, "left-handed"));
     CHECK(!with("{profile: touch, rotation: [1, 0, 0, 1]}") && strstr(error, "unit quaternion"));
 }

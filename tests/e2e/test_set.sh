@@ -81,7 +81,7 @@ printf "o'brien:\$y\$j9: 1\n" >quoted
 printf '{MIIEpAIBAAKCAQEA0: 1}\n' >letters
 printf 'matreial: 1\n' >typo.yaml
 for file in shadow quoted letters; do
-    expect "$file:1:.*unknown key \.\.\. \(knead check" 2 ctl load $file
+    expect "$file:1:.*unknown key \.\.\. \(see knead check" 2 ctl load $file
 done
 python3 -c 'import json, os, socket
 for size in range(400, 512): # an answer longer than a reply is cut off

@@ -131,7 +131,7 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     close(fd);
     fd = dial();
     CHECK(send(fd, "{\"e\":", 5, 0) == 5 && shutdown(fd, SHUT_WR) == 0);
-    CHECK(strstr(hear(c, fd), "no JSON at byte"));
+    CHECK(strstr(hear(c, fd), "not JSON at byte"));
     close(fd);
     kn_control_close(c);
     CHECK(access(path, F_OK) != 0);
@@ -182,14 +182,14 @@ TEST("what is no JSON object is told where, and nothing is asked")
 {
     static const struct {
         const char *line, *says;
-    } bad[] = {{"\n", "no JSON at byte"},
-               {"reset\n", "no JSON at byte"},
-               {"{\"a\":1\n", "no JSON at byte"},
-               {"{\"a\":1}{}\n", "no JSON at byte"},
-               {"{\"a\":1,\"a\":2}\n", "no JSON at"},
+    } bad[] = {{"\n", "not JSON at byte"},
+               {"reset\n", "not JSON at byte"},
+               {"{\"a\":1\n", "not JSON at byte"},
+               {"{\"a\":1}{}\n", "not JSON at byte"},
+               {"{\"a\":1,\"a\":2}\n", "not JSON at"},
                {"[1]\n", "expected one JSON object per line"},
-               {"\xff\xfe{}\n", "no JSON at byte"},
-               {"{\"a\":1e999}\n", "no JSON at byte"}};
+               {"\xff\xfe{}\n", "not JSON at byte"},
+               {"{\"a\":1e999}\n", "not JSON at byte"}};
     OWN(kn_control) *c = start();
     int fd = dial();
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
