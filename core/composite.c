@@ -37,7 +37,7 @@ const char *kn_composite_unfit(const kn_model_def *def)
 {
     if (def->mesh || def->thickness_m > 0 || def->structure != KN_STRUCTURE_DIAGONALS)
         return "a fine box needs a solid block with diagonals";
-    if (def->pressure != KN_PRESSURE_NONE) return "a fine box goes without pressure";
+    if (def->pressure != KN_PRESSURE_NONE) return "a fine box needs pressure: none";
     return def->solver.kind == KN_SOLVER_IMPLICIT ? NULL : "a fine box needs the implicit solver";
 }
 

@@ -144,8 +144,8 @@ bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error
     e->root = read_parallel(&p);
     if (e->root >= 0 && *p.at)
         e->root = complain(&p, p.at,
-                           *p.at == ')' ? "nothing is open here, expected -, | or the end"
-                                        : "cannot go on here, expected -, | or the end",
+                           *p.at == ')' ? "no ( is open here, expected -, | or the end"
+                                        : "cannot continue here, expected -, | or the end",
                            0);
     return e->root >= 0;
 }

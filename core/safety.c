@@ -51,11 +51,11 @@ const char *kn_fault_remedy(kn_fault fault)
     static const char *const remedies[] = {
         "nothing to do",
         "lift the tool clear of the object while poses flow",
-        "a new session or an operator's recover, then lift the tool clear of the object",
+        "start a new session or send recover, then lift the tool clear of the object",
         "reset the object, then lift the tool clear of it",
-        "an operator's recover, then lift the tool clear of the object",
-        "start the server again",
-        "lift the tool clear of the object while poses flow; if it comes back, take a lower quality or fewer nodes",
+        "send recover, then lift the tool clear of the object",
+        "restart the server",
+        "lift the tool clear of the object while poses flow; if the fault returns, take a lower quality or fewer nodes",
     };
     return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
 }

@@ -202,13 +202,13 @@ static const char *too_stiff(const kn_model *m)
     const double h = d->spacing_m, dt = d->solver.dt_s;
     const double edge = m->kappa_m * m->law.a_pa_s * (m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_flow);
     if (d->pressure != KN_PRESSURE_NONE && d->inside_pressure_pa * h * dt > GAS_MOST * edge)
-        return "fixed takes gas at the step's begin, which is stiffer here than the object is viscous: needs the "
-               "implicit solver";
+        return "fixed takes the gas from the start of the step, and here the gas is stiffer than the object is "
+               "viscous: needs the implicit solver";
     for (int p = 0; p < d->probe_count; p++)
         if (d->probe[p].shape != KN_PROBE_PLATE &&
             kn_probe_foundation(&d->probe[p]) * h * h * dt > FOUNDATION_MOST * edge)
-            return "fixed takes a tool's depth at the step's begin, and its foundation is stiffer than the object is "
-                   "viscous: needs a softer one, or the implicit solver";
+            return "fixed takes a tool's depth from the start of the step, and its foundation is stiffer than the "
+                   "object is viscous: needs a softer one, or the implicit solver";
     return NULL;
 }
 
@@ -267,7 +267,8 @@ const char *kn_fixed_build(kn_model *model, char *text, size_t size)
     if ((wrong = misfit(f, &r, text, size))) return wrong;
     if (!measure_error(model, f)) return "not enough memory for the model";
     if (!(f->error > KN_FIXED_ERROR_MOST)) return NULL;
-    snprintf(text, size, "fixed leaves %.0f %% of a press's force unsolved with %d passes of %d iterations: needs more",
+    snprintf(text, size,
+             "fixed leaves %.0f %% of the force of a press unsolved with %d passes of %d iterations: needs more",
              100 * f->error, f->image.config.passes, f->image.config.iterations);
     return text;
 }

@@ -55,7 +55,8 @@ kn_change *kn_change_create(kn_scene *scene, const kn_scene *now, const kn_model
     } else {
         kn_scene_destroy(scene);
     }
-    snprintf(error, error_size, "%s: expected what the object can go on in; a new start takes anything", wrong);
+    snprintf(error, error_size, "%s: expected a change that keeps the object's state; a restart of kneadd allows any",
+             wrong);
     return NULL;
 }
 

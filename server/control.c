@@ -64,7 +64,7 @@ json_t *kn_control_error(const char *format, ...)
     va_start(arguments, format);
     json_t *error = json_vsprintf(format, arguments);
     va_end(arguments);
-    return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or no UTF-8"));
+    return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or not UTF-8"));
 }
 
 // --- lines that are only counted in the log ---
@@ -73,8 +73,8 @@ json_t *kn_control_error(const char *format, ...)
 static void tell_untold(kn_control *c, int64_t now_ns)
 {
     if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
-    kn_say("kneadd: control: lines that were no requests, or more than %d a second: %d, the last of uid %d pid %d",
-           KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
+    kn_say("kneadd: control: malformed lines, or more than %d a second: %d, the last from uid %d pid %d", KN_CONTROL_HZ,
+           c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
     c->untold = 0;
     c->untold_ns = now_ns;
 }
@@ -102,7 +102,7 @@ static const char *make_room(const struct sockaddr_un *at)
 {
     struct stat there;
     if (lstat(at->sun_path, &there) != 0) return NULL;
-    if (!S_ISSOCK(there.st_mode)) return "exists and is no socket";
+    if (!S_ISSOCK(there.st_mode)) return "exists and is not a socket";
     if (serves(at)) return "another server answers there";
     return unlink(at->sun_path) == 0 ? NULL : strerror(errno);
 }
@@ -208,7 +208,7 @@ static peer *make_place(kn_control *c)
                       (!p->request == !place->request && p->heard_ns < place->heard_ns);
         if (sooner) place = p;
     }
-    send_reply(place, kn_control_error("more than %d connections: yours was silent for longest", KN_CONTROL_PEERS));
+    send_reply(place, kn_control_error("more than %d connections: yours was silent the longest", KN_CONTROL_PEERS));
     if (place->fd >= 0) hang_up(place);
     return place;
 }
@@ -283,13 +283,13 @@ static json_t *parse(const char *line, size_t length, json_t **refusal)
     json_error_t why;
     *refusal = NULL;
     if (brackets(line, length) > KN_CONTROL_BRACKETS) {
-        *refusal = kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
+        *refusal = kn_control_error("more than %d brackets [ and {", KN_CONTROL_BRACKETS);
         return NULL;
     }
     json_t *request = json_loadb(line, length, JSON_REJECT_DUPLICATES, &why);
     if (request && json_is_object(request)) return request;
-    *refusal = request ? kn_control_error("expected one object per line")
-                       : kn_control_error("no JSON at byte %d, expected one object per line", why.position);
+    *refusal = request ? kn_control_error("expected one JSON object per line")
+                       : kn_control_error("not JSON at byte %d, expected one JSON object per line", why.position);
     json_decref(request);
     return NULL;
 }
@@ -518,7 +518,7 @@ void kn_control_turn(kn_control *c, int timeout_ms)
 static void refuse_slow(const kn_control *c, peer *p)
 {
     if (!p->request) return;
-    answer(c, p, p->request, kn_control_error("the server is ending: this is not done"));
+    answer(c, p, p->request, kn_control_error("the server is stopping: the command is not carried out"));
     json_decref(p->request);
     p->request = NULL;
 }

@@ -96,7 +96,7 @@ static void tell_refusals(server *d)
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
         d->refusals |= 1u << told[i];
-        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' counts them", kn_verdict_name(told[i]),
+        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts", kn_verdict_name(told[i]),
                kn_verdict_meaning(told[i]));
     }
 }
@@ -305,8 +305,8 @@ static void tell_audit(server *d, int64_t *told)
 {
     int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
     if (created != *told)
-        kn_say("kneadd: in %" PRId64 " s the object gave more energy than it had and was given, by over %g %% of the "
-               "work",
+        kn_say("kneadd: in %" PRId64
+               " s the object created energy: it gave more than it had and received, by over %g %% of the work",
                created - *told, 100 * KN_AUDIT_SHARE);
     *told = created;
 }
@@ -334,10 +334,10 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     const char *before = kn_quality_name(*told), *name = kn_quality_name(now);
     if (now != *told && now == asked) kn_say("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != *told)
-        kn_say("kneadd: quality %s -> %s: %d ticks running took more than %g ms; 'knead ctl quality %s' goes back",
+        kn_say("kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
                before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
     if (exhausted && !*told_exhausted)
-        kn_say("kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s",
+        kn_say("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",
                KN_OVER_TICKS, budget_ms, name);
     *told = now;
     *told_exhausted = exhausted;
@@ -545,7 +545,7 @@ static void tell_sets(FILE *out, const kn_sets *sets)
     char room[KN_SETS_BYTES];
     const char *list[KN_SETS_MAX];
     int count = kn_sets_list(sets, room, list);
-    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: as it was set before: " : ", ", list[i]);
+    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: settings restored: " : ", ", list[i]);
     if (count > 0) fputc('\n', out);
 }
 
@@ -559,14 +559,16 @@ static void tell_ready(server *d, FILE *out)
             d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
     tell_sets(out, &d->on.sets);
     if (d->estopped)
-        fprintf(out, "kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
+        fprintf(out, "kneadd: an emergency stop is in force: every force stays 0 until %sknead ctl recover\n",
                 d->control ? "" : "a start with --control and ");
     if (*d->rt.missing) fprintf(out, "kneadd: not real time: %s\n", d->rt.missing);
     if (d->exchange.receiver.auth)
-        fprintf(out, "kneadd: poses are taken from holders of the key, forces are signed with it\n");
+        fprintf(out, "kneadd: poses must be signed with the key, forces are signed with it\n");
     else if (d->exchange.receiver.peers > 0)
-        fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
-                d->exchange.receiver.peers);
+        fprintf(
+            out,
+            "kneadd: poses are accepted from %d addresses; this is no authentication, since an address can be forged\n",
+            d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
     // The servo is already running and may lower the deadline, so print the deadline of the start.
     if (d->loop.priced > 0)
@@ -581,17 +583,18 @@ static void tell_ready(server *d, FILE *out)
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
         fprintf(out,
-                "kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to "
-                "load; the queue holds %lld ticks\n",
+                "kneadd: on a circuit: a tick without contact takes %.2g ms there and back, a state takes %.2g s "
+                "to load; the queue holds %lld ticks\n",
                 1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (d->rest_ns > REST_TICK_NS)
-            fprintf(out, "kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
+            fprintf(out,
+                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin computes the object\n",
                     1e-6 * REST_TICK_NS);
     } else if (d->rest_ns > REST_TICK_NS)
         fprintf(
             out,
-            "kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
-            "most; ticks will be missed and counted\n",
+            "kneadd: not real time: a tick takes %.2g ms here without contact, expected %g ms at most; ticks will be "
+            "missed and counted\n",
             1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
 }
 
@@ -603,10 +606,10 @@ static void tell_circuit(server *d)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
-    kn_say("kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, "
+    kn_say("kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
            "different %lld, loaded %lld; at the end %s%s",
            (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
-           (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
+           (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
     if (agrees)
         kn_say("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
                "broken",
@@ -685,7 +688,7 @@ static void join_worker(server *d)
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
     d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
-    if (d->stuck) kn_say("kneadd: ends without the answer to a request that takes too long");
+    if (d->stuck) kn_say("kneadd: stops without an answer to a request that takes too long");
 }
 
 // Stop all threads and save the object. Return false if the object could not be saved.
@@ -763,10 +766,10 @@ static int serve(server *d, const kn_daemon_def *def)
             tell_circuit(d);
             say_all(d, tell_summary);
             if (code)
-                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved",
+                snprintf(error, sizeof error, "--state-dir %s: the last state of the object was not saved",
                          def->object.state_dir);
             if (!kn_trace_close(&d->trace)) {
-                snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
+                snprintf(error, sizeof error, "--trace %s: could not be written completely", def->trace);
                 code = 3;
             }
         }

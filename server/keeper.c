@@ -33,7 +33,7 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
     kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
     for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_keep(model)) != NULL;
     if (fits) return 0;
-    snprintf(error, error_size, "not enough memory for what can be undone and saved");
+    snprintf(error, error_size, "not enough memory for undo points and snapshots");
     return 3;
 }
 
@@ -275,7 +275,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     k->incoming.servo.scene = loop->servo.scene;
     k->incoming.servo.model = k->model;
     if (!load_newest(k, name)) {
-        kn_say_out("kneadd: nothing to restore from %s: the object is as new", k->store.path);
+        kn_say_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
         return;
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
@@ -307,7 +307,8 @@ static int64_t deadline(void) { return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT
 kn_answer kn_keeper_snapshot(kn_keeper *keeper)
 {
     kn_keeper *k = keeper;
-    if (k->store.dir < 0) return refusal("snapshot: nothing is saved, expected kneadd --state-dir DIR");
+    if (k->store.dir < 0)
+        return refusal("snapshot: there is no directory of snapshots, expected kneadd --state-dir DIR");
     // The servo sees the count and copies; the thread answers with the number.
     int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
@@ -317,8 +318,8 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
         pthread_mutex_unlock(&k->answering);
         if (served) return answer;
     }
-    return refusal("snapshot: not saved within %d ms, and may still be: the object may have gone bad, or the disk is "
-                   "slow",
+    return refusal("snapshot: not saved within %d ms, but may be later: the disk is slow, or the object's state is not "
+                   "finite",
                    KN_KEEPER_PATIENCE_MS);
 }
 
@@ -348,9 +349,9 @@ static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
         if (!kn_loop_obeyed(loop, number, &a.tick)) continue;
         a.state_hash = atomic_load(&loop->restored);
-        return a.state_hash ? a : refusal("undo: nothing has been kneaded since the start");
+        return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
     }
-    return refusal("no tick came for %d ms", KN_KEEPER_PATIENCE_MS);
+    return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
 }
 
 kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
@@ -359,9 +360,10 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
     kn_keeper *k = keeper;
     char name[256], why[160];
     int64_t tick;
-    if (k->store.dir < 0) return refusal("restore: nothing is saved, expected kneadd --state-dir DIR");
+    if (k->store.dir < 0)
+        return refusal("restore: there is no directory of snapshots, expected kneadd --state-dir DIR");
     if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
-        return refusal("restore: the one before has not been done yet");
+        return refusal("restore: the restore before has not been done yet");
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
     if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {

@@ -73,18 +73,18 @@ static bool fetch(kn_log *log, kn_log_record *r)
     // incomplete header means that the file was cut.
     if (left == 0 || log->damage[0]) return false;
     size_t got = fread(h, 1, sizeof h, log->file);
-    if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
+    if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "not a record of an LCM event log");
     if (got < HEADER_SIZE) return damaged(log, "cut within a record");
     // Check the sizes before they are used.
     int64_t channel = (int32_t)kn_bytes_32(h + 20), data = (int32_t)kn_bytes_32(h + 24);
-    if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
-    if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
+    if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not allow");
+    if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not allow");
     if (HEADER_SIZE + channel + data > left) return damaged(log, "cut within a record");
     r->utime = kn_bytes_64(h + 12);
-    if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "a time that no clock shows");
+    if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "time stamp out of range");
 
     // Read channel and data, and terminate the channel name.
-    if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
+    if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record too large for the memory");
     unsigned char *body = log->buffer + channel + 1;
     bool whole = fread(log->buffer, 1, (size_t)channel, log->file) == (size_t)channel &&
                  fread(body, 1, (size_t)data, log->file) == (size_t)data;

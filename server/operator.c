@@ -224,7 +224,7 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     return status;
 }
 
-static const char ending[] = "the server is ending: no tick comes any more";
+static const char ending[] = "the server is stopping: no more ticks run";
 
 // Ask the main thread for a health report, wait for it and answer with it.
 static json_t *tell_status(kn_operator *o)
@@ -258,7 +258,7 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
         if (done) return kn_control_error("%s", ending);
         rest();
     }
-    return kn_control_error("no tick came for %d ms", PATIENCE_MS);
+    return kn_control_error("no tick ran for %d ms", PATIENCE_MS);
 }
 
 // Begin or end an emergency stop, for every later start as well. If one part fails, the safer state remains: a stop
@@ -275,8 +275,9 @@ static json_t *hold(kn_operator *o, bool estopped)
     char at[40] = "";
     if (tick) snprintf(at, sizeof at, " since tick %" PRId64, (int64_t)json_integer_value(tick));
     json_decref(answer);
-    return estopped ? kn_control_error("estop: every force is 0%s, but a restart may end that: %s", at, why)
-                    : kn_control_error("recover: done%s, but the next start may begin stopped: %s", at, why);
+    return estopped
+               ? kn_control_error("estop: every force is 0%s, but a restart may end the emergency stop: %s", at, why)
+               : kn_control_error("recover: done%s, but a restart may bring the emergency stop back: %s", at, why);
 }
 
 // Order another quality, if the servo can change to that quality without a new start.
@@ -286,9 +287,9 @@ static json_t *take_quality(kn_operator *o, const char *name)
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
         if (o->on.served->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
         if (!o->on.served->scene->point[q].defined)
-            return kn_control_error("quality %s: the scene does not name it", name);
-        return kn_control_error("quality %s: another lattice or precision, expected --quality %s at the start", name,
-                                name);
+            return kn_control_error("quality %s: the scene has no such point", name);
+        return kn_control_error(
+            "quality %s: has another lattice or precision, expected kneadd --quality %s at the start", name, name);
     }
     return kn_control_error("quality '%s': expected %s", name, kn_quality_names);
 }
@@ -355,11 +356,12 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
-    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has taken the last one yet";
-    if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not told the last one yet";
-    if (o->now && !kn_skin_follows(o->on.skin, o->now->model)) return "the mesh thread has not shown the last one yet";
+    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has applied the last change yet";
+    if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not reported the last change yet";
+    if (o->now && !kn_skin_follows(o->on.skin, o->now->model))
+        return "the mesh thread has not shown the last change yet";
     bool written = o->before && kn_keeper_writes(o->on.keeper, o->before->model);
-    return written ? "the disk is slow with what was before the last one" : NULL;
+    return written ? "the disk has not stored the state before the last change yet" : NULL;
 }
 
 // Free the change before the latest one, as soon as no thread uses it. Return NULL on success, or else the name of a
@@ -412,7 +414,8 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     const json_t *value;
     size_t i;
     if (o->on.def->device) {
-        snprintf(error, error_size, "set: a circuit steps the object: expected kneadd without one, or knead ctl load");
+        snprintf(error, error_size,
+                 "set: a circuit steps the object, expected kneadd without a circuit, or knead ctl load");
         return NULL;
     }
     // add the new settings to those in force
@@ -424,7 +427,9 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
     if (raised) {
         kn_scene_destroy(scene);
-        snprintf(error, error_size, "set: %s: allows a hand more than the scene does, expected less; a new start can",
+        snprintf(error, error_size,
+                 "set: %s: relaxes a limit for the hand beyond the scene, expected a stricter value; only a restart of "
+                 "kneadd can",
                  raised);
         return NULL;
     }
@@ -462,7 +467,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     if (json_array_size(argument) == 0) return kn_control_error("set: expected KEY=VALUE");
     // only two changes are kept, so first free the one before the latest
     const char *busy = retire(o);
-    if (busy) return kn_control_error("set: %s, expected another try", busy);
+    if (busy) return kn_control_error("set: %s, try again", busy);
     kn_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
@@ -478,7 +483,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
     for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
         if (i == 2 * PATIENCE_MS)
-            return kn_control_error("set: no tick came for %d ms; the next one takes it", PATIENCE_MS);
+            return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
         rest();
     }
     json_t *answer = json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
@@ -501,7 +506,7 @@ static void keep_secret(char *why, size_t size, const char *path)
         plain &= word <= 20 && (islower((unsigned char)*c) || isdigit((unsigned char)*c) || strchr(" '_.,;()-", *c) ||
                                 (*c == ':' && c[1] == ' '));
     }
-    if (!plain) strcpy(quoted, "... (knead check tells whoever may read it)");
+    if (!plain) strcpy(quoted, "... (see knead check, if you may read the file)");
 }
 
 // Run `load`. First load the scene on trial, as the next start will, so that a scene that cannot be served does not end
@@ -520,9 +525,11 @@ static json_t *load(kn_operator *o, const json_t *argument)
     }
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
     json_t *answer =
-        raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",
-                                  def.scene_path, raised)
-               : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
+        raised
+            ? kn_control_error("%s: %s: relaxes a limit for the hand beyond the scene at the start; only a restart of "
+                               "kneadd can",
+                               def.scene_path, raised)
+            : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
     if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
     kn_served_free(&trial);
     return answer;

@@ -32,10 +32,10 @@
     X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
     X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
     X(CHANNEL_END, "channel_end", "channel name without its NUL within 64 bytes")                                      \
-    X(CHANNEL, "channel", "not a pose: our own forces and everyone else's traffic")                                    \
+    X(CHANNEL, "channel", "not a pose: kneadd's own forces, or other traffic")                                         \
     X(PROBE, "probe", "KNEAD_POSE_ of a probe the scene does not have")                                                \
     X(LENGTH, "length", "not the length of probe_pose_t")                                                              \
-    X(TYPE, "type", "the type hash of something else")                                                                 \
+    X(TYPE, "type", "the type hash of another message")                                                                \
     X(FRAME, "frame", "a frame other than the scene's")                                                                \
     X(NONFINITE, "nonfinite", "a NaN or an infinity")                                                                  \
     X(QUATERNION, "quaternion", "orientation not of length 1 +- 0.001")                                                \
@@ -43,13 +43,13 @@
     X(SESSION_ZERO, "session_zero", "session 0, which means none")                                                     \
     X(SESSION, "session", "another session owns the probe: a second publisher")                                        \
     X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
-    X(CLOCK, "clock", "utime before the last one's")                                                                   \
-    X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                        \
+    X(CLOCK, "clock", "utime before that of the last pose")                                                            \
+    X(JUMP, "jump", "faster than 5 m/s, by its velocity or by its distance from the last pose")                        \
     X(RATE, "rate", "more than 5 000 per second")                                                                      \
     X(PEER, "peer", "from an address that --peer does not name")                                                       \
     X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
-    X(REPLAYED, "replayed", "authentic, but of another life of kneadd, or not of now")                                 \
-    X(HELLO, "hello", "not a pose: a listener asks for this life's number, and is answered")
+    X(REPLAYED, "replayed", "authentic, but for another run of kneadd, or from another time")                          \
+    X(HELLO, "hello", "not a pose: a listener asks for the number of this run, and gets an answer")
 
 typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,

@@ -69,7 +69,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->logged_text = v->found.scene_text;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     else if (!v->found.scene_text)
-        snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
+        snprintf(error, error_size, "%s: has no KNEAD_SCENE record, expected the name of a scene, too", def->log_path);
     else
         r->scene = kn_scene_parse_beside(def->log_path, v->found.scene_name, v->found.scene_text,
                                          strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
@@ -78,13 +78,13 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     // another scene than the log's is a mistake, unless settings show that a difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
-        snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,
+        snprintf(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
                  v->found.scene_name);
         return false;
     }
     snprintf(error, error_size,
-             "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
-             "--quality, --solver, --precision or --dt what is to be different",
+             "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
+             "difference with --set, --quality, --solver, --precision or --dt",
              def->scene_path, v->found.scene_name);
     return false;
 }
@@ -131,7 +131,7 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.felt[i]; i++) {
         if (probe_of(r, r->private->found.felt[i]) >= 0) continue;
         snprintf(error, error_size,
-                 "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
+                 "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
                  set ? "--set " : "", set ? set : r->scene->name, r->private->found.felt[i]);
         return false;
     }
@@ -196,7 +196,7 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
                  def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
                  def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
                  def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
-                 def->afresh ? "a log that restores nothing" : "--snapshot with that file or its directory");
+                 def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
         return false;
     }
     return true;
@@ -225,7 +225,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     char why[200];
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged)) {
-        snprintf(error, error_size, "%s: --snapshot expects a log with forces, in its own scene and computation",
+        snprintf(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
                  def->log_path);
         return false;
     }
@@ -234,7 +234,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         return true;
     }
     if (wanted && !restores && !v->found.started) {
-        snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
+        snprintf(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
                  def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
                  (long long)v->found.last_tick - 1);
         return false;
@@ -251,8 +251,8 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         snprintf(error, error_size,
-                 "%s: the object had been kneaded before this log begins, "
-                 "expected --snapshot with one of that run, or a log from the server's start on",
+                 "%s: the object was already deformed when this log begins, "
+                 "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
                  def->log_path);
         return false;
     }
@@ -519,7 +519,7 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         return;
     }
     r->same = false;
-    snprintf(r->damage, sizeof r->damage, "a point of quality that the scene has not, at tick %lld",
+    snprintf(r->damage, sizeof r->damage, "a quality point that the scene does not have, at tick %lld",
              (long long)e->tick);
 }
 
@@ -537,8 +537,7 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         in->restored_tick = (int64_t)e->arg[1];
     } else {
         r->same = false;
-        snprintf(r->damage, sizeof r->damage, "a snapshot that is not there any more, at tick %lld",
-                 (long long)e->tick);
+        snprintf(r->damage, sizeof r->damage, "a snapshot that no longer exists, at tick %lld", (long long)e->tick);
     }
 }
 
@@ -561,7 +560,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
                            : NULL;
     if (scene && r->same && scene->text_hash != hash) {
         kn_scene_destroy(scene);
-        snprintf(why, sizeof why, "it means something else to this version");
+        snprintf(why, sizeof why, "this version reads the scene differently");
         scene = NULL;
     }
     // build the change; it replaces an earlier one that no tick has taken
@@ -646,7 +645,7 @@ static void run_tick(kn_replay *r)
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
     r->same = false; // undo points from before the log are lost: no snapshot holds them
-    snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
+    snprintf(r->damage, sizeof r->damage, "an undo to a state before this log begins, at tick %lld",
              (long long)r->private->tick);
 }
 

@@ -19,7 +19,8 @@ bool kn_rt_files(char *error, size_t error_size)
     // open as many descriptors as will be needed, then close them again
     int fd[FILES], count = 0;
     while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
-    snprintf(error, error_size, "%s: %d more can be opened, expected %d: raise ulimit -n (LimitNOFILE= of a service)",
+    snprintf(error, error_size,
+             "%s: only %d more files can be opened, expected %d: raise ulimit -n (of a service: LimitNOFILE=)",
              strerror(errno), count, FILES);
     for (int i = 0; i < count; i++) close(fd[i]);
     return count == FILES;

@@ -57,7 +57,7 @@ static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *w
                                             count, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
     if (!raised) return scene;
-    snprintf(why, why_size, "%s allows a hand more than the scene does", raised);
+    snprintf(why, why_size, "%s relaxes a limit for the hand beyond the scene", raised);
     kn_scene_destroy(scene);
     return NULL;
 }
@@ -87,8 +87,7 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     for (int try = 0; *s->sets.text; try++) {
         s->scene = with_sets(s, def, why, sizeof why);
         if (s->scene) break;
-        kn_say("kneadd: of what was set before the last end %s is left out: %s",
-               try == 0 ? "what is the device's" : "everything", why);
+        kn_say("kneadd: %s of the last run are left out: %s", try == 0 ? "the device's settings" : "all settings", why);
         if (try == 0) without_device(&s->sets);
         else s->sets = (kn_sets){0};
         s->scene = s->base;

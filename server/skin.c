@@ -154,7 +154,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
         g->model = frame->model;
-        if (!g->gauge) kn_say("kneadd: not enough memory to measure with: meshes tell places alone");
+        if (!g->gauge) kn_say("kneadd: not enough memory for mesh.measures: meshes carry positions only");
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);

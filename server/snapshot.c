@@ -199,7 +199,7 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     kn_codec c = {.from = bytes, .size = size, .at = sizeof magic};
     if (size == 0) return "truncated: empty";
     if (memcmp(bytes, magic, size < sizeof magic ? size : sizeof magic) != 0) return "not a snapshot";
-    if (size < HEAD) return "truncated: within its head";
+    if (size < HEAD) return "truncated: within its header";
     kn_codec_u64(&c, format);
     kn_codec_u64(&c, &whole);
     if (whole != size || size < HEAD + DIGEST) {
@@ -237,11 +237,11 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     if (c->wrong || !head_legible(s)) return range;
     // version and scene of the file
     if (strcmp(s->version, KN_VERSION) != 0) {
-        snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
+        snprintf(text, text_size, "another version: knead %s, expected %s", s->version, KN_VERSION);
         return text;
     }
     if (strcmp(s->scene, scene->name) != 0) {
-        snprintf(text, text_size, "another scene: of %s, expected %s", s->scene, scene->name);
+        snprintf(text, text_size, "another scene: %s, expected %s", s->scene, scene->name);
         return text;
     }
     // decode the lattice, which core checks, then the servo, up to the last byte
@@ -251,7 +251,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     c->at += lattice;
     put_servo(c, &s->servo);
     if (c->wrong || c->at != c->size) return range;
-    return kn_state_hash(model, s->state) == s->state_hash ? NULL : "another state hash than it says";
+    return kn_state_hash(model, s->state) == s->state_hash ? NULL : "state hash: does not match the lattice";
 }
 
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
@@ -262,7 +262,7 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     uint64_t format = 0;
     const char *reason = damage(bytes, size, &format, text, sizeof text);
     if (!reason && format != FORMAT) {
-        snprintf(text, sizeof text, "another version: of format %llu, expected %d", (unsigned long long)format, FORMAT);
+        snprintf(text, sizeof text, "another version: format %llu, expected %d", (unsigned long long)format, FORMAT);
         reason = text;
     }
     if (!reason) {

@@ -123,15 +123,16 @@ static int open_directory(kn_store *s, char *error, size_t size)
     struct stat what;
     s->dir = open(s->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (s->dir < 0) return refuse(2, error, size, s->path, strerror(errno), "a directory");
-    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be looked at");
+    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be examined");
     if (what.st_uid != geteuid())
-        return refuse(2, error, size, s->path, "somebody else's", "one of the user that serves");
+        return refuse(2, error, size, s->path, "owned by another user", "a directory of this user");
     if (faccessat(s->dir, ".", W_OK | X_OK, AT_EACCESS) != 0)
         return refuse(2, error, size, s->path, strerror(errno), "a directory that can be written to");
-    if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "everybody may write there", "chmod o-w");
+    if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "writable by everybody", "chmod o-w");
     if (flock(s->dir, LOCK_EX | LOCK_NB) == 0) return 0;
     return refuse(3, error, size, s->path,
-                  errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno), "one for each");
+                  errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno),
+                  "a directory of its own");
 }
 
 static bool pinned(const kn_store *s, int64_t generation)
@@ -251,7 +252,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     kn_store *s = store;
     char name[256];
     if (stays && count_staying(s) >= KN_STORE_STAY) {
-        snprintf(why, why_size, "%d that stay are there, expected some of them removed", KN_STORE_STAY);
+        snprintf(why, why_size, "%d snapshots that stay exist, expected some of them removed", KN_STORE_STAY);
         return false;
     }
     // a setting may have changed the scene, and so the series

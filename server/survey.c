@@ -130,14 +130,14 @@ static const char *note(kn_survey *s, const kn_log_record *record)
             s->restores += record->event.arg[0] != 0;
         }
         see_stood(&s->stood, &record->event);
-        return keep_event(s, &record->event) ? NULL : "more events than memory";
+        return keep_event(s, &record->event) ? NULL : "more events than fit into memory";
     case KN_LOG_SCENE:
         if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {
             if (strcmp(record->scene.name, s->scene_name) != 0) return "a second scene";
-            return keep_other(s, &record->scene) ? NULL : "more scenes than memory";
+            return keep_other(s, &record->scene) ? NULL : "more scenes than fit into memory";
         }
         if (s->scene_text) return NULL;
-        return keep_scene(s, &record->scene) ? NULL : "a scene larger than memory";
+        return keep_scene(s, &record->scene) ? NULL : "a scene too large for the memory";
     case KN_LOG_POSE:
         if (s->first_pose_utime < 0) s->first_pose_utime = record->utime;
         return NULL;
@@ -171,7 +171,7 @@ bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t erro
     if (log.damage[0]) snprintf(s->damage, sizeof s->damage, "%s", log.damage);
     kn_log_close(&log);
     if (s->forces > 0 || s->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected a hand's", path,
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected those of a hand", path,
              s->damage, s->damage[0] ? "; " : "", (long long)s->records);
     return false;
 }

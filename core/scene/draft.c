@@ -260,7 +260,7 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
     double *value = kn_draft_field(draft, 0, id);
     kn_mark at = draft->at[0][id];
     if (at.per_height && !given(draft, 0, KN_KEY_SPECIMEN_HEIGHT))
-        return kn_draft_complain(draft, at, "%s is per height of a specimen (%s/m), expected %s too, e.g. 1 cm",
+        return kn_draft_complain(draft, at, "%s is given per height of a specimen (%s/m), expected %s, too, e.g. 1 cm",
                                  key->path, key->unit, kn_keys[KN_KEY_SPECIMEN_HEIGHT].path);
     if (at.per_height) *value *= draft->specimen_height_m;
     if (*value >= key->least && *value <= key->most) return true;
@@ -284,7 +284,8 @@ static bool take_ends(kn_draft *draft)
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
                                      kn_keys[ends[!i]].path);
         if (given(draft, 0, curve[i]) && draft->at[0][curve[i]].source >= at.source)
-            return kn_draft_complain(draft, draft->at[0][curve[i]], "%s beside c_max and c_min, expected either pair",
+            return kn_draft_complain(draft, draft->at[0][curve[i]],
+                                     "%s is given beside c_max and c_min, expected only one of the pairs",
                                      kn_keys[curve[i]].path);
         if (!finish_modulus(draft, ends[i])) return false;
         draft->at[0][curve[i]] = at;
@@ -403,7 +404,7 @@ static bool finish_probe(kn_draft *draft, int slot)
     for (int other = 1; other < slot; other++)
         if (strcmp(def->probe[other - 1].name, probe->name) == 0)
             return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
-                                     "probe '%s' is there already, expected another name", probe->name);
+                                     "probe '%s' exists already, expected another name", probe->name);
     // a smaller ball would slip through between the sample points of the surface
     if (of_shape(KN_WHEN_ROUND, probe->shape) && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),

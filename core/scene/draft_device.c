@@ -17,14 +17,14 @@ bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
 {
     const size_t prefix = strlen("device.");
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes stand in %s, expected device: alone", from->file);
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only device: there", from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) {
         const kn_key *key = &kn_keys[id];
         bool whole = key->type == KN_TYPE_CHOICE || key->type == KN_TYPE_INTEGER;
         if (!given(from, id)) continue;
         // a device's file may hold nothing else
         if (strncmp(key->path, "device.", prefix) != 0)
-            return kn_draft_complain(draft, mark, "%s stands in %s, expected device: alone", key->path, from->file);
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only device: there", key->path, from->file);
         // the scene's own value takes precedence over that of a profile
         if (mark.library && given(draft, id)) continue;
         memcpy((char *)draft + key->offset, (const char *)from + key->offset,

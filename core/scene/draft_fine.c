@@ -98,7 +98,7 @@ bool kn_draft_fine(kn_draft *draft)
                                      "xyz"[k], def -> nodes[k] - 1);
     if (def->probe_count > 0 && is_off(def, low_m, high_m))
         return kn_draft_complain(draft, draft->at[1][KN_KEY_PROBE_REACH],
-                                 "probes.%s.reach and all others are beside the object, expected a reach on it",
+                                 "probes.%s.reach and all others lie outside the object, expected a reach on it",
                                  def->probe[0].name);
     // the box: from the top down by BELOW margins, one of which kn_composite_box adds
     double margin = given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;

@@ -46,8 +46,8 @@ static bool make_union(kn_draft *draft, int slot)
         of->as.shape = kn_draft_shape(draft, part);
         if (!add_part(tool, of))
             return kn_draft_complain(draft, draft->at[part][KN_KEY_PART_SHAPE],
-                                     "probes.%s.parts are more than %d, a cross being two, expected fewer", probe->name,
-                                     KN_PARTS_MAX);
+                                     "probes.%s.parts has more than %d parts, a cross counts twice, expected fewer",
+                                     probe->name, KN_PARTS_MAX);
     }
     probe->parts = tool;
     return true;
@@ -117,8 +117,8 @@ static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
                                      (const int(*)[3])shell->triangle, cell_m);
     if (!field)
         return kn_draft_complain(draft, at,
-                                 "probes.%s.mesh: no memory for its grid, or rounding leaves it "
-                                 "open",
+                                 "probes.%s.mesh: not enough memory for its grid, or rounding leaves its "
+                                 "surface open",
                                  name);
     kn_shape_drop(tool); // drop the shape of a file that was loaded before
     *tool = (kn_shape){0};

@@ -55,10 +55,10 @@ bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark
     // refuse anything but material and density
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (given(from, id) && !of_material(id) && id != KN_KEY_DENSITY)
-            return kn_draft_complain(draft, mark, "%s stands in %s, expected a material and its density alone",
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only a material and its density there",
                                      kn_keys[id].path, from->file);
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes stand in %s, expected a material and its density alone",
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only a material and its density there",
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);

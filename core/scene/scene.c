@@ -110,7 +110,7 @@ static bool next(reader *r)
     yaml_event_delete(&r->event);
     if (!yaml_parser_parse(&r->parser, &r->event)) return complain_yaml(r);
     return plain(&r->event) ||
-           kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not read, expected a plain value");
+           kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not supported, expected a plain value");
 }
 
 // Name the kind of the current event for error messages.
@@ -221,7 +221,7 @@ static bool read_mapping(reader *r, const char *path)
         // refuse a key that is there twice
         for (int i = 0; i < count; i++)
             if (strcmp(seen[i], name) == 0)
-                return kn_draft_complain(r->draft, mark, "'%s' is there already, in line %d, expected it once", name,
+                return kn_draft_complain(r->draft, mark, "'%s' is given already in line %d, expected it once", name,
                                          lines[i]);
         snprintf(below, sizeof below, "%s%s%s", path, *path ? "." : "", name);
         // refuse an unknown key, with a suggestion
@@ -315,7 +315,8 @@ static bool read_device(reader *r)
     size_t size;
     const char *name = scalar(r, VALUE_MAX_BYTES), *dot = name ? strrchr(name, '.') : NULL;
     if (!dot || strcmp(dot, ".yaml") != 0) return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
-    if (r->draft->is_part) return kn_draft_complain(r->draft, mark, "device: a file in a file, expected a mapping");
+    if (r->draft->is_part)
+        return kn_draft_complain(r->draft, mark, "device: a file of a device names another file, expected a mapping");
     char path[KN_PATH_MAX + VALUE_MAX_BYTES];
     char *text = load_part(r, name, "device", mark, path, &size);
     if (!text) return false;

@@ -42,7 +42,7 @@ bool kn_shell_named(const char *path) { return ends_in(path, ".obj") || ends_in(
 static bool add(reader *r, size_t at, const double x[3][3])
 {
     if (r->triangles == KN_SHELL_TRIANGLES_MAX)
-        return complain(r, at, "more triangles than %d, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
+        return complain(r, at, "more than %d triangles, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
     // double the room; both arrays grow together
     if (r->triangles == r->room) {
         int room = r->room ? 2 * r->room : 1024;
@@ -102,7 +102,7 @@ static bool read_text_stl(reader *r)
     int corners = 0;
     r->words.section = "a facet";
     if (kn_words_next(&r->words, text) == 0 || strcmp(text, "solid") != 0)
-        return complain(r, r->words.begun, "no STL: neither binary nor text, expected 'solid'");
+        return complain(r, r->words.begun, "not an STL file: neither binary nor text, expected 'solid'");
     while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // skip the solid's name
     while (kn_words_next(&r->words, text) > 0) {
         if (strcmp(text, "facet") == 0) at = r->words.begun, corners = 0;
@@ -302,8 +302,8 @@ static bool check_parts(reader *r, const kn_shell *s, int *parent)
         if (other == 0 && root_of(parent, t) != root_of(parent, 0)) other = t;
     }
     return parts == 1 || complain(r, r->place[other].at,
-                                  "%d closed surfaces, expected one: triangle %d is not of the "
-                                  "first",
+                                  "%d closed surfaces, expected one: triangle %d does not belong to "
+                                  "the first",
                                   parts, r->place[other].number);
 }
 
@@ -371,7 +371,7 @@ kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *
     // a closed surface without volume is flat
     if (s) measure(s);
     if (s && !(s->volume > 1e-9 * s->extent * s->extent * s->extent)) {
-        complain(&r, 0, "the surface encloses nothing, expected a body of some volume");
+        complain(&r, 0, "the surface encloses no volume, expected a body");
         kn_shell_destroy(s);
         s = NULL;
     }

@@ -139,7 +139,7 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     // SCRATCH says that the circuit has the shape, but what it has is not that.
     d->shaped = false;
     d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-    return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
+    return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x, that of the loaded state", d->uri,
                   words[AT_CRC], d->crc);
 }
 
@@ -150,7 +150,7 @@ static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
     bool loaded = accept_numbers(d, words + 1, d->nonce);
     if (!loaded || words[1 + AT_CRC] != d->crc) {
         d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-        return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
+        return refuse(d, KN_LINK_PROTOCOL, "%s: the circuit has another state, or none", d->uri);
     }
     d->state = KN_DEVICE_SYNCED;
     return KN_LINK_OK;
@@ -164,7 +164,7 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     uint32_t seq = d->seq, tick = d->tick;
     bool loaded = accept_numbers(d, words + 1, d->nonce);
     if (loaded && d->seq == seq && d->tick == tick) return KN_LINK_OK;
-    refuse(d, KN_LINK_PROTOCOL, "%s: it is at another tick, or has lost its state", d->uri);
+    refuse(d, KN_LINK_PROTOCOL, "%s: the circuit is at another tick, or has lost its state", d->uri);
     return lose(d, loaded ? KN_LOSS_SEQ_GAP : KN_LOSS_BLANK, KN_LINK_PROTOCOL);
 }
 
@@ -226,7 +226,7 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
     if (d->position < d->nodes + d->edges) return KN_LINK_OK;
     d->job = IDLE;
     if (kn_fixed_crc(d->into) == d->crc) return KN_LINK_OK;
-    return refuse(d, KN_LINK_PROTOCOL, "%s: its state is not what its STATE_CRC says", d->uri);
+    return refuse(d, KN_LINK_PROTOCOL, "%s: the state that was read does not match its STATE_CRC", d->uri);
 }
 
 // Pass a good reply to the job, without the word of a leading WAIT.
@@ -352,7 +352,7 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 {
     kn_device *d = calloc(1, sizeof *d);
     if (!d) {
-        snprintf(why, KN_LINK_WHY, "%.100s: memory is short", uri);
+        snprintf(why, KN_LINK_WHY, "%.100s: not enough memory", uri);
         return NULL;
     }
     d->linked = kn_link_open(&d->link, uri, why);

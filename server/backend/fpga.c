@@ -101,8 +101,8 @@ static void tell(fpga *f)
     const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
     // For BEHIND the numbers of the queue explain more than the device's own line.
     if (loss == KN_LOSS_BEHIND) {
-        snprintf(numbers, sizeof numbers, "%lld ticks; to load it takes %.1f s",
-                 (long long)atomic_load(&f->queue_length), 1e-9 * (double)atomic_load(&f->load_ns));
+        snprintf(numbers, sizeof numbers, "%lld ticks; loading takes %.1f s", (long long)atomic_load(&f->queue_length),
+                 1e-9 * (double)atomic_load(&f->load_ns));
         why = numbers;
     }
     snprintf(f->line, sizeof f->line, "%s: %s%s%s; its twin goes on", kn_loss_word((kn_loss)loss),
@@ -490,10 +490,11 @@ static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
     const double load_s = 1e-9 * (double)atomic_load(&f->load_ns);
     const size_t bytes = (size_t)length * slot_bytes(f);
     if (length > QUEUE_MOST || bytes > f->room) {
-        snprintf(why, KN_LINK_WHY,
-                 "%.100s: to load it takes %.1f s, and a queue of %lld ticks, %zu MiB: expected %d at most and "
-                 "%zu MiB, by a faster link or fewer nodes",
-                 uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
+        snprintf(
+            why, KN_LINK_WHY,
+            "%.100s: loading takes %.1f s, which needs a queue of %lld ticks, %zu MiB: expected at most %d ticks and "
+            "%zu MiB, with a faster link or fewer nodes",
+            uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
         return false;
     }
     atomic_store(&f->queue_length, length);
@@ -509,7 +510,8 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
     kn_device_be_patient(f->device, true);
     kn_link_status status = shape(f);
     if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
-        snprintf(why, KN_LINK_WHY, "%.100s: gas loads every node, %d here, and the circuit takes %d a tick", uri,
+        snprintf(why, KN_LINK_WHY,
+                 "%.100s: gas loads all %d nodes, but the circuit takes at most %d loaded nodes a tick", uri,
                  f->model->node_count, f->bounds);
         return false;
     }

@@ -6,14 +6,14 @@
 enum { BAUD = 3000000 };
 
 static const char expected[] =
-    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, and of each ?miss=MS";
+    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, each with ?miss=MS at will";
 
 const char *kn_link_words(kn_link_status status)
 {
     static const char *const words[] = {[KN_LINK_OK] = "ok",
                                         [KN_LINK_LATE] = "late",
                                         [KN_LINK_CRC] = "wrong checksum",
-                                        [KN_LINK_PROTOCOL] = "not what a circuit answers",
+                                        [KN_LINK_PROTOCOL] = "not the answer of a circuit",
                                         [KN_LINK_IO] = "no answer",
                                         [KN_LINK_GONE] = "gone"};
     return words[status];

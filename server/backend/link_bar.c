@@ -275,7 +275,7 @@ static bool open_file(kn_link *link, const char *name, const char *path, bool sh
     void *at = NULL;
     int fd = open(path, O_RDWR | O_SYNC | O_CLOEXEC);
     if (fd < 0 || fstat(fd, &s)) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
-    else if (flock(fd, LOCK_EX | LOCK_NB)) snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+    else if (flock(fd, LOCK_EX | LOCK_NB)) snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
     else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
         snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
     else if (!b || !(at = map(fd, (size_t)s.st_size, shm))) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));

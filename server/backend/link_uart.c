@@ -215,7 +215,7 @@ static void hurry(int fd, const char *path, const char *sysfs)
 static bool take_line(uart *u, const char *path, int baud, speed_t speed, char why[KN_LINK_WHY])
 {
     if (flock(u->fd, LOCK_EX | LOCK_NB)) {
-        snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+        snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
         return false;
     }
     if (!make_raw(u->fd, baud, speed)) {
@@ -238,7 +238,7 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     uart *u = calloc(1, sizeof *u);
     if (u) u->fd = fd;
     if (!u || !take_line(u, path, baud, speed_of(baud), why)) {
-        if (!u) snprintf(why, KN_LINK_WHY, "%s: memory is short", path);
+        if (!u) snprintf(why, KN_LINK_WHY, "%s: not enough memory", path);
         close(fd);
         free(u);
         return false;

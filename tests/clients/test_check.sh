@@ -10,7 +10,7 @@ dough=$KN_SOURCE/core/scenes/dough.yaml
 refuses 2 "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300
 refuses 2 "knead check: --quality quick: expected fast, balanced, accurate or own" "$dough" --quality quick
-refuses 2 "knead check: --quality fast: the scene names no point of quality, expected this left out" \
+refuses 2 "knead check: --quality fast: the scene has no quality points, expected this left out" \
     "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
 knead check "$dough" --quality fast | grep -q "^quality *fast: .*; in force" || fail "the point in force"
 refuses 2 "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
@@ -67,7 +67,7 @@ refuses 2 "knead check: --set object.accuracy: probes.plate.reach is missing, ex
     "$dough" --set object.accuracy='1 %'
 refuses 2 "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
     "$fine" --set object.size='[4.5 cm, 4.5 cm, 2.55 cm]'
-refuses 2 "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
+refuses 2 "$fine:8:13: object.accuracy: a fine box needs pressure: none" "$fine" --set object.pressure=cells
 refuses 2 "$fine:8:13: object.accuracy means nothing with 'structure: axis', expected it left out" "$fine" --set object.structure=axis
 refuses 2 "$fine:8:13: object.accuracy means nothing with object.mesh, expected it left out" \
     "$fine" --set object.mesh="$KN_SOURCE/tests/core/meshes/cube-41.msh" --set object.mesh_unit=mm
@@ -75,7 +75,7 @@ knead check "$fine" --set object.structure=axis --set object.accuracy=0 >/dev/nu
 refuses 2 "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
 refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
     "$fine" --set probes.spatula.reach='[1 m, -1 m, 0, 0]'
-refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all others are beside the object, expected a reach on it" \
+refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all others lie outside the object, expected a reach on it" \
     "$fine" --set probes.spatula.reach='[1 m, 2 m, 0, 0]' --set probes.fingertip.reach='[1 m, 2 m, 0, 0]'
 refuses 2 "knead check: $dough: has no object.accuracy, which --log needs" "$dough" --log none.lcmlog
 refuses 2 "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
@@ -93,7 +93,7 @@ sed 's/k1: 5 kPa, //' folder/mine.yaml >folder/bad.yaml
 refuses 2 "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material=folder/bad.yaml
 echo 'support: none' >>folder/mine.yaml
-refuses 2 "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
+refuses 2 "folder/own.yaml:9:11: support is in folder/mine.yaml, expected only a material and its density there" folder/own.yaml
 
 # A plastic material: one damper in effect, or a warning. For a stroke the program tells the range of lengths.
 knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"

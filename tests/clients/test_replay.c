@@ -382,7 +382,7 @@ TEST("a log that begins on an untouched object replays; one of an object already
         move(r, 0, 0.033, 1500, 0.01);
         record_end(r);
         CHECK(REPLAY("late.lcmlog", "--verify") == (late == 1 ? KN_EXIT_USAGE : KN_EXIT_OK));
-        CHECK(late != 1 || strstr(err, "had been kneaded before this log begins"));
+        CHECK(late != 1 || strstr(err, "was already deformed when this log begins"));
         char why[300]; // a replay that needs only the hand's poses is possible
         kn_replay_def def = {.log_path = "late.lcmlog",
                              .scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
@@ -667,7 +667,7 @@ TEST("--quality replays a log with another of its points, and what its machine d
     CHECK_STR(err, "knead replay: --quality quick: expected fast, balanced, accurate or own\n");
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--quality", "fast") == KN_EXIT_USAGE);
-    CHECK(strstr(err, "--quality fast: the scene names no point of quality"));
+    CHECK(strstr(err, "--quality fast: the scene has no quality points"));
 }
 
 TEST("a probe that --set or the scene leaves out is their fault, not the log's")
@@ -746,7 +746,7 @@ TEST("what cannot be opened, is no log, or cannot be written is one line and its
 {
     scratch();
     CHECK(REPLAY("none.lcmlog") == KN_EXIT_USAGE && strstr(err, "No such file"));
-    CHECK(REPLAY(KN_SOURCE_DIR "/README.md") == KN_EXIT_USAGE && strstr(err, "no record of an LCM event log"));
+    CHECK(REPLAY(KN_SOURCE_DIR "/README.md") == KN_EXIT_USAGE && strstr(err, "not a record of an LCM event log"));
     CHECK(REPLAY(".") == KN_EXIT_USAGE && strstr(err, "not a regular file"));
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--csv", "/nonexistent/a.csv") == KN_EXIT_DEVICE);

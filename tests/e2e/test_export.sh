@@ -74,7 +74,7 @@ exported flat flat 8e-4
 refused "nothing to export" 2 'expected a LOG or --scene' --vtk x
 refused "nothing to write" 2 'expected --vtk DIR, --ply PATH or --csv FILE' press.lcmlog
 refused "no such log" 2 'nosuch.lcmlog: .*expected an LCM event log' nosuch.lcmlog --vtk x
-refused "a log that is none" 2 'expected an LCM event log|no record of an LCM event log' press.csv --vtk x
+refused "a log that is none" 2 'expected an LCM event log|not a record of an LCM event log' press.csv --vtk x
 refused "a folder with something in it" 2 'press: is not empty, expected a new folder' press.lcmlog --vtk press
 refused "a file where a folder is to be" 2 'press.csv: is no folder' press.lcmlog --vtk press.csv
 refused "a folder in none" 3 'nosuch/x: No such file' press.lcmlog --vtk nosuch/x

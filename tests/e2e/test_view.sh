@@ -191,7 +191,7 @@ check "is not as at rest" [ "$(cmp -s snapshot.png rest.png; echo $?)" = 1 ]
 expect "beside what it was" 0 '^$' knead view kept "$scene" --compare --scene "$scene" --png pressed.png
 check "it was kneaded" grep -Eq 'up to [0-9]*[.]?[0-9]*[1-9][0-9]* mm apart$' out
 expect "without its scene" 2 'kept: is a snapshot, expected --scene FILE' knead view kept --png x.png
-expect "of another" 2 'kept: another scene: of dough-small.yaml, expected clay.yaml$' \
+expect "of another" 2 'kept: another scene: dough-small.yaml, expected clay.yaml$' \
     knead view kept --scene "$KN_SOURCE/core/scenes/clay.yaml" --png x.png
 head -c 2000 kept >cut
 expect "a part of one" 2 'cut: truncated: 2000 bytes of' knead view cut --scene "$scene" --png x.png

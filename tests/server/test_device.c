@@ -224,7 +224,7 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
         sim s = start_on(bar, NULL, "1");
         kn_device *d = open_patient(&s, 50);
         kn_link second;
-        CHECK(!kn_link_open(&second, s.uri, why) && strstr(why, "another program has it"));
+        CHECK(!kn_link_open(&second, s.uri, why) && strstr(why, "in use by another program"));
         CHECK(kn_device_state_of(d) == KN_DEVICE_CLOSED);
         OWN(rig) *r = make(NODES, EDGES, 1);
         CHECK(kn_device_load(d, &r->image, &r->fixed, after_ms(5000)) == KN_LINK_PROTOCOL);

@@ -279,7 +279,7 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     pthread_create(&servo, NULL, run, &x);
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
     kn_answer none = kn_keeper_undo(&r->keeper, &r->lent.loop);
-    CHECK(!none.ok && strstr(none.error, "nothing has been kneaded"));
+    CHECK(!none.ok && strstr(none.error, "nothing to undo"));
     none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0);
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);

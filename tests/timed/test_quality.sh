@@ -4,7 +4,7 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
-expect '--quality fast: the scene names no point' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
+expect '--quality fast: the scene has no quality points' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
 expect 'quick: expected fast, balanced, accurate or own' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --quality quick
 
 # a finger presses and goes on slowly; meanwhile the servo's time is stolen for 0.8 s
@@ -37,7 +37,7 @@ check "every force since then, and no other, says so" [ "$(number reduced slow.t
 check "a point that there is none of was refused" [ "$refused $(grep -c "expected fast, balanced, accurate or own" refused)" = "2 1" ]
 check "it came back once, when it was told" [ "$(number commanded slow.txt)" = 1 ]
 check "stderr has the way down" \
-    grep -q "^kneadd: quality accurate -> .* ticks running took more than 0.8 ms" kneadd.err
+    grep -q "^kneadd: quality accurate -> .* consecutive ticks took more than 0.8 ms" kneadd.err
 check "and the way back" [ "$(grep -c "^kneadd: quality .* -> accurate, as commanded" kneadd.err)" = 1 ]
 grep '^kneadd:' kneadd.err
 check "the log replays over it to the bit" verifies slow.lcmlog
