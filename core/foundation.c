@@ -9,9 +9,9 @@
 typedef struct patch {
     kn_sample *sample;
     int count, nodes;
-    double x[9][3];     // values of a field at the nodes
-    double add[9][3];   // values that are added to another field
-    double block[9][6]; // xx xy xz yy yz zz
+    double x[9][3];     // values of a field at the patch's nodes
+    double add[9][3];   // values to add to another field at the patch's nodes
+    double block[9][6]; // matrix blocks to add at the nodes: xx xy xz yy yz zz
 } patch;
 
 // Compare a few nodes only: samples of one face with the same corner nodes share all nodes.
@@ -94,7 +94,7 @@ static double end_of(double dt, const kn_sample *s, const double tool[3], double
     return s->depth_m - dt * (along - push);
 }
 
-#define LAYER_MOST 0.95 // share of a layer's thickness beyond which the pressure goes on as a straight line
+#define LAYER_MOST 0.95 // depth, as a share of the layer's thickness, above which the pressure is a straight line
 
 // Judge one sample at the end of the step, predicted from the present velocities: decide whether it presses, and
 // compute the tangent of its pressure and its stiffness sideways.

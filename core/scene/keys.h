@@ -258,7 +258,7 @@ typedef enum kn_key_when {
     KN_WHEN_EXPONENTIAL, // material.damper is exponential
     KN_WHEN_RAMP,        // material.damper is ramp
     KN_WHEN_FORCE,       // material.damper is exponential or ramp
-    KN_WHEN_TABLE,       // object.support is friction
+    KN_WHEN_TABLE,       // support is friction
     KN_WHEN_PLATE,       // the tool's shape is plate
     KN_WHEN_TOOL,        // the tool's shape is any but plate
     KN_WHEN_ROUND,       // the tool's shape is sphere, capsule or cylinder
