@@ -257,7 +257,7 @@ void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *inpu
                     kn_output *output)
 {
     double held_n[KN_PROBES_MAX][3] = {{0}};
-    // for a probe that is not attached, output the input position
+    // a probe that is not attached gets the position of its pose as the output position
     for (int p = 0; p < model->def.probe_count; p++) {
         memcpy(output->probe[p].position_m, input->probe[p].position_m, sizeof output->probe[p].position_m);
         output->probe[p].orientation_wxyz[0] = 1;

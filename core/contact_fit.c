@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ITERATIONS 2   // iterations of the mobility per step
+#define ITERATIONS 2   // number of iterations of the mobility solve (core/mobility.h) per step
 #define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
-#define REACH 3.0      // a plane ahead of the tool is reported within this many radii
+#define REACH 3.0      // largest distance at which a plane ahead of the tool is reported, in radii of the tool
 #define PLATE_M 0.01   // radius used for a plate
 #define PROBE_M 1e-4   // step of the difference quotient for the gradient of the distance
 #define VALID_MS 100.0
@@ -22,17 +22,17 @@
 
 typedef struct pressed {        // one contact: everything that a tool touches, or one patch of it
     double force_n, rate_m_s;   // contact force t; rate w at which the skin goes in
-    double normal[3], arm_m[3]; // out of the object; from the tool's position to where the force acts
-    double layer_n_m;           // foundation along the normal; 0: rigid
-    double a, k1, h_n;          // A, k1, H of contact_model.h; 0: not known yet
-    double tt, tw, c2;          // sums of the least squares for c2; c2
-    double loaded;              // share in the pattern of the round that is running; 0: not part of it
+    double normal[3], arm_m[3]; // normal out of the object; vector from the tool's position to where the force acts
+    double layer_n_m;           // stiffness of the foundation along the normal; 0: rigid
+    double a, k1, h_n;          // damping A, stiffness k1, force H of contact_model.h; 0: not known yet
+    double tt, tw, c2;          // sums t t and t w of the least squares for c2; the damping c2
+    double loaded;              // share of this contact in the load of the running mobility solve; 0: no part of it
 } pressed;
 
 typedef struct fitted {         // one probe's contact
-    bool touching, near, ahead; // near: touching, or a plane is ahead of the tool
+    bool touching, near, ahead; // near: the tool touches the object, or a plane ahead of the tool is within reach
     pressed all, patch[KN_PATCHES_MAX];
-    unsigned used; // bit i: patch[i] is in use, several bits if there are several patches
+    unsigned used; // bit i is set: patch[i] is in use; there may be several patches
     int only;      // number of the patch if there is exactly one patch
     kn_place place[KN_PATCHES_MAX];
     int places;       // number of places beside the contact where the tool will touch next

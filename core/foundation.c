@@ -156,7 +156,7 @@ static void stiffen(double dt, const kn_sample *s, patch *p)
 // Compute force = dt K v. Return u . dt K v.
 static double answer(double dt, const kn_sample *s, const double v[3], const double u[3], double force[3])
 {
-    // the part along the normal first; then the isotropic part, if there is friction
+    // add the part along the normal, then the isotropic part if there is friction
     double more = dt * (s->line.slope_n_m - s->line.side_n_m) * kn_dot(s->normal, v), sum = more * kn_dot(s->normal, u);
     for (int k = 0; k < 3; k++) force[k] = more * s->normal[k];
     if (!(s->line.side_n_m > 0)) return sum;
@@ -169,7 +169,7 @@ static double answer(double dt, const kn_sample *s, const double v[3], const dou
 // Add dt J'KJ to the lower half of a. J maps the motion (v, w) of a body to v + w x arm at the sample.
 static void add_stiffness(double dt, const kn_sample *s, const double arm[3], double a[6][6])
 {
-    // column j: wrench of the sample's force for V_j = 1
+    // column j: force and torque of the sample if component j of the body's motion V is 1
     for (int j = 0; j < 6; j++) {
         double unit[6] = {0}, v[3], force[3], wrench[6] = {0};
         unit[j] = 1;
