@@ -79,7 +79,7 @@ void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_
 {
     double share = gamma_of(from) / gamma_of(to);
     kn_state_copy(to, then, now);
-    // u gamma L0 is kept, so u changes by the ratio of the gammas
+    // the extension u gamma L0 is kept, so the strain u changes by the ratio of the two gammas
     for (size_t e = 0; share != 1 && then->strain && e < to->edge_reals; e++)
         kn_real_set(to, then->strain, e, share * kn_real_get(to, then->strain, e));
 }

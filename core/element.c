@@ -5,7 +5,7 @@
 
 static const struct {
     const char *name, *expression;
-    bool plain; // true if kn_element_name returns this name
+    bool plain; // kn_element_name may return this name
 } names[] = {
     {"s", "", false},
     {"spring", "", true},
@@ -164,8 +164,8 @@ static int compare(const kn_element *e, int a, int b)
     return strcmp(one, two);
 }
 
-// Bring a group into normal form. Return the node that replaces the group: the group itself, or its one remaining
-// primitive.
+// Bring a group into normal form. Return the node that replaces the group: the group itself, or the one spring or
+// damper that remains of it.
 static int normalize(kn_element *e, int node)
 {
     kn_element_node *g = &e->node[node];

@@ -7,7 +7,7 @@ typedef struct kn_fixed_line line;
 
 // --- integers --------------------------------------------------------------------------------------------------------
 
-// Return v / 2^shift rounded to nearest, halves up.
+// Return v / 2^shift, rounded to the nearest integer; halves are rounded up.
 static int64_t round_shift(int64_t v, int shift) { return shift > 0 ? (v + ((int64_t)1 << (shift - 1))) >> shift : v; }
 
 // Return the nearest number of so many bits and raise the flag if it is not v. The branch is rarely taken and makes
@@ -41,7 +41,7 @@ void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS])
         seed[i] = root(((uint64_t)1 << 42) / (uint64_t)(2 * i + 1));
 }
 
-// A seed by 9 leading bits, then one Newton step: r (3 - q r^2)/2.
+// Look up a seed by the 9 leading bits of q, then take one Newton step: r (3 - q r^2)/2.
 int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
 {
     *n = (35 - top_bit(q)) & ~1;
@@ -53,7 +53,7 @@ int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
 
 // --- an edge ---------------------------------------------------------------------------------------------------------
 
-// Return dl = e.(b - a).
+// Return dl = e.(b - a), the change of an edge's length, where b and a are the displacements of its ends.
 static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const int32_t e[3], uint32_t *flags)
 {
     int64_t sum = 0;
@@ -61,7 +61,7 @@ static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const
     return (int32_t)saturate(round_shift(sum, KN_FIXED_E_FRACTION), KN_FIXED_U, flags, KN_FIXED_SAT_U);
 }
 
-// Return t = g dl + t0.
+// Return the tension t = g dl + t0 of an edge.
 static inline int32_t tension(int64_t dl, const line *at, int kv_shift, uint32_t *flags)
 {
     return (int32_t)saturate(round_shift(at->g * dl, kv_shift) + at->t0, KN_FIXED_T, flags, KN_FIXED_SAT_TENSION);
@@ -94,7 +94,7 @@ static void pull(kn_fixed *f)
     f->flags |= flags;
 }
 
-// Return H in whole phi.
+// Return the force H of an edge's spring k1, rounded to whole phi.
 static int32_t spring(kn_fixed *f, int edge)
 {
     return (int32_t)saturate(round_shift(f->h[edge], KN_FIXED_H_FRACTION), KN_FIXED_T, &f->flags, KN_FIXED_SAT_SPRING);
@@ -116,7 +116,7 @@ static void direction(kn_fixed *f, int edge)
     int n = 0;
     const int64_t r = square > 0 ? kn_fixed_rsqrt(f->seed, (uint64_t)square, &n) : 0;
     for (int k = 0; k < 3; k++) {
-        // Rounding may exceed 1 by a little: clamp.
+        // Rounding can make the unit vector slightly longer than 1, so clamp its components.
         int64_t e = round_shift(d[k] * r, 18 - n / 2), one = 1 << KN_FIXED_E_FRACTION;
         f->line[edge].e[k] = (int32_t)(e > one ? one : e < -one ? -one : e);
     }
@@ -129,10 +129,10 @@ static int32_t ratio(const kn_fixed_image *image, int64_t b, int32_t ia)
     const uint64_t a = (uint64_t)(b < 0 ? -b : b);
     if (a == 0) return image->table[0];
     const int exponent = top_bit(a) - 17;
-    const uint64_t mantissa = exponent > 0 ? a >> exponent : a << -exponent; // 2^17 .. 2^18 - 1
+    const uint64_t mantissa = exponent > 0 ? a >> exponent : a << -exponent; // in the range 2^17 .. 2^18 - 1
     const uint64_t key = mantissa * (uint64_t)ia;
     const int top = top_bit(key), octave = top + exponent - image->config.octave;
-    const int64_t bits = (int64_t)(key << (40 - top) >> 24) & 0xffff; // 16 bits below the leading one
+    const int64_t bits = (int64_t)(key << (40 - top) >> 24) & 0xffff; // the 16 bits below the key's leading bit
     if (octave < 0) return image->table[0];
     if (octave >= KN_FIXED_SEGMENTS / 32) return image->table[KN_FIXED_SEGMENTS];
     const int32_t *at = image->table + 32 * octave + (bits >> 11);
@@ -234,7 +234,7 @@ static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
 {
     for (int c = 0; c < 3 * f->image->config.node_count; c++) {
         int64_t r = take_residual(f, c), size = r < 0 ? -r : r;
-        f->force[c] = r; // the reaction, if the node is held
+        f->force[c] = r; // if the node is held, r is its reaction
         if (!(f->held[c / 3] >> c % 3 & 1) && size > result->residual) result->residual = size;
         f->x[c] = saturate(f->x[c] + f->u[c], KN_FIXED_X, &f->flags, KN_FIXED_SAT_POSITION);
     }
@@ -268,7 +268,7 @@ static void begin(kn_fixed *f, const kn_fixed_bound *bound, int count)
     for (int i = 0; i < count; i++) take_bound(f, &bound[i]);
 }
 
-// O passes of K iterations, see the drawing in fixed.h.
+// Compute one tick: O passes of K iterations, see the drawing in fixed.h.
 static void solve(kn_fixed *f)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -342,7 +342,7 @@ void kn_fixed_init(kn_fixed *f, const kn_fixed_image *image, void *memory)
 
 static bool within(int64_t v, int64_t least, int64_t most) { return v >= least && v <= most; }
 
-// Return NULL, or the first value outside its range.
+// Return NULL, or a text that names the first value outside its range.
 static const char *check_config(const kn_fixed_config *c)
 {
     if (!within(c->node_count, 1, KN_FIXED_NODES_MAX)) return "node_count outside 1..65535";

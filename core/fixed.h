@@ -55,76 +55,76 @@ enum {
 #define KN_FORMAT(name, sign, bits, fraction, unit, what) KN_FIXED_##name = bits, KN_FIXED_##name##_FRACTION = fraction,
     KN_FIXED_FORMATS(KN_FORMAT)
 #undef KN_FORMAT
-        KN_FIXED_SEGMENTS = 512,  // segments of the table: 16 octaves of 32
-    KN_FIXED_ITERATIONS_MAX = 32, // K
-    KN_FIXED_PASSES_MAX = 15,     // O
+        KN_FIXED_SEGMENTS = 512,  // segments of the table of R: 16 octaves, 32 segments each
+    KN_FIXED_ITERATIONS_MAX = 32, // largest number K of iterations per pass
+    KN_FIXED_PASSES_MAX = 15,     // largest number O of passes per tick
     KN_FIXED_NODES_MAX = 65535,
-    KN_FIXED_LIST_MAX = 1023, // boundary records of a tick
-    KN_FIXED_SEEDS = 512
+    KN_FIXED_LIST_MAX = 1023, // largest number of boundary records (kn_fixed_bound) in a tick
+    KN_FIXED_SEEDS = 512      // entries of the table of seeds for the reciprocal square root
 };
 
-// Numbers that did not fit since the flags were last cleared. RESIDUAL costs only convergence. With each other flag the
-// tick differs from (1).
+// Flags of numbers that exceeded their format and were saturated since the flags were last cleared. RESIDUAL only slows
+// the convergence. After each other flag the tick does not solve equation (1).
 enum {
-    KN_FIXED_SAT_U = 1,       // a node faster than 2^24 lambda a tick
-    KN_FIXED_SAT_TENSION = 2, // an edge above 2^24 phi
-    KN_FIXED_SAT_SPRING = 4,  // H above 2^23 phi
-    KN_FIXED_SAT_POSITION = 8,
-    KN_FIXED_SAT_DIRECTION = 16, // an edge longer than 2^17 2^d_shift lambda
-    KN_FIXED_SAT_RESIDUAL = 32,
-    KN_FIXED_SAT_REACTION = 64, // a sum beyond 36 bits
+    KN_FIXED_SAT_U = 1,          // a node moved by more than 2^24 lambda in a tick
+    KN_FIXED_SAT_TENSION = 2,    // the tension of an edge exceeded 2^24 phi
+    KN_FIXED_SAT_SPRING = 4,     // the force H of a spring k1 exceeded 2^23 phi
+    KN_FIXED_SAT_POSITION = 8,   // the position of a node exceeded its 36 bits
+    KN_FIXED_SAT_DIRECTION = 16, // an edge became longer than 2^17 2^d_shift lambda
+    KN_FIXED_SAT_RESIDUAL = 32,  // the residual of a node exceeded 25 bits
+    KN_FIXED_SAT_REACTION = 64,  // the sum of forces on a node exceeded 36 bits
 };
 
 typedef struct kn_fixed_config {
     int32_t node_count, edge_count;
-    int32_t passes, iterations; // O, K
-    int32_t d_shift;            // 0..18
-    int32_t kv_shift;           // 0..40
-    int32_t octave;             // of |B| ia at the beginning of the table; -64..63
-    int32_t beta, beta_shift;   // beta_shift 0..40
-    int32_t relax;
-    int32_t omega[KN_FIXED_ITERATIONS_MAX]; // 1.0 for iteration 0
+    int32_t passes, iterations;             // passes O per tick, iterations K per pass
+    int32_t d_shift;                        // exponent of the unit of edge vectors, format D; 0..18
+    int32_t kv_shift;                       // exponent of the unit of kv, format KV; 0..40
+    int32_t octave;                         // exponent of 2 of the key |B| ia at which the table of R begins; -64..63
+    int32_t beta, beta_shift;               // k1 dt/A and the exponent of its unit, format BETA; beta_shift 0..40
+    int32_t relax;                          // damping of the Jacobi step, format RELAX
+    int32_t omega[KN_FIXED_ITERATIONS_MAX]; // Chebyshev's weight of each iteration; 1.0 for iteration 0
 } kn_fixed_config;
 
 typedef struct kn_fixed_node {
-    int64_t x[3];    // rest position
-    int32_t load[3]; // phi, applied in every tick: weight
-    uint8_t held;    // bit k: component k never moves
+    int64_t x[3];    // rest position, lambda
+    int32_t load[3]; // load that acts in every tick, i.e. the weight, phi
+    uint8_t held;    // bit k is set: component k of the node never moves
 } kn_fixed_node;
 
 typedef struct kn_fixed_edge {
-    uint16_t i, j;  // from i to j, i != j
-    int32_t kv, ia; // ia >= 1
+    uint16_t i, j;  // nodes at the two ends; the edge runs from i to j, i != j
+    int32_t kv, ia; // tension per change of length with a rigid damper; 1/stress area, >= 1
 } kn_fixed_edge;
 
 typedef struct kn_fixed_image { // data that a circuit is loaded with; constant
     kn_fixed_config config;
-    kn_fixed_node *node;                  // [node_count]
-    kn_fixed_edge *edge;                  // [edge_count]
-    int32_t table[KN_FIXED_SEGMENTS + 1]; // R at 2^(octave + i/32)(1 + (i mod 32)/32), whole octaves
+    kn_fixed_node *node;                  // [config.node_count]
+    kn_fixed_edge *edge;                  // [config.edge_count]
+    int32_t table[KN_FIXED_SEGMENTS + 1]; // R at the key 2^(octave + i/32) (1 + (i mod 32)/32), i/32 rounded down
 } kn_fixed_image;
 
 // One node under a tool in one tick: either held and moved by value (lambda), or free and pushed by value (phi).
 typedef struct kn_fixed_bound {
-    uint16_t node; // at most once in a list
-    bool holds;    // components named by the node's own `held` do not move
-    int32_t value[3];
+    uint16_t node;    // number of the node; each node occurs at most once in a list
+    bool holds;       // true: held and moved, except for components in the node's own `held`, which never move
+    int32_t value[3]; // displacement in this tick (held), lambda, or load (free), phi
 } kn_fixed_bound;
 
 typedef struct kn_fixed_result {
-    int64_t residual; // phi: largest |r| on a free component
-    uint32_t flags;   // KN_FIXED_SAT_*, sticky
+    int64_t residual; // largest absolute residual of a free component, phi
+    uint32_t flags;   // bits KN_FIXED_SAT_* that were set since the flags were last cleared
 } kn_fixed_result;
 
 typedef struct kn_fixed { // state of one lattice; arrays in the caller's memory
     const kn_fixed_image *image;
-    int64_t *x; // [node][3]  lambda
-    int32_t *u; // [node][3] displacement in the last tick
-    int64_t *h; // [edge]
-    // scratch of one tick
-    int32_t *last, *load, *inverse; // [node][3]
-    uint8_t *shift, *held;          // [node][3], [node]
-    int64_t *force;                 // [node][3]
+    int64_t *x; // [node][3] positions, lambda
+    int32_t *u; // [node][3] displacement in the last tick, lambda
+    int64_t *h; // [edge] force H of the spring k1, 2^-12 phi
+    // scratch memory of one tick
+    int32_t *last, *load, *inverse; // [node][3] u of the iteration before; load; mantissa of relax/D
+    uint8_t *shift, *held;          // [node][3] shift of `inverse`; [node] held components of this tick, as bits
+    int64_t *force;                 // [node][3] sum of forces
     struct kn_fixed_line {
         int32_t e[3], g, t0;
     } * line; // [edge]
@@ -135,7 +135,7 @@ typedef struct kn_fixed { // state of one lattice; arrays in the caller's memory
 // Return the bytes of memory that kn_fixed_init needs, 64-byte aligned. Init leaves the lattice at rest.
 size_t kn_fixed_bytes(const kn_fixed_image *image);
 void kn_fixed_init(kn_fixed *fixed, const kn_fixed_image *image, void *memory);
-void kn_fixed_rest(kn_fixed *fixed); // initial state; clears the flags, too
+void kn_fixed_rest(kn_fixed *fixed); // restore the initial state and clear the flags
 
 // Take one tick. reaction[count][3], phi: force of the lattice and its load on each held node, including components
 // that its own `held` names; 0 for a record that only pushes. Real-time safe: at most O K + 2 O + 1 visits of every
@@ -143,11 +143,11 @@ void kn_fixed_rest(kn_fixed *fixed); // initial state; clears the flags, too
 void kn_fixed_tick(kn_fixed *fixed, const kn_fixed_bound *bound, int count, int64_t (*reaction)[3],
                    kn_fixed_result *result);
 
-// Return NULL, or the first reason why the circuit does not take the image.
+// Return NULL if the circuit accepts the image, else the first reason why not.
 const char *kn_fixed_check(const kn_fixed_image *image);
 
-// Return the CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little-endian words. Device and twin compare
-// it.
+// Return the CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little-endian words. The
+// device and this software twin compare their checksums.
 uint32_t kn_fixed_crc(const kn_fixed *fixed);
 
 // Return rsqrt, with 1/sqrt(q) = rsqrt 2^(n/2 - 34), n even, q in 1 .. 2^36 - 1, rsqrt in 2^16 .. 2^17. It needs a

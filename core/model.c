@@ -15,11 +15,11 @@
 
 // Longest step with gas, s. In a longer step, a press reduces a cell's volume too much at once.
 #define GAS_STEP_MOST_S 0.03
-#define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; every index is far from overflow
+#define NODES_MAX (1 << 22) // largest number of nodes: their state takes 3 GB, and no index overflows
 
 kn_model_def kn_model_def_default(void)
 {
-    const double gf_cm2 = 98.0665; // Pa
+    const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
     return (kn_model_def){
         // the first paper's dough, per cm of specimen height
         .material = {.k1_pa = 470 * gf_cm2,

@@ -82,7 +82,7 @@ static void box_of(const kn_simplices *s, double low[3], double high[3])
 
 typedef struct checker {
     const kn_simplices *s;
-    int *owner; // an element that has the node, -1: none
+    int *owner; // one element that each node belongs to; -1: none
     int blame;
     char *error;
     size_t size;

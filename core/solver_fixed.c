@@ -24,7 +24,7 @@ static double stiffness_of(const kn_model *m, const kn_edge *e)
     return m->law.a_pa_s / m->law.dt_s * m->kappa_m * e->weight;
 }
 
-typedef struct range { // extremes over all edges
+typedef struct range { // smallest and largest values over all edges
     double stiffest_n_m, least_area_m2, longest_m;
 } range;
 
@@ -287,10 +287,10 @@ void kn_fixed_destroy(kn_fixed_model *fixed)
 typedef struct work { // data of a step, in the scratch
     kn_fixed engine;
     double (*load_n)[3];    // [node] loads from tools, top and gas
-    double *moved_m;        // [node][3] with gas, else NULL
-    int32_t *place;         // [node] index in the list, -1: none
-    kn_fixed_bound *bound;  // [node] at most
-    int64_t (*reaction)[3]; // [node]
+    double *moved_m;        // [node][3] displacements, for the gas; NULL without gas
+    int32_t *place;         // [node] index of the node's record in `bound`, -1: none
+    kn_fixed_bound *bound;  // boundary list of the tick, at most one record per node
+    int64_t (*reaction)[3]; // reaction of each record in `bound`
     kn_fixed_watch watch;
 } work;
 

@@ -18,22 +18,22 @@
 #include "core/step.h"
 
 #define KN_FIXED_TRIAL 4        // ticks of the trial that measures `error`
-#define KN_FIXED_ERROR 0.02     // a larger error is worth a warning
-#define KN_FIXED_ERROR_MOST 0.2 // a larger error is refused
+#define KN_FIXED_ERROR 0.02     // relative error of the force above which the user gets a warning
+#define KN_FIXED_ERROR_MOST 0.2 // relative error of the force above which the model is refused
 
 typedef struct kn_fixed_model {
     kn_fixed_image image;
-    double lambda_m, phi_n;
-    double *spring; // [edge] H in 2^-12 phi per strain; 0: k1 is 0
-    // Relative error of the force, KN_FIXED_TRIAL ticks after a press starts at 1 cm/s: passes and iterations of the
-    // image against many of both.
+    double lambda_m, phi_n; // units of length and force of the image
+    double *spring;         // [edge] force H of the spring k1 per strain, in 2^-12 phi; 0: k1 is 0
+    // Relative error of the force KN_FIXED_TRIAL ticks after a press starts at 1 cm/s. It compares the image's numbers
+    // of passes and iterations with far larger numbers.
     double error;
 } kn_fixed_model;
 
 // Build model->fixed. Grid or net, law and masses of the model must be complete. Return NULL, or the reason why the
 // model cannot be one of integers; text is the caller's memory for that reason. Allocates.
 const char *kn_fixed_build(kn_model *model, char *text, size_t size);
-void kn_fixed_destroy(kn_fixed_model *fixed); // NULL is fine
+void kn_fixed_destroy(kn_fixed_model *fixed); // does nothing if `fixed` is NULL
 
 // Return the bytes of scratch that a step needs, 64-byte granular. Scratch is prepared once.
 size_t kn_fixed_scratch(const kn_model *model);
@@ -42,8 +42,8 @@ void kn_fixed_scratch_init(const kn_model *model, void *scratch);
 // Convert a state to integers: x, u, h of an engine with the model's image.
 void kn_fixed_read(const kn_model *model, const kn_state *state, kn_fixed *into);
 
-// Functions for someone who computes the same in parallel: begin gets the boundary list of a tick before it is
-// computed, end gets its results.
+// Callbacks for a circuit or program that computes the same ticks in parallel. `begin` gets the boundary list of a tick
+// before the tick is computed, `end` gets the results of the tick. Both get `self`.
 typedef struct kn_fixed_watch {
     void *self;
     void (*begin)(void *self, const kn_fixed_bound *bound, int count);

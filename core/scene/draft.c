@@ -10,7 +10,7 @@
 // Limit of the number of nodes: 100 times more than any processor steps in a millisecond. Their memory (below 4 GiB in
 // f64) still fits a workstation. A larger number is likelier a typing error than intended.
 enum { NODES_MAX = 1 << 22 };
-#define BUDGET_S 0.8e-3 // share of the 1 ms tick for the step; the rest is for poses, surface and machine
+#define BUDGET_S 0.8e-3 // part of the 1 ms tick for the step; the rest is for poses, surface and operating system
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
 // Largest deviation of an extent from a whole number of spacings, in spacings: 5 cm / 3.3333333333333333 mm passes,
 // 5 cm / 3.333 mm does not.
@@ -48,20 +48,20 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
 {
     char what[512];
-    // the message, after the name of the quality point if one is checked
+    // print the message, preceded by the name of the quality point if a point is being checked
     int used = draft->point ? snprintf(what, sizeof what, "quality.%s: ", draft->point) : 0;
     va_list args;
     va_start(args, format);
     vsnprintf(what + used, sizeof what - (size_t)used, format, args);
     va_end(args);
-    // the place: a line of the file, or the key of a --set
+    // print the place of the error: a line of the file, or the key of a --set
     if (mark.source < 0) {
         snprintf(draft->error, draft->error_size, "%s:%d:%d: %s", draft->file, mark.line, mark.col, what);
     } else {
         const char *set = draft->sets[mark.source];
         int size = 0;
         bool point = strncmp(set, "quality=", 8) == 0 && set[8] && set[8 + strspn(set + 8, LETTERS)] == '\0';
-        if (point) { // show --quality NAME as the user gave it
+        if (point) { // name the option --quality NAME as the user wrote it
             snprintf(draft->error, draft->error_size, "--quality %.24s: %s", set + 8, what);
             return false;
         }
@@ -326,7 +326,7 @@ static bool finish_stroke(kn_draft *draft)
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;
-    // moduli in SI
+    // convert the moduli to SI
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
         if (kn_keys[id].type == KN_TYPE_MODULUS && relevant(draft, 0, id) && !finish_modulus(draft, id)) return false;
     if (relevant(draft, 0, KN_KEY_P0) && mat->p0_pa >= mat->p1_pa)
@@ -359,7 +359,7 @@ static bool finish_thickness(kn_draft *draft, bool flat)
                                  by == KN_KEY_MESH ? "object.mesh is flat" : "object.size has two values");
     draft->scene.model.thickness_m = 0;
     draft->at[0][KN_KEY_THICKNESS].source = KN_SOURCE_DEFAULT;
-    if (what.source > at.source) return true; // --set made it solid
+    if (what.source > at.source) return true; // a --set made the object solid, so its thickness has no effect
     return kn_draft_complain(draft, at, "object.thickness means nothing with %s, expected it left out",
                              by == KN_KEY_MESH ? "a mesh of tetrahedra" : "an object.size of three values");
 }
@@ -375,7 +375,7 @@ static bool finish_object(kn_draft *draft)
     if (!finish_thickness(draft, draft->size_m[1] == 0)) return false;
     for (int k = 0; k < 3; k++) {
         if (draft->size_m[k] == 0) {
-            def->nodes[k] = 1; // across a flat object
+            def->nodes[k] = 1; // a flat object has one layer of nodes along y
             continue;
         }
         // the extent must be a whole number of spacings
@@ -493,7 +493,7 @@ bool kn_draft_finish(kn_draft *draft)
 typedef struct page {
     char text[32768];
     size_t used;
-    char group[KN_LINE_MAX]; // the open mapping, "quality.fast."
+    char group[KN_LINE_MAX]; // path of the mapping that is open in the text, e.g. "quality.fast."
 } page;
 
 static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -64,7 +64,7 @@ bool kn_draft_device(kn_draft *draft)
     kn_safety_limits *limits = &draft->scene.limits;
     char name[KN_LINE_MAX];
     snprintf(d->name, sizeof d->name, "%.15s", kn_key_print(&kn_keys[KN_KEY_PROFILE], &draft->profile, name));
-    // defaults that depend on other keys
+    // set the defaults that depend on other keys
     if (!given(draft, KN_KEY_TORQUE_CLAMP)) limits->torque_clamp_n_m = 0.05 * limits->clamp_n;
     for (int k = 0; k < 3 && !given(draft, KN_KEY_DEVICE_BASIS); k++) d->basis[k] = k + 1;
     if (!given(draft, KN_KEY_DEVICE_ROTATION)) d->rotation_wxyz[0] = 1.0;

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define EDGE_MIN_M 1e-5 // least mean edge; the same limit as for a block's spacing
+#define EDGE_MIN_M 1e-5 // smallest mean length of a mesh's edges; a block's spacing has the same limit
 
 typedef char path_text[2 * KN_PATH_MAX];
 
@@ -72,7 +72,7 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
                                  ": the file has changed since, expected the old one (there, or beside this file)",
                                  kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
-    draft->at[file->slot][file->hash] = mark_of(draft, file); // so that the canonical text holds the hash
+    draft->at[file->slot][file->hash] = mark_of(draft, file); // mark the hash as given, so the canonical text holds it
     return true;
 }
 

@@ -265,32 +265,32 @@ typedef enum kn_key_id {
 
 typedef enum kn_key_when {
     KN_WHEN_ALWAYS,
-    KN_WHEN_BLOCK,       // no object.mesh
-    KN_WHEN_MESH,        // object.mesh
-    KN_WHEN_DIAGONALS,   // object.structure: diagonals
-    KN_WHEN_PRESSURE,    // object.pressure: not none
-    KN_WHEN_CONSTANT,    // material.damper: constant
-    KN_WHEN_EXPONENTIAL, // material.damper: exponential
-    KN_WHEN_RAMP,        // material.damper: ramp
-    KN_WHEN_FORCE,       // material.damper: exponential or ramp
-    KN_WHEN_TABLE,       // support: friction
-    KN_WHEN_PLATE,       // shape: plate
-    KN_WHEN_TOOL,        // shape: any but plate
-    KN_WHEN_ROUND,       // shape: sphere, capsule, cylinder
-    KN_WHEN_LONG,        // shape: capsule, cylinder
-    KN_WHEN_BOX,         // shape: box, cross
-    KN_WHEN_EDGED,       // shape: box, cross, cylinder
-    KN_WHEN_SURFACE      // shape: mesh
+    KN_WHEN_BLOCK,       // the object is a block: the scene has no key object.mesh
+    KN_WHEN_MESH,        // the object is a mesh: the scene has the key object.mesh
+    KN_WHEN_DIAGONALS,   // object.structure is diagonals
+    KN_WHEN_PRESSURE,    // object.pressure is not none
+    KN_WHEN_CONSTANT,    // material.damper is constant
+    KN_WHEN_EXPONENTIAL, // material.damper is exponential
+    KN_WHEN_RAMP,        // material.damper is ramp
+    KN_WHEN_FORCE,       // material.damper is exponential or ramp
+    KN_WHEN_TABLE,       // support is friction
+    KN_WHEN_PLATE,       // the tool's shape is plate
+    KN_WHEN_TOOL,        // the tool's shape is any but plate
+    KN_WHEN_ROUND,       // the tool's shape is sphere, capsule or cylinder
+    KN_WHEN_LONG,        // the tool's shape is capsule or cylinder
+    KN_WHEN_BOX,         // the tool's shape is box or cross
+    KN_WHEN_EDGED,       // the tool's shape is box, cross or cylinder
+    KN_WHEN_SURFACE      // the tool's shape is mesh
 } kn_key_when;
 
 typedef enum kn_key_type {
     KN_TYPE_REAL,    // double
-    KN_TYPE_MODULUS, // double; may also be given per metre of specimen height; range checked after multiplying by it
+    KN_TYPE_MODULUS, // double; also per metre of specimen height; its range is checked after multiplying by the height
     KN_TYPE_EXTENT,  // double[3]; two values are x and z, with y = 0
     KN_TYPE_INTEGER, // int
-    KN_TYPE_CHOICE,  // enum or int, the number of the word in unit
+    KN_TYPE_CHOICE,  // enum or int: index of a word in the list of words in the column `unit`
     KN_TYPE_NAME,    // char[KN_NAME_MAX], [a-z0-9_]+
-    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 with an ending listed in unit: ".stl|.obj"
+    KN_TYPE_PATH,    // char[KN_PATH_MAX], printable UTF-8 with a file ending listed in the column `unit`: ".stl|.obj"
     KN_TYPE_HASH     // uint64_t, 16 hexadecimal digits
 } kn_key_type;
 
@@ -299,17 +299,17 @@ typedef struct kn_key {
     const char *path;
     kn_key_type type;
     int count;
-    const char *unit; // CHOICE: its words, PATH: its endings
+    const char *unit; // unit of the value; CHOICE: the allowed words; PATH: the allowed file endings
     double least, most;
     const char *fallback;
-    size_t offset; // of the member
+    size_t offset; // offset of the member in its struct [bytes]
     const char *meaning;
 } kn_key;
 
 extern const kn_key kn_keys[KN_KEY_COUNT];
 
 #define KN_PATH_MAX 1024
-#define KN_LINE_MAX 256 // bytes of a clause or a key's description, with the NUL
+#define KN_LINE_MAX 256 // size of a buffer for a clause or a key's description, NUL included [bytes]
 
 // Read count texts into the member at field. On failure, return false and store the problem without the expectation:
 // "'7' has no unit". per_height (MODULUS only, else may be NULL) becomes true if the value must still be multiplied by

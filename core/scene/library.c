@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // numbers of the words of material.variant
+enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // values of the key material.variant, in the order of its words
 
 static const char *const suffixes[] = {"-rheological", "-viscoelastic", "-plastic"};
 
@@ -88,7 +88,7 @@ bool kn_library_vary(kn_draft *draft)
         return kn_draft_complain(draft, at, "material.variant is plastic, expected a damper that can move");
     if (draft->variant == PLASTIC) make_plastic(mat);
     if (draft->variant != VISCOELASTIC) return true;
-    // stops at one place: the damper cannot move
+    // put both stops at one place, so the damper cannot move
     mat->ratio = mat->stroke[0] = mat->stroke[1] = 1;
     draft->at[0][KN_KEY_STROKE] = draft->at[0][KN_KEY_RATIO] = at;
     return true;

@@ -16,12 +16,12 @@ typedef struct tagged { // a node's number in the file and its index in memory
 typedef struct found { // a triangle (node[3] is -1) or tetrahedron
     int node[4];
     long tag;
-    size_t at; // byte in the file
+    size_t at; // position of the element in the file [bytes]
 } found;
 
 typedef struct reader {
     kn_words words;
-    int version; // 2 or 4; 0 before $MeshFormat
+    int version; // version of the format, 2 or 4; 0 until $MeshFormat has been read
     int node_count, found_count, left_out;
     double (*x)[3];
     tagged *tag;
@@ -66,7 +66,7 @@ static bool read_format(reader *r)
     return kn_words_section_end(&r->words);
 }
 
-// Order nodes by their number in the file.
+// Compare two nodes for qsort by their number in the file.
 static int by_tag(const void *a, const void *b)
 {
     const tagged *p = a, *q = b;
@@ -91,7 +91,7 @@ static bool take_place(reader *r, int node, int parameters)
     return true;
 }
 
-// Read the number of a node.
+// Read the number that the file gives to a node.
 static bool take_node_tag(reader *r, kn_width width, int node)
 {
     r->tag[node].index = node;
@@ -353,7 +353,7 @@ static bool lay_flat(reader *r, kn_simplices *s)
         return complain(r, r->found[0].at,
                         "triangles alone, and not in one plane: expected tetrahedra (knead mesh fills a "
                         "closed surface with them), or a plane z = const or y = const");
-    // a plane z = const: y becomes z
+    // if the mesh lies in a plane z = const, its y becomes the scene's z
     for (int i = 0; i < s->node_count; i++) {
         if (wide[2] <= thin) s->x_m[i][2] = s->x_m[i][1];
         s->x_m[i][1] = 0;
