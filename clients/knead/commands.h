@@ -32,11 +32,11 @@
     X(web, "a page that shows the object live, with a tool in the visitor's hand; prints its address")                 \
     X(zwidth, "how stiff a wall a device can hold: simulated, against delay and friction, beside the bounds")
 
-enum { // exit codes of every program of this project
+enum { // exit codes of all programs of this project
     KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,   // a requested check failed: --verify, a stated contract
-    KN_EXIT_USAGE = 2,    // bad input: an option, a scene, a log
-    KN_EXIT_DEVICE = 3,   // device, transport or environment failed
+    KN_EXIT_FAILED = 1,   // a requested check failed, e.g. that of --verify or of a latency contract
+    KN_EXIT_USAGE = 2,    // bad input: a wrong option, scene file or log
+    KN_EXIT_DEVICE = 3,   // a device, the message bus or the operating system failed
     KN_EXIT_INTERNAL = 70 // error in the program itself
 };
 

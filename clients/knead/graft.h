@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_GRAFT_H
 #define KN_CLIENTS_GRAFT_H
-// Replacement of one block of a YAML text. The rest stays as its author wrote it, byte for byte: comments, order, line
-// ends.
+// Replacement of one block of a YAML text. The rest of the text stays byte for byte as its author wrote it: comments,
+// order and line ends.
 //
 //     material: dough                        A block is a key of the outermost mapping with its value. It reaches
 //     quality:          <-- begins           from the key's line to the last line that holds a part of the value.
