@@ -257,7 +257,7 @@ static void print_reasons(const kn_atlas *a)
     }
 }
 
-// Print each cell in which the default solver gives a wrong result. Return the number of these cells.
+// Print each cell in which the default solver fails (function `bad`). Return the number of these cells.
 static int print_bad(const kn_atlas *a)
 {
     int count = 0;
