@@ -49,7 +49,7 @@ typedef struct kn_arm_def { // definition of a simulated device; a field that is
 typedef struct kn_arm { // state of a simulated device and hand; the caller only reads it
     kn_arm_def def;
     double position_m[3]; // encoder reading at the last sample
-    // measured velocity: difference of the encoder readings, after a first-order low-pass
+    // Measured velocity: difference of the encoder readings, after a first-order low-pass.
     double velocity_m_s[3];
     double force_n[3];             // force on the device during the last period, after saturation at force_limit_n
     double x_m[3], v_m_s[3];       // true position and velocity of the device

@@ -85,7 +85,7 @@ static bool read_exponential(const char *text, kn_part *part, char why[160])
            read_plain(field[3], "Pa", &part->p1_pa, why);
 }
 
-// example values for error messages, indexed by 0: damper, 1: spring
+// Example values for error messages, indexed by 0: damper, 1: spring.
 static const char *const example[2] = {"245 kPa*s", "46 kPa"};
 
 // Apply one option --param PART=VALUE to the spring or damper that has the name PART.
@@ -256,7 +256,7 @@ void kn_bench_fresh(kn_bench *b)
 
 // ---- the experiment
 
-// ratio S0/S of the undeformed section to the present section
+// Ratio S0/S of the undeformed section to the present section.
 static double grown(const kn_bench *b) { return b->opt->constant_area ? 1 : 1 - b->strain; }
 
 // Copy time, strain, stress and force of the one-dimensional element into the readings.

@@ -6,7 +6,7 @@
 // of micrometres only.
 #define KN_BUZZ_HZ 10.0
 
-// high-pass filter with a sum of squares; callers use the functions below and do not write the fields
+// High-pass filter with a sum of squares; callers use the functions below and do not write the fields.
 typedef struct kn_buzz {
     double b, a1, a2; // y = b (x - 2 x1 + x2) - a1 y1 - a2 y2
     double x1, x2, y1, y2;

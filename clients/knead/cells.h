@@ -9,13 +9,13 @@ typedef struct kn_cells {
     const kn_model *model; // model of the object; must outlive this list of cells
     int count;
     // corner: node numbers of all cells, [end[count - 1]]; end: index in corner after the last node of each cell,
-    // VTK cell type of each cell, [count]
+    // VTK cell type of each cell, [count].
     int32_t *corner, *end;
     uint8_t *type; // VTK cell type of each cell, [count]
     double *rest;  // volume of each cell at rest, m^3, [count] values
 } kn_cells;
 
-// list the cells of the object; return false if out of memory
+// List the cells of the object; return false if out of memory.
 bool kn_cells_list(kn_cells *cells, const kn_model *model);
 void kn_cells_free(kn_cells *cells); // a struct that is all zero is allowed
 

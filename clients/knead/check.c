@@ -482,7 +482,7 @@ int kn_check_main(int argc, char **argv)
         {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
         {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
         {"json", no_argument, NULL, 'j'},          {0}};
-    // kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
+    // Kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
     const char **sets = calloc((size_t)argc + 1, sizeof *sets);
     int count = 0, status = -1;
     const char *log = NULL;

@@ -181,7 +181,7 @@ static double line_us(const kn_model *model, double iterations)
 double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    // least number of linearisations per step that the material law needs, even if the scene sets fewer
+    // Least number of linearisations per step that the material law needs, even if the scene sets fewer.
     int lines = kn_impact_lines(model);
     return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
 }

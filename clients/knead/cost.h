@@ -5,14 +5,14 @@
 #include "core/model.h"
 
 typedef struct kn_cost {
-    // bytes: data moved through the caches; flops: additions and multiplications; us: time on one core, us
+    // bytes: data moved through the caches; flops: additions and multiplications; us: time on one core, us.
     double bytes, flops, us;
 } kn_cost;
 
 typedef struct kn_cost_part {
     char name[64];
     bool contact;
-    // once: cost per linearisation of a step; iteration: cost per iteration of conjugate gradients (CG)
+    // once: cost per linearisation of a step; iteration: cost per iteration of conjugate gradients (CG).
     kn_cost once, iteration;
 } kn_cost_part;
 

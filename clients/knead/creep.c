@@ -30,7 +30,7 @@ static const char help[] =
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
 
 typedef struct reading {
-    // stress_pa, strain: values just before the weight is taken off; residual: strain at the end
+    // stress_pa, strain: values just before the weight is taken off; residual: strain at the end.
     double stress_pa, strain, residual;
 } reading;
 

@@ -37,7 +37,7 @@ typedef struct kn_crew {
 // All functions of this header that return int return an exit code. On failure they print one line on stderr.
 int kn_crew_open(kn_crew *crew); // open the folder; the caller must have set the fields before `folder`
 int kn_crew_play(kn_crew *crew);
-// load the traces of all runs into traces[number of runs], which the caller has zeroed
+// Load the traces of all runs into traces[number of runs], which the caller has zeroed.
 int kn_crew_load(const kn_crew *crew, kn_trace *traces);
 void kn_crew_close(kn_crew *crew);
 

@@ -32,7 +32,7 @@ static kn_element element_of(const char *text)
 {
     kn_element e;
     char error[160];
-    // no error can occur, because the texts are constants of this program or printed by it
+    // No error can occur, because the texts are constants of this program or printed by it.
     kn_element_parse(&e, text, error, sizeof error);
     return e;
 }

@@ -48,7 +48,7 @@ static const char help[] =
 
 typedef struct options {
     const char *log, *scene, *snapshot, *vtk, *ply, *csv;
-    // to_s INFINITY: up to the end; at_s NAN: export a series of moments, INFINITY: export the last moment only
+    // to_s INFINITY: up to the end; at_s NAN: export a series of moments, INFINITY: export the last moment only.
     double from_s, to_s, every_s, at_s;
     bool spaced; // true: at least one of --from, --to and --every was given
     int measure;

@@ -11,7 +11,7 @@
 typedef struct kn_map {
     const char *family;
     char title[80];
-    // parameter that changes from column to column, and parameter that changes from row to row
+    // Parameter that changes from column to column, and parameter that changes from row to row.
     const char *across, *down;
     int columns, rows;
     double x[KN_MAP_SIDE], y[KN_MAP_SIDE];

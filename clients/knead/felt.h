@@ -13,9 +13,9 @@ double kn_felt_force(const kn_trace *a, const kn_trace *b);
 double kn_felt_shape(const kn_trace *a, const kn_trace *b);
 
 double kn_felt_peak(const kn_trace *t); // largest force on a tool, N
-// largest change of the force on a tool from one tick to the next, N per ms
+// Largest change of the force on a tool from one tick to the next, N per ms.
 double kn_felt_jump(const kn_trace *t);
-// total variation of the forces on all tools over time, N; twice the peak force in a press without oscillation
+// Total variation of the forces on all tools over time, N; twice the peak force in a press without oscillation.
 double kn_felt_variation(const kn_trace *t);
 double kn_felt_depth(const kn_trace *t); // largest downward displacement of a node after the last tick, m
 

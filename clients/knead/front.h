@@ -26,17 +26,17 @@ typedef struct kn_row {
     const kn_run *run;
     double median_us, p90_us;
     kn_errors force, shape;
-    // difference of the peak force from the reference, relative to the peak of the reference
+    // Difference of the peak force from the reference, relative to the peak of the reference.
     double peak;
-    // delay of the force, s, and depth of the dent, m, minus those of the reference; positive: later, deeper
+    // Delay of the force, s, and depth of the dent, m, minus those of the reference; positive: later, deeper.
     double lag_s, depth_m;
-    // largest change of the force in one tick, N per ms: of the point, of its reference, of SAME
+    // Largest change of the force in one tick, N per ms: of the point, of its reference, of SAME.
     double jump_n, reference_jump_n, same_jump_n;
-    // total variation of the force over time, of the point and of its reference, divided by the reference's peak force
+    // Total variation of the force over time, of the point and of its reference, divided by the reference's peak force.
     double variation, reference_variation;
-    // chatters: see KN_CHATTER; latched: the replay had more faults than the reference, or diverged
+    // chatters: see KN_CHATTER; latched: the replay had more faults than the reference, or diverged.
     bool chatters, latched;
-    // true: the point is on the Pareto front of the force error, of the shape error
+    // True: the point is on the Pareto front of the force error, of the shape error.
     bool front, shape_front;
 } kn_row;
 

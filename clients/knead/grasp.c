@@ -3,10 +3,10 @@
 #include <string.h>
 
 // period_s: sampling period, s; unheard_n: amplitude below which an oscillation of the force is not counted, N; both as
-// in rig.c
+// in rig.c.
 static const double period_s = 1e-3, unheard_n = 2e-3;
 static const double lean_n = 1.0; // constant downward load on a device that nobody holds, N
-// number of direction reversals of the force in a second above which the loop buzzes: 10 Hz
+// Number of direction reversals of the force in a second above which the loop buzzes: 10 Hz.
 static const int buzz_turns = 20;
 
 // Reset the monitoring of the closed loop at the start of an attempt.
@@ -91,7 +91,7 @@ static void take_up(kn_grasp *g, const kn_path_point *point)
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
     if (arm.grip == KN_GRIP_NONE) arm.axes = 1; // a device that nobody holds would move away sideways
-    // the hand holds the device until the first touch, see let_go
+    // The hand holds the device until the first touch, see let_go.
     if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL;
     kn_arm_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);
@@ -159,7 +159,7 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     if (!out.send) {
         static const double none_n[3] = {0};
         kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, none_n, elapsed_ms);
-        // the next attempt begins at a different place, so the hand must grip the device anew
+        // The next attempt begins at a different place, so the hand must grip the device anew.
         g->holding &= g->player->hand.mode != KN_HAND_SILENT;
         return out;
     }

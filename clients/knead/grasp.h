@@ -43,8 +43,8 @@ typedef struct kn_grasp_news { // results of the last attempt to play the path
     bool drives; // true: the loop gave the hand more energy than KN_GRASP_GIVEN_J
 } kn_grasp_news;
 
-// state of the virtual hand, used by the device's thread; the caller may read `news` and `arm` after the thread has
-// ended
+// State of the virtual hand, used by the device's thread; the caller may read `news` and `arm` after the thread has
+// ended.
 typedef struct kn_grasp {
     kn_grasp_def def;
     kn_player *player;
@@ -67,7 +67,7 @@ typedef struct kn_grasp {
 } kn_grasp;
 
 void kn_grasp_init(kn_grasp *grasp, const kn_grasp_def *def, kn_player *player); // `player` must outlive `grasp`
-// play 1 ms; has the type kn_device_hand (device.h)
+// Play 1 ms; has the type kn_device_hand (device.h).
 kn_hand_out kn_grasp_tick(void *grasp, const kn_hand_force *force, int elapsed_ms);
 
 #endif

@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-// longest wait until the server engages the tool; usually 200 ms of poses and 200 ms of ramp are needed
+// Longest wait until the server engages the tool; usually 200 ms of poses and 200 ms of ramp are needed.
 static const int answer_ms = 3000;
 static const int clear_ms = 1000; // time that the server has to clear a fault after the tool was lifted
-// time without poses between two attempts; the server ends a session after 1 s without poses
+// Time without poses between two attempts; the server ends a session after 1 s without poses.
 static const int silence_ms = 1200;
 // Return the record of the present attempt to play the path.
 static kn_attempt *current(kn_hand *h) { return &h->attempt[h->tries - 1]; }

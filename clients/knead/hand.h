@@ -42,7 +42,7 @@ typedef struct kn_hand_def {
     double clear_z_m;    // height z to which the hand lifts the tool in a retreat before it moves sideways, m
     int64_t session;     // session number of the first attempt; each further attempt uses the next number
     int tries;           // largest number of attempts, 1 .. KN_HAND_TRIES; 0: KN_HAND_TRIES
-    // fault injection: time on the path at which the hand stops sending poses, in the first attempt only, ms
+    // Fault injection: time on the path at which the hand stops sending poses, in the first attempt only, ms.
     int drop_at_ms;
     int drop_ms;          // fault injection: duration for which no poses are sent, ms; 0: no fault
     int hold_ms, zero_ms; // times hold_ms and zero_ms of the watchdog (core/safety.h), ms; 0: defaults 3 and 20
@@ -63,7 +63,7 @@ typedef struct kn_trip {
     double time_s;       // time on the path at the trip, s
     double force_n;      // last force on the tool while the tool was engaged, N
     const char *refusal; // reason if the device refused to give a force, else NULL
-    // true: the device's own watchdog tripped after silent_ms without a force; false: the server latched `fault`
+    // True: the device's own watchdog tripped after silent_ms without a force; false: the server latched `fault`.
     bool own;
     int silent_ms;
     int stalled_ms; // part of silent_ms in which this process itself did not run, ms

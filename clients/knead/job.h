@@ -6,7 +6,7 @@
 //     scene scene.yaml       log log.lcmlog       trace ID.trace       set solver.iterations=8    ...
 #include "clients/knead/plan.h"
 
-// path of this program's executable file; every trace holds the hash of the executable
+// Path of this program's executable file; every trace holds the hash of the executable.
 extern const char kn_job_program[];
 
 bool kn_job_write(const char *path, const kn_run *run, const char *log);

@@ -17,14 +17,14 @@
 #define DATAGRAM_MAX 65536     // largest size of a datagram, bytes; limit of UDP
 #define BUFFER_BYTES (4 << 20) // size of the receive buffer, bytes; holds the mesh messages of 1 s
 #define HELLO_NS 50000000      // interval of hello messages while the life (present run) of kneadd is not known, ns
-// after this time without an authentic and fresh message, a hello asks for the life of kneadd again, ns
+// After this time without an authentic and fresh message, a hello asks for the life of kneadd again, ns.
 #define SILENCE_NS 250000000
 #define NONCE_NS 1000000000 // longest wait for the answer to a hello, ns; after that a new nonce is used
 #define LAG_US 200          // largest amount by which one message reduces the estimated age of kneadd, us
-// largest allowed difference between the stamp of a message and this machine's wall clock, for a listener that sends
-// nothing (KNEAD_MUTE), us
+// Largest allowed difference between the stamp of a message and this machine's wall clock, for a listener that sends
+// nothing (KNEAD_MUTE), us.
 #define APART_US 5000000
-// beginning of the names of channels whose messages are signed by a client and not by kneadd
+// Beginning of the names of channels whose messages are signed by a client and not by kneadd.
 #define POSES "KNEAD_POSE_"
 
 // A channel that this join listens to.
@@ -62,12 +62,12 @@ static struct {
     _Atomic int64_t nonce;    // nonce of the hello message that has not been answered yet; 0: none
     _Atomic int64_t life;     // number of the present life (run) of kneadd; 0: not known yet
     _Atomic int64_t floor_us; // age of kneadd (time since its start) in its first answer of this life, us
-    // estimated difference between the age of kneadd and this machine's monotonic clock, us
+    // Estimated difference between the age of kneadd and this machine's monotonic clock, us.
     _Atomic int64_t ahead_us;
     _Atomic int64_t believed_ns; // time at which the last accepted message arrived
     _Atomic int64_t asked_ns;    // time at which the present nonce was created
     _Atomic int64_t said_ns;     // time at which the last hello message was sent
-    // times of the last message without a valid tag, and of the last message with a valid tag that was not fresh
+    // Times of the last message without a valid tag, and of the last message with a valid tag that was not fresh.
     _Atomic int64_t forged_ns, old_ns;
 } own;
 

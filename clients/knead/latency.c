@@ -40,7 +40,7 @@ static const char help[] =
     "A pose that no answer echoes is missed: the next one overtook it. It is as late as the answer to that.\n"
     "Exit: 1 the contract is missed, 2 bad input, 3 kneadd or the bus cannot be had.\n";
 
-// above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s
+// above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s.
 static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // depth of the press as a share of the object's height
 

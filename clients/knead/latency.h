@@ -21,13 +21,13 @@
 
 typedef struct kn_flight { // a pose and its answer; times by CLOCK_MONOTONIC, 0: never
     int64_t session, seq, sent_ns;
-    // time at which the receiving thread had decoded the answer to this pose
+    // Time at which the receiving thread had decoded the answer to this pose.
     int64_t back_ns;
-    // time of the first answer to this pose or to a later pose of the same session
+    // Time of the first answer to this pose or to a later pose of the same session.
     int64_t newer_ns;
-    // duration of the tick that used the pose, as reported in the answer
+    // Duration of the tick that used the pose, as reported in the answer.
     int64_t execution_ns;
-    // times from kneadd's trace: pose arrived, tick began, lattice stepped, output stage done
+    // Times from kneadd's trace: pose arrived, tick began, lattice stepped, output stage done.
     int64_t arrived_ns, woke_ns, stepped_ns, guarded_ns;
     int32_t contacts;
     bool counts; // true: the pose was sent while the piece `work` of the path was played, so it counts
@@ -100,7 +100,7 @@ typedef struct kn_series { // times of one stage for all poses, sorted
 typedef struct kn_latency_report {
     const char *scene; // name of the measured scene
     int nodes;
-    // phase of kneadd's tick relative to the poses, "lock" or "free"; NULL: unknown, because kneadd ran already
+    // Phase of kneadd's tick relative to the poses, "lock" or "free"; NULL: unknown, because kneadd ran already.
     const char *phase;
     // Contract: allowed excess of p50 and p99 of the pose series over the sum of echo and execution, us; < 0: none.
     double contract_us[2];

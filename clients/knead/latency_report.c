@@ -193,7 +193,7 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
 int kn_latency_plot(const kn_latency_report *r, const char *path)
 {
     static const int drawn[] = {KN_SERIES_ECHO, KN_SERIES_EXECUTION, KN_SERIES_POSE};
-    // gnuplot line types: the measured latency in colour, the two series to compare with in black.
+    // Gnuplot line types: the measured latency in colour, the two series to compare with in black.
     static const int order[] = {3, 2, 1};
     int code;
     FILE *f = kn_plot_open("latency", path, 900, 560, &code);
@@ -212,7 +212,7 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     fputc('\n', f);
     for (int d = 0; d < 3; d++) {
         const kn_series *s = &r->series[drawn[d]];
-        // Stop at the share beyond which less than one pose is left.
+        // Leave out shares so close to 1 that less than one pose is slower.
         for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
             double share = 1 - pow(10, -nines), us = kn_series_at(s, share);
             if (isfinite(us) && us > 0 && (1 - share) * s->count >= 1) fprintf(f, "%.2f %.4f\n", us, nines);

@@ -15,9 +15,9 @@
 #include <string.h>
 #include <sys/random.h>
 
-// real-time priority of the hand: as in knead probe, below that of kneadd's threads
+// Real-time priority of the hand: as in knead probe, below that of kneadd's threads.
 static const int hand_priority = 60;
-// real-time priority of the echo: that of kneadd's main thread, which the echo replaces
+// Real-time priority of the echo: that of kneadd's main thread, which the echo replaces.
 static const int echo_priority = 70;
 static const int64_t echo_at_ns = 500000;      // time of the echo's pose within the millisecond of the hand, ns
 static const int64_t straggler_ns = 100000000; // wait for late answers at the end of the measurement, ns
@@ -29,9 +29,9 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    // connections of ear and echo to the buses; the hand sends through those of the ear
+    // Connections of ear and echo to the buses; the hand sends through those of the ear.
     kn_join *ear_bus, *ear_echo, *echo_bus;
-    // answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts
+    // Answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts.
     kn_flights answers[KN_LATENCY_PATHS];
     kn_mailbox forces; // mailbox that passes forces from the ear to the hand
     kn_hand_force force_slots[3];

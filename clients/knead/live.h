@@ -13,10 +13,10 @@ typedef struct kn_live_probe {
     double position_m[3], orientation_wxyz[4]; // pose of the tool in the model of kneadd
     double force_n[3];                         // force that kneadd sends to the hand, N
     double gain;                               // gain that kneadd applies to the tool; 0: the tool is not in the model
-    // time of the last force message of this probe, ms of CLOCK_MONOTONIC
+    // Time of the last force message of this probe, ms of CLOCK_MONOTONIC.
     int64_t heard_ms;
     double hand_position_m[3], hand_orientation_wxyz[4]; // pose of the haptic device that controls the tool
-    // time of the last pose message of the device, ms of CLOCK_MONOTONIC; 0: none
+    // Time of the last pose message of the device, ms of CLOCK_MONOTONIC; 0: none.
     int64_t hand_ms;
 } kn_live_probe;
 

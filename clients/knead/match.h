@@ -9,7 +9,7 @@ typedef struct kn_match {
     int count;  // number of vertices of the second object
     int *first; // index of the matching vertex of the first object, for each vertex of the second object, [count]
     bool same;  // true: the two vertices of every match lie at the same place at rest
-    // largest distance at rest from a vertex of either object to the nearest vertex of the other object, m
+    // Largest distance at rest from a vertex of either object to the nearest vertex of the other object, m.
     double apart_m;
 } kn_match;
 
