@@ -36,7 +36,7 @@ typedef struct kn_arm_def { // definition of a simulated device; a field that is
     double mass_kg;         // mass of the device, as felt at its tip
     double damping_n_s_m;   // viscous friction of the device
     double coulomb_n;       // Coulomb (dry) friction of the device
-    double encoder_m;       // position step of the encoder; 0: exact
+    double encoder_m;       // position step of the encoder; 0: the encoder is exact
     double force_limit_n;   // largest |force| that the device can give; 0: no limit
     double period_s;        // period at which position is sampled and force is held; default 1 ms
     double velocity_hz;     // cut-off frequency of the low-pass that measures the velocity, default 100 Hz

@@ -242,7 +242,7 @@ static void print_reasons(const kn_atlas *a)
     bool title = false;
     for (int c = 0; c < cells_of(a); c++) {
         const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
-        // Count the cells with the same reason. Print a reason only at the first cell that has it.
+        // Count the cells with the same reason. Print a reason only at the first cell with this reason.
         int count = 0, before = 0;
         for (int d = 0; d < cells_of(a) && s->verdict == KN_TRIAL_REFUSED; d++) {
             const kn_score *other = &a->cell[d].score[KN_WAY_DEFAULT];

@@ -129,7 +129,7 @@ static int take_expression(kn_bench *b)
         int code = read_param(b, opt->params[i], given);
         if (code != KN_EXIT_OK) return code;
     }
-    // Every part needs a value: there is no default for a material constant.
+    // Every spring and damper needs a value, because a material constant has no default.
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
         if (!given[i])
             return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,

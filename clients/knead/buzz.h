@@ -8,7 +8,7 @@
 
 // High-pass filter with a sum of squares; callers use the functions below and do not write the fields.
 typedef struct kn_buzz {
-    double b, a1, a2; // y = b (x - 2 x1 + x2) - a1 y1 - a2 y2
+    double b, a1, a2; // filter coefficients: y = b (x - 2 x1 + x2) - a1 y1 - a2 y2, input x, output y
     double x1, x2, y1, y2;
     double sum;
     long count;

@@ -6,7 +6,7 @@
 //     X(name, "summary, as `knead --help` prints it")
 //
 // argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself: on stdout, with exit code 0.
-// `knead NAME --version` is answered in main.c. Results go to stdout; complaints go to stderr, one line each.
+// `knead NAME --version` is answered in main.c. Results go to stdout. Errors go to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "says what a scene is, what it costs, what to watch for; --keys: every key there is")                     \
     X(completion, "prints what bash or zsh completes knead, kneadd and knead-simdev by")                               \

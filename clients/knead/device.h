@@ -14,7 +14,7 @@
 typedef kn_hand_out kn_device_hand(void *self, const kn_hand_force *force, int elapsed_ms);
 
 typedef struct kn_device {
-    _Atomic(int) missed; // cycles that this thread missed
+    _Atomic(int) missed; // number of 1 ms cycles that the device's thread missed
     atomic_bool done;    // true: the hand has finished, and the thread has ended
     // The fields below are private.
     kn_device_hand *hand;

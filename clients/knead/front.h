@@ -49,8 +49,8 @@ typedef struct kn_front {
     double peak_n;   // peak force of the reference on the scene's own lattice, N
 } kn_front;
 
-// Compute the row of every point. traces[i] is the trace of run i of the plan. Return false if no tool touches the
-// object in the log, because there is no force to compare.
+// Compute the row of every point of the plan. traces[i] is the trace of run i of the plan. Return false if no tool
+// touches the object in the log, because there is no force to compare.
 bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces);
 
 // Return the point with the smallest total error of the force for a given budget. The 90th percentile (p90) of its time

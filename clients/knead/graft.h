@@ -11,9 +11,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// Find the bytes of the block of `key` in `text`, [*begin, *end). The range is empty at the end of the text if there is
-// no such key. Return false with one clause in error if the text is not YAML or its outermost mapping is in braces:
-// inside braces a new line is not a new key.
+// Find the bytes of the block of `key` in `text`, [*begin, *end). If the text does not have this key, the range is
+// empty and lies at the end of the text. Return false with one clause in error if the text is not YAML or its outermost
+// mapping is in braces: inside braces a new line is not a new key.
 bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end, char *error, size_t error_size);
 
 // Return `text` with the block of `key` replaced by `block`, e.g. "quality:\n  fast: ...\n". An empty `block` removes

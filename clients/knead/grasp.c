@@ -143,7 +143,7 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
         if (first) g->answered = force->seq;
         kn_render_force(r, force->force_n, first ? period_s * (double)(out->seq - force->seq) : -1.0);
     }
-    // Pass the contact models on that came with the force message, if there are any.
+    // Pass on the contact models that arrived with the force message, if kneadd sends contact models.
     for (int c = 0; force && c < force->units; c++)
         if (force->unit[c].session == out->session) kn_render_contact(r, &force->unit[c]);
     kn_render_give(r, period_s, g->arm.position_m, g->arm.velocity_m_s, h->watchdog.factor);

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_GRASP_H
 #define KN_CLIENTS_GRASP_H
 // A virtual hand (player.h) that holds a simulated device (arm.h). The path is the intended motion. Arm, grip and
-// returned forces determine where the tool goes. The grasp plays in the thread of a virtual device (device.h), so the
+// returned forces determine where the tool goes. The grasp runs in the thread of a virtual device (device.h), so the
 // loop is closed over the real bus.
 //
 //     path --> arm (arm.h) --> pose --> kneadd --> force, contact --> delay, loss --> output stage (render.h) --+

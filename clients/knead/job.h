@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_JOB_H
 #define KN_CLIENTS_JOB_H
-// A run of a sweep that another process plays, on this or another host: `knead tradeoff --job FILE`. Each line of the
-// file has a name and a value. Paths are relative to the folder in which the process is started.
+// A run of a sweep that a separate process replays, on this machine or a remote host: `knead tradeoff --job FILE`. Each
+// line of the file has a name and a value. Paths are relative to the folder in which the process is started.
 //
 //     scene scene.yaml       log log.lcmlog       trace ID.trace       set solver.iterations=8    ...
 #include "clients/knead/plan.h"

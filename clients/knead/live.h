@@ -47,6 +47,6 @@ bool kn_live_held(const kn_live_probe *probe);
 
 void kn_live_close(kn_live *live);
 
-int64_t kn_live_now_ms(void); // CLOCK_MONOTONIC
+int64_t kn_live_now_ms(void); // return the present time of CLOCK_MONOTONIC, ms
 
 #endif
