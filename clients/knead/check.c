@@ -42,14 +42,14 @@ __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
     kn_result_text(kn_result_add("warnings"), "text", text);
 }
 
-// Print a mesh and its elastic constants. The constants were measured when the model was built. They show how the
-// network of springs differs from the material.
+// Print the size of a mesh and its elastic constants. The constants were measured on the mesh when the model was built.
+// They show how the network of springs differs from the material.
 static void print_net(const kn_model *model)
 {
     const kn_simplices *mesh = model->def.mesh;
     const kn_net_moduli *own = &model->moduli;
     bool flat = mesh->dimension == 2;
-    // The shear modulus is printed relative to that of an isotropic body, E/2(1 + nu).
+    // The shear modulus is printed relative to the shear modulus of an isotropic body, E/(2(1 + nu)).
     double extent_m[3], isotropic = 1 / (2 * (1 + own->poisson));
     kn_model_def_extent(&model->def, extent_m);
     printf("object    %g x %g x %g mm, mean edge %.3g mm: %d nodes, %d %s, %d edges, %.4g kg\n", 1e3 * extent_m[0],
@@ -65,12 +65,12 @@ static void print_net(const kn_model *model)
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
     // Warn about properties that the mesh's geometry causes.
-    if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
-    if (fabs(model->creep_error) > 0.1) warn("no gamma gives the mesh the creep of the material");
-    if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
+    if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
+    if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
+    if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
 }
 
-// Print the fine box of a lattice with two resolutions, or the reason why the lattice is uniform.
+// Print the box with the finer cells of a lattice with two resolutions. If the lattice is uniform, print the reason.
 static void print_composite(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &model->def;
@@ -148,7 +148,7 @@ static void print_material(const kn_model *model)
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
-    // A damper whose two stops coincide cannot move, so no deformation stays.
+    // A damper whose two stops coincide cannot move, so the material keeps no residual deformation.
     double in, out;
     bool rigid = kn_material_stroke(m, &in, &out);
     if (m->damper == KN_DAMPER_NONE) printf("; no damper: no deformation remains\n");
@@ -168,7 +168,7 @@ static void print_material(const kn_model *model)
            model->kappa_m, model->gamma);
 }
 
-// Return the size of the model with its tables, bytes.
+// Return the memory that the model needs with its tables, bytes.
 static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
@@ -176,7 +176,7 @@ static size_t model_bytes(const kn_model *model)
     return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model);
 }
 
-// Print the predicted time of a tick, part by part, then as a whole.
+// Print the predicted computing time of a tick, first for each part of the scene and then in total.
 static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
@@ -188,13 +188,13 @@ static void print_cost(const kn_model *model)
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
-    // The scene's own solver settings, without a named quality.
+    // Solver settings of the scene itself, without a named quality such as fast.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
     double us = kn_cost_us(model, &own, false);
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
-    // A blow is a sudden change of the forces, for which the step is repeated (core/impact.h). Its time is printed
-    // separately.
+    // An impact is a sudden change of the forces, for which the time step is solved again (core/impact.h). The time of
+    // such a step is printed separately.
     double blow = kn_cost_blow_us(model, &own);
     if (blow > 0)
         printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
@@ -203,13 +203,13 @@ static void print_cost(const kn_model *model)
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
 
-// Print how much of its height the object loses under its own weight. The stress is the mean over a column: rho g H at
-// the base, zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58 with gas. Both factors were measured
-// on the block of dough.
+// Print how much of its height the object loses under its own weight. The stress used is the mean over a column,
+// because the stress is rho g H at the base and zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58
+// with gas. Both factors were measured on the block of dough.
 static void print_sag(const kn_model_def *def)
 {
     static const double seconds = 300, earth_m_s2 = 9.81;
-    // If the scene has no gravity, predict the sag under the earth's gravity.
+    // If the scene has no gravity, predict the sag that the object would have under the earth's gravity.
     double g = def->gravity_m_s2 > 0 ? def->gravity_m_s2 : earth_m_s2, base = 1;
     if (def->support == KN_SUPPORT_BONDED) base = def->pressure == KN_PRESSURE_NONE ? 0.85 : 0.58;
     double extent_m[3];
@@ -250,15 +250,15 @@ static void print_solver(const kn_model *model)
         print_cost(model);
         if (model->isa == KN_ISA_BASE) warn("no fused multiply-add: the same bits in software, far from real time");
     }
-    // State and model together must fit into memory.
+    // State and model must fit into memory together. Warn if the sum of their sizes exceeds the memory of this machine.
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
         warn("the object needs more memory than this machine has");
 }
 
-// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is played on
-// this machine, because the prediction does not know how often a blow repeats a part of the step.
+// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is computed on
+// this machine, because the prediction does not know how often an impact repeats a part of the step.
 static void print_deadline(const kn_scene *scene, const kn_model *model)
 {
     kn_backend b;
@@ -279,7 +279,7 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     if (by_ms > 1) warn("the shortest step takes longer than 1 ms here: kneadd takes every force to zero");
 }
 
-// Print the named points of speed and accuracy that the scene defines.
+// Print the named qualities (fast, balanced, accurate) that the scene defines.
 static void print_quality(const kn_scene *scene, const kn_model *model)
 {
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
@@ -293,12 +293,12 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
     }
 }
 
-// Print the virtual coupling on the hand's side, the scale between the object's force and the hand's, and warn above
-// the stability bound.
+// Print the virtual coupling on the hand's side, and the scale between the force on the object and the force on the
+// hand. Warn if the coupling is above the stability bound.
 static void print_coupling(const kn_scene *scene)
 {
     const kn_device_def *d = &scene->device;
-    // Stability bound of the coupling for this device at 1 kHz with its delay.
+    // Stability bound of the virtual coupling for this device, at 1 kHz and with the delay of the device.
     double bound = kn_coupling_delayed(d->damping_n_s_m, 1e-3, d->round_trip_s, d->hand.damping_n_s_m);
     printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m, d->hand.damping_n_s_m,
            1e3 * d->round_trip_s);
@@ -320,7 +320,7 @@ static void print_device(const kn_scene *scene)
     printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
-    // Indexed by the bits of mesh_measures.
+    // Names of the measures in mesh messages, indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};
     printf("mesh      %g Hz: positions%s\n", scene->mesh_hz, told[scene->mesh_measures]);
 }
@@ -365,8 +365,8 @@ static void print_touch(const kn_probe_def *p)
     else printf(", follows its pose");
 }
 
-// Return the largest radius among the round parts of a tool. For a tool from a file the radius of its largest inner
-// ball counts. A flat face returns infinity.
+// Return the largest radius of curvature among the parts of a tool. For a tool from a file it is the radius of the
+// largest inner ball. Return infinity if the tool has a flat face.
 static double roundest_m(const kn_shape *shape)
 {
     double most_m = 0;
@@ -388,7 +388,7 @@ static void print_probe(const kn_model *model, int index)
     print_size(p);
     if (p->shape != KN_PROBE_PLATE) print_touch(p);
     printf("\n");
-    // A tool that is too narrow may pass between nodes. With a ball that is too small the hand feels single cells.
+    // Warn about a small tool: a narrow tool may pass between nodes, and with a small ball the hand feels single cells.
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
         warn("%s is narrower than the spacing: it may pass between nodes", p->name);
     else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
@@ -396,9 +396,9 @@ static void print_probe(const kn_model *model, int index)
 }
 
 // Warn about a lattice that does not resist shear. If only the sides of the cells and gas carry the load, the cells
-// lean. Rounding decides the direction in which the cells lean, and the shape depends on this direction. Measured:
-// moving nodes by 2 % of the spacing halves the bulge of a press below a diagonal_stiffness of 0.003. From 0.01 on it
-// makes no difference.
+// lean to one side. Rounding errors decide to which side, so the shape of the object depends on them. Measured: if
+// diagonal_stiffness is below 0.003, moving the nodes by 2 % of the spacing halves the bulge beside a press. From 0.01
+// on, moving the nodes makes no difference.
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
@@ -409,12 +409,12 @@ static void print_shear(const kn_model_def *def)
         warn("one pressure for the object does not keep single cells from turning inside out");
 }
 
-// Fill the JSON result.
+// Fill the JSON result with the properties of scene and model.
 static void tell_result(const kn_scene *scene, const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
-    // Times are predicted for the implicit solver only.
+    // Computing times are predicted for the implicit solver only, so leave them out for other solvers.
     const bool stepped = s->kind == KN_SOLVER_IMPLICIT;
     json_t *to = kn_result();
     char hash[24];
@@ -424,7 +424,7 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_text(to, "scene", scene->name);
     kn_result_text(to, "hash", hash);
     for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
-    // Nodes that follow other nodes are not counted.
+    // Nodes whose motion is interpolated from other nodes are not counted.
     kn_result_integer(to, "nodes", model->node_count - (model->composite ? kn_composite_tied(model) : 0));
     kn_result_integer(to, "edges",
                       model->def.mesh    ? model->edge_count
@@ -486,13 +486,13 @@ int kn_check_main(int argc, char **argv)
         {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
         {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
         {"json", no_argument, NULL, 'j'},          {0}};
-    // kn_like_uniform needs one more entry than the command line can give.
+    // Kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
     const char **sets = calloc((size_t)argc + 1, sizeof *sets);
     int count = 0, status = -1;
     const char *log = NULL;
     bool text = false, json = false;
     if (!sets) return KN_EXIT_INTERNAL;
-    // Each --set and --quality is one setting of the scene.
+    // Each option --set or --quality adds one setting of the scene.
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
@@ -507,7 +507,7 @@ int kn_check_main(int argc, char **argv)
         } else if (c == 'k') {
             for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
             status = KN_EXIT_OK;
-        } else status = KN_EXIT_USAGE; // getopt has printed the reason
+        } else status = KN_EXIT_USAGE; // getopt has printed the error
     }
     if (status < 0 && argc - optind != 1)
         status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");

@@ -6,7 +6,7 @@
 //     X(name, "summary, as `knead --help` prints it")
 //
 // argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself: on stdout, with exit code 0.
-// `knead NAME --version` is answered in main.c. Results go to stdout; complaints go to stderr, one line each.
+// `knead NAME --version` is answered in main.c. Results go to stdout. Errors go to stderr, one line each.
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "describe a scene: size, cost, warnings; --keys lists every key")                                         \
     X(completion, "print the bash or zsh completion of knead, kneadd and knead-simdev")                                \
@@ -32,11 +32,11 @@
     X(web, "serve a web page with the live object and a tool for the visitor; print its address")                      \
     X(zwidth, "find the stiffest wall a device can render: simulated, against delay and friction")
 
-enum { // exit codes of every program of this project
+enum { // exit codes of all programs of this project
     KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,   // a requested check failed: --verify, a stated contract
-    KN_EXIT_USAGE = 2,    // bad input: an option, a scene, a log
-    KN_EXIT_DEVICE = 3,   // device, transport or environment failed
+    KN_EXIT_FAILED = 1,   // a requested check failed, e.g. that of --verify or of a latency contract
+    KN_EXIT_USAGE = 2,    // bad input: a wrong option, scene file or log
+    KN_EXIT_DEVICE = 3,   // a device, the message bus or the operating system failed
     KN_EXIT_INTERNAL = 70 // error in the program itself
 };
 

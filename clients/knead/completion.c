@@ -1,11 +1,13 @@
-// knead completion: prints a completion script for the shell. The script asks the programs for their options.
+// knead completion: prints a completion script for the shell. The script runs the programs to get the lists of their
+// options.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
-// The script is a file of the source tree that is embedded in the program. `cmake --install` copies the same file.
+// Text of the completion script. It is a file of the source tree that the build embeds in the program. `cmake
+// --install` installs the same file.
 extern const char completion_bash[];
 __asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
         "/knead/completion.bash\"\n.byte 0\n.previous\n");
@@ -26,7 +28,7 @@ int kn_completion_main(int argc, char **argv)
     if (argc > 2 || !(zsh || !strcmp(shell, "bash") || !strcmp(shell, "--help")))
         return kn_complain("completion", KN_EXIT_USAGE, "%s: expected bash or zsh", argv[argc > 2 ? 2 : 1]);
     if (!strcmp(shell, "--help")) return fputs(help, stdout), KN_EXIT_OK;
-    // zsh runs the bash script through its compatibility layer.
+    // zsh needs these commands first, because it runs the bash script in its compatibility layer.
     if (zsh) fputs("autoload -U +X compinit && compinit -i\nautoload -U +X bashcompinit && bashcompinit\n", stdout);
     fputs(completion_bash, stdout);
     return KN_EXIT_OK;

@@ -29,7 +29,8 @@ static const char help[] =
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
 
 typedef struct reading {
-    double stress_pa, strain, residual; // stress and strain at release; strain at the end
+    // stress_pa, strain: values just before the weight is taken off; residual: strain at the end.
+    double stress_pa, strain, residual;
 } reading;
 
 static void add(kn_table *t, const kn_bench *b, double load_n)
@@ -37,7 +38,7 @@ static void add(kn_table *t, const kn_bench *b, double load_n)
     kn_table_add(t, (double[]){load_n, b->time_s, b->strain, KN_BENCH_HEIGHT_M * (1 - b->strain), b->stress_pa});
 }
 
-// Advance to until_s and add SAMPLES equally spaced rows to the table.
+// Advance the specimen to the time until_s. Add SAMPLES rows to the table, equally spaced in time.
 static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
 {
     enum { SAMPLES = 300 };
@@ -50,20 +51,20 @@ static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
     return code;
 }
 
-// Run the experiment with one load: load, hold, release, rest.
+// Run the creep experiment with one load: apply the load, hold it, take it off and rest.
 static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
 {
     const kn_bench_options *opt = b->opt;
     char label[40];
     snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->model ? ", lattice" : "");
     kn_bench_fresh(b);
-    // Two rows at time 0: before and after the elastic jump.
+    // Add two rows at time 0: one before the elastic jump of the strain and one after it.
     kn_table_series(t, label);
     add(t, b, load_n);
     int code = kn_bench_load(b, load_n);
     if (code == KN_EXIT_OK) add(t, b, load_n);
     if (code == KN_EXIT_OK) code = watch(b, t, load_n, opt->hold_s);
-    // Read the instrument before the weight is taken off.
+    // Store stress and strain just before the weight is taken off.
     r->stress_pa = b->stress_pa;
     r->strain = b->strain;
     // Take the weight off and watch the recovery.
@@ -73,7 +74,7 @@ static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
     return code;
 }
 
-// Print one load's result and add it to the JSON list `loads`.
+// Print the result of one load and add the result to the JSON list `loads`.
 static void print_row(const char *name, double load_n, const reading *r)
 {
     json_t *row = kn_result_add("loads");
@@ -97,11 +98,12 @@ static int run(kn_bench *b, kn_table *t)
     kn_bench_print(b);
     printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
            "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");
-    // Each load is tested on the element, and with --lattice on the lattice, too.
+    // Run each load on the one-dimensional element and, with --lattice, also on the lattice.
     for (int i = 0; i < opt->loads; i++) {
         reading r;
         for (int lattice = 0; lattice <= (model != NULL); lattice++) {
-            b->model = lattice ? model : NULL; // NULL selects the element, which comes first for comparison
+            // NULL selects the one-dimensional element, which is run first for comparison
+            b->model = lattice ? model : NULL;
             kn_bench_bar(b, opt->hold_s + opt->rest_s);
             int code = creep(b, t, opt->load_n[i], &r);
             kn_bench_bar_end(b);
@@ -114,7 +116,7 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
-// Write the table and draw displacement and stress against time.
+// Write the table of the experiment and draw displacement and stress against time.
 static int finish(const kn_bench *b, const kn_table *t)
 {
     static const kn_axes axes[] = {

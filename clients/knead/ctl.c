@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#define PATIENCE_S 20 // seconds to wait for a server that builds its object anew
+#define PATIENCE_S 20 // longest wait for an answer, s: a server may build its object anew
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
@@ -50,7 +50,7 @@ static int parse(options *o, int argc, char **argv)
         if (option == 'c') o->path = optarg;
         else if (option == 'j') o->json = true;
         else if (option == 'h') o->help = true;
-        else return KN_EXIT_USAGE; // getopt has printed the reason
+        else return KN_EXIT_USAGE; // getopt has printed the error
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
     return kn_complain("ctl", KN_EXIT_USAGE,
@@ -69,7 +69,7 @@ static bool ends_in(const char *name, const char *end)
     return size >= tail && strcmp(name + size - tail, end) == 0;
 }
 
-// Return true for a member that is not printed: the member is for programs only, or it is nested and 0.
+// Return true if a member of the answer is not printed, because it is for programs only, or because it is nested and 0.
 static bool is_quiet(bool inner, const char *name, const json_t *value)
 {
     const char *key;
@@ -89,7 +89,7 @@ static void print_time(double us)
     fputs(text, stdout);
 }
 
-// Print a value. An object is printed as "mean 999.8, max 1012"; members that are 0 are left out.
+// Print a JSON value. A JSON object is printed as "mean 999.8, max 1012"; its members that are 0 are left out.
 static void print_value(const char *name, const json_t *value)
 {
     const char *key, *between = "";
@@ -102,7 +102,7 @@ static void print_value(const char *name, const json_t *value)
     else if (json_is_real(value)) printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
     else if (json_is_boolean(value)) fputs(json_is_true(value) ? "yes" : "no", stdout);
     else if (json_is_array(value) && json_array_size(value) == 0) fputs("none", stdout);
-    // List the elements of an array; numbers are separated by spaces only.
+    // Print the elements of a JSON array. Numbers are separated by spaces only.
     json_array_foreach(value, i, member)
     {
         if (i > 0) fputs(json_is_number(member) ? " " : ", ", stdout);
@@ -117,7 +117,8 @@ static void print_value(const char *name, const json_t *value)
     }
 }
 
-// Print a value on one line, an object with one line per member, and an array of objects one by one under their names.
+// Print a JSON value on one line, a JSON object with one line per member, and an array of objects one by one under
+// their names.
 static void show(const char *indent, const char *name, json_t *value)
 {
     const char *key;
@@ -130,7 +131,7 @@ static void show(const char *indent, const char *name, json_t *value)
     } else if (json_is_object(json_array_get(value, 0))) {
         json_array_foreach(value, i, member)
         {
-            // The name becomes the heading, so remove it from the members.
+            // The member `name` becomes the heading, so remove it from the members that are printed.
             json_t *of = json_incref(json_object_get(member, "name"));
             json_object_del(member, "name");
             printf("probe ");
@@ -144,7 +145,7 @@ static void show(const char *indent, const char *name, json_t *value)
     }
 }
 
-// Print the answer to a command. Return the exit code.
+// Print the answer of kneadd to a command. Return the exit code.
 static int tell(const options *o, const char *command, json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error")), *key;
@@ -159,11 +160,12 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (strcmp(command, "status") == 0) {
         json_object_del(answer, "ok");
         json_object_foreach(answer, key, value) show("", key, value);
-        // The answer to snapshot or restore has a generation.
+        // The answer to the commands snapshot and restore has a generation (a number of the snapshot).
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));
-        // The command has changed the object: print the stored energy before and after.
+        // A command that changes the object answers with the stored energy: print the energy before and after the
+        // change.
     } else if (stored) {
         printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
                (int64_t)json_integer_value(tick), 1e3 * json_real_value(stored),
@@ -176,17 +178,19 @@ static int tell(const options *o, const char *command, json_t *answer)
     return error ? KN_EXIT_USAGE : KN_EXIT_OK;
 }
 
-// Make a path absolute: the server may run in another working directory.
+// Make a path absolute, because the working directory of the server may be different.
 static json_t *absolute(const char *path)
 {
-    // realpath returns NULL if the file does not exist. In that case the server reports the error.
+    // realpath returns NULL if the file does not exist. In that case send the path unchanged, and the server reports
+    // the error.
     char *whole = realpath(path, NULL);
     json_t *text = json_string(whole ? whole : path);
     free(whole);
     return text;
 }
 
-// Add the argument of load, restore or quality. The server refuses an argument that the command does not take.
+// Add the argument of the command load, restore or quality to the request. The server refuses an argument that the
+// command does not accept.
 static void add_argument(json_t *request, const char *command, const char *argument)
 {
     long long number;
@@ -198,7 +202,7 @@ static void add_argument(json_t *request, const char *command, const char *argum
     else json_object_set_new(request, "generation", json_string(argument));
 }
 
-// Add the values of set.
+// Add the arguments of the command set to the request.
 static int add_values(json_t *request, char **values)
 {
     json_t *list = json_array();
@@ -209,7 +213,7 @@ static int add_values(json_t *request, char **values)
     return KN_EXIT_OK;
 }
 
-// Wait until kneadd has restarted with the new scene. Otherwise the next command might still reach the old server.
+// Wait until kneadd serves the new scene. Otherwise the next command might still reach the run with the old scene.
 static int await_next(const options *o, double since_us)
 {
     char error[256];
@@ -218,7 +222,7 @@ static int await_next(const options *o, double since_us)
     for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
         json_t *status = kn_ask(o->path, request, error, sizeof error);
-        // The answering server is the new one if it started after the command was sent.
+        // The answer comes from the new run of kneadd if that run started after the command was sent.
         double up_s = json_real_value(json_object_get(status, "uptime_s"));
         next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
         json_decref(status);
@@ -238,7 +242,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return code;
     const char *command = argv[optind], *argument = argv[optind + 1];
     bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
-    // Only `set` takes more than one argument.
+    // Only the command `set` accepts more than one argument.
     if (argument && argv[optind + 2] && !set)
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
@@ -247,7 +251,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
-    // `load` ends the run and starts a new one in the same process, so wait for the new run.
+    // The command `load` ends the run of kneadd and starts a new run in the same process, so wait for the new run.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);

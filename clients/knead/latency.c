@@ -39,8 +39,9 @@ static const char help[] =
     "answer to the next pose.\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
-static const double above_m = 0.05, years_s = 1e8; // tool above the object, m; duration of a path without an end, s
-static const double deep = 0.3;                    // depth of the press as a share of the object's height
+// above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s.
+static const double above_m = 0.05, years_s = 1e8;
+static const double deep = 0.3; // depth of the press as a share of the object's height
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
@@ -72,7 +73,7 @@ static int take_number(const char *option, const char *text, double low, double 
     return KN_EXIT_OK;
 }
 
-// Read the two tolerances of a contract. "none" is stored as -1.
+// Read the two tolerances of a latency contract (for p50 and p99), us. The text "none" is stored as -1.
 static int take_contract(const char *text, double us[2])
 {
     char rest;
@@ -82,7 +83,7 @@ static int take_contract(const char *text, double us[2])
     return KN_EXIT_OK;
 }
 
-// Read the options and check that they fit together.
+// Read the command-line options and check that they can be combined.
 static int parse(options *o, int argc, char **argv)
 {
     enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
@@ -114,7 +115,7 @@ static int parse(options *o, int argc, char **argv)
     }
     o->seconds = (int)seconds;
     if (code != KN_EXIT_OK) return code;
-    // The only argument without a name is the scene.
+    // The only argument that is not an option is the scene.
     if (optind < argc) o->scene = argv[optind++];
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
@@ -127,7 +128,8 @@ static int parse(options *o, int argc, char **argv)
     return KN_EXIT_OK;
 }
 
-// Find the default scene relative to the program: as installed, or in the source tree of the build.
+// Find the file of the default scene, starting from the folder of this program. The file is in an installation or in
+// the source tree of the build.
 static const char *default_scene(char path[PATH_MAX])
 {
     static const char *const places[] = {"../share/knead/scenes/dough.yaml", "../../../core/scenes/dough.yaml"};
@@ -140,7 +142,7 @@ static const char *default_scene(char path[PATH_MAX])
     return "core/scenes/dough.yaml";
 }
 
-// Get the scene from a kneadd that runs already.
+// Receive the scene from a kneadd that is already running.
 static kn_scene *ask_scene(const char *url, char *error, size_t size)
 {
     kn_record *record = kn_record_open(url, error, size);
@@ -155,20 +157,21 @@ static kn_scene *ask_scene(const char *url, char *error, size_t size)
     return scene;
 }
 
-// Make the hand's path. If this program has started kneadd, the tool presses slowly into the object during the whole
-// measurement, so that the tool always touches the object. If kneadd ran already, the tool stays above the object.
+// Create the path of the hand. If this program has started kneadd, the tool presses slowly into the object during the
+// whole measurement, so that the tool always touches the object. If kneadd was already running, the tool stays above
+// the object.
 static kn_path *make_path(const kn_scene *scene, const options *o, const char **work)
 {
     const kn_probe_def *tool = &scene->model.probe[0];
     double extent_m[3];
     kn_model_def_extent(&scene->model, extent_m);
-    // Height of the tool at which it touches the top of the object.
+    // Compute the height of the tool at which it touches the top of the object.
     double touch_m = extent_m[2] + kn_foot_m(tool);
     *work = "press";
-    // The press lasts a little longer than the measurement.
+    // Choose the speed of the press such that it lasts a little longer than the measurement.
     double depth_m = deep * extent_m[2], speed_m_s = depth_m / (1 + 1.2 * o->seconds);
     if (!o->url) return kn_path_press(&(kn_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
-    // The path has a single piece that stands still.
+    // Without a press, the path has a single piece in which the tool stands still.
     kn_path *path = calloc(1, sizeof *path + sizeof(kn_piece));
     if (!path) return NULL;
     kn_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
@@ -179,13 +182,13 @@ static kn_path *make_path(const kn_scene *scene, const options *o, const char **
     return path;
 }
 
-// Evaluate the measurement and write all outputs. Return KN_EXIT_FAILED if the contract is missed.
+// Evaluate the measurement and write all outputs. Return KN_EXIT_FAILED if the latency contract is not kept.
 static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 {
     kn_latency_report r = {.scene = scene->name};
     if (!o->url) r.phase = o->phase ? o->phase : "lock";
     memcpy(r.contract_us, o->contract_us, sizeof r.contract_us);
-    // The model is built only to count its nodes.
+    // Build the model of the scene only to count its nodes for the report.
     char error[256];
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
     r.nodes = model ? model->node_count - kn_composite_tied(model) : 0;
@@ -205,7 +208,7 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
     kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
-    // The echo always has a bus of its own.
+    // Choose a separate bus for the echo in every case.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
     kn_path *way = make_path(scene, o, &l.work);
@@ -214,7 +217,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
     if (code == KN_EXIT_OK && !kn_latency_run(&l, &interrupted))
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
-    // Always stop kneadd: its trace has the stages of the poses.
+    // Stop kneadd in every case. Its trace has the times of the stages of each pose.
     bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
     if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
@@ -228,7 +231,7 @@ int kn_latency_main(int argc, char **argv)
     options o;
     int code = parse(&o, argc, argv);
     if (code != KN_EXIT_OK || o.done) return code;
-    // Check the output files first: a measurement may take an hour.
+    // Check first that the output files can be written, because a measurement may take an hour.
     if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
     if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;
     char place[PATH_MAX], error[512] = "";

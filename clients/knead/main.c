@@ -1,4 +1,4 @@
-// knead: all tools around the daemon in one command, with one file per subcommand. See commands.h.
+// knead: all tools for the daemon kneadd in one command, with one file per subcommand. See commands.h.
 #include "clients/knead/commands.h"
 #include "clients/knead/result.h"
 #include "server/rt.h"
@@ -39,10 +39,10 @@ static int run(int argc, char **argv)
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // getopt begins its messages with this name
+            char why[200], full[32]; // name of the subcommand for messages; getopt begins its messages with it
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
-            // Check first that all files can be opened: liblcm and libev hang or abort otherwise.
+            // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.
             if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
             return c->main(argc - 1, argv + 1);
         }
@@ -61,7 +61,8 @@ int main(int argc, char **argv)
 {
     int code = run(argc, argv);
     kn_result_close(code);
-    // Check both: the last flush does not report an error of an earlier write.
+    // Check the result of fflush and the error flag of stdout, because fflush does not report an error of an earlier
+    // write.
     if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead: standard output could not be written to its end\n", stderr);
     return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;
