@@ -24,17 +24,17 @@
 
 typedef enum kn_log_kind {
     KN_LOG_END,      // end of the file, or of its undamaged part
-    KN_LOG_POSE,     // raw bytes, which the receiver judges
+    KN_LOG_POSE,     // a pose as raw bytes, which the receiver judges
     KN_LOG_FORCE,    // .force is valid: finite, tick 0 .. KN_LOG_TICK_MAX
     KN_LOG_EVENT,    // .event is valid: finite, tick 0 .. KN_LOG_TICK_MAX
     KN_LOG_SCENE,    // .scene is valid
-    KN_LOG_OTHER,    // a channel that a replay does not need
-    KN_LOG_MALFORMED // the channel of one of the above, but invalid bytes
+    KN_LOG_OTHER,    // a record on a channel that a replay does not need
+    KN_LOG_MALFORMED // a record on the channel of a pose, force, event or scene, with invalid bytes
 } kn_log_kind;
 
 typedef struct kn_log_record { // valid until the next read
     kn_log_kind kind;
-    int64_t utime; // time of logging, us, 0 .. KN_LOG_UTIME_MAX
+    int64_t utime; // time at which the record was logged, us, 0 .. KN_LOG_UTIME_MAX
     const char *channel;
     const char *probe; // for POSE and FORCE: the channel name without its prefix
     const void *data;
@@ -48,11 +48,11 @@ typedef struct kn_log_record { // valid until the next read
 
 typedef struct kn_log {
     FILE *file;
-    unsigned char *buffer; // holds the last record
+    unsigned char *buffer; // bytes of the last record
     size_t capacity;
     knead_scene_t scene; // the last decoded scene; its strings are freed at the next read
     bool has_scene;
-    int64_t size, offset; // size of the file; start of the next record
+    int64_t size, offset; // `size`: size of the file, bytes; `offset`: start of the next record in the file
     int64_t records;
     char damage[160]; // damage found at `offset`; "" if none
 } kn_log;

@@ -12,8 +12,8 @@
 typedef struct kn_publisher {
     lcm_t *lcm;
     const kn_scene *scene;
-    const kn_auth *auth; // signs every message; NULL: messages are not signed
-    int64_t signed_us;   // age of the last signed message, us
+    const kn_auth *auth; // key that signs every message; NULL: messages are not signed
+    int64_t signed_us;   // age stamp of the last signed message: time since the life of kneadd began (auth.h), us
     uint64_t initial_hash;
     char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];
