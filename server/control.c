@@ -472,7 +472,7 @@ void kn_control_work(kn_control *c)
 {
     for (;;) {
         while (sem_wait(&c->given) != 0)
-            ; // a signal interrupted the write, so try again
+            ; // a signal interrupted the wait, so wait again
         if (atomic_load(&c->job) == JOB_GIVEN) {
             c->job_answer = c->def.answer(c->def.self, c->job_request);
             atomic_store(&c->job, JOB_DONE);
