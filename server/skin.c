@@ -24,7 +24,8 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-// If the scene asks for measures: a state per mailbox slot, the gauge, and two measures for each node and vertex.
+// If the scene asks for measures, count one state per mailbox slot, the gauge, and two measures for each node and
+// vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
@@ -187,8 +188,7 @@ static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime
                                    .strain_count = strain ? count : 0,
                                    .stress_count = stress ? count : 0,
                                    .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
-                                   // cast away const: the arrays of lcm-gen are not const, although encoding only reads
-                                   // them
+                                   // cast: lcm-gen's arrays are not const, although encoding only reads them
                                    .positions_m = (float *)frame->xyz_m + 3 * first,
                                    .residual_strain = strain ? strain + first : NULL,
                                    .stress_pa = stress ? stress + first : NULL};

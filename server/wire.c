@@ -108,7 +108,8 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose)
 
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime)
 {
-    static char version[] = KN_VERSION; // lcm-gen's strings are not const, although encoding only reads them
+    // a writable array, because lcm-gen's strings are not const, although encoding only reads them
+    static char version[] = KN_VERSION;
     *message = (knead_scene_t){
         .utime = utime,
         .text_hash = (int64_t)scene->text_hash,

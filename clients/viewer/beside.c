@@ -10,7 +10,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 {
     struct stat there;
     *b = (kn_beside){.path = path};
-    // lstat, not stat: a link must be refused, not followed.
+    // Call lstat, not stat, so that a symbolic link is refused and not followed.
     if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) {
         snprintf(error, error_size, "%s: is no regular file, expected a file that may be replaced", path);
         return false;
@@ -38,7 +38,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 
 bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
 {
-    // Check both the writes and the close: a full disk may show only at the close.
+    // Check both the writes and the close, because a full disk may cause an error only at the close.
     const bool written = !ferror(b->file), closed = fclose(b->file) == 0;
     b->file = NULL;
     if (written && closed && rename(b->tmp, b->path) == 0) return true;
