@@ -24,9 +24,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_AUTH_KEY 32     // bytes
+#define KN_AUTH_KEY 32     // length of the key, bytes
 #define KN_AUTH_TAG 16     // length of the tag, bytes; in logs of version 0.1.0 the trailer is the tag alone
-#define KN_AUTH_TRAILER 32 // bytes
+#define KN_AUTH_TRAILER 32 // length of the trailer after a signed payload, bytes
 // Length of a nonce, bytes; a nonce is the payload of the messages KNEAD_HELLO and KNEAD_LIFE.
 #define KN_AUTH_NONCE 8
 #define KN_HELLO_CHANNEL "KNEAD_HELLO"

@@ -20,15 +20,15 @@
 #define KN_CHANNEL_MAX 64 // LCM's own limit for a channel name, bytes with its NUL
 
 typedef struct kn_bus {
-    const char *url; // borrowed
+    const char *url; // LCM URL of the bus, borrowed
     struct sockaddr_in group;
     int device;      // index of lo or of the named interface
     const char *lan; // name of the interface, borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
-    size_t size; // bytes kept
-    bool here;   // arrived over the bus's device
+    size_t size; // number of bytes kept in `bytes`
+    bool here;   // true if the datagram arrived over the bus's network interface
     struct in_addr from;
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;

@@ -40,7 +40,7 @@ typedef enum job { JOB_NONE, JOB_GIVEN, JOB_DONE } job;
 
 struct kn_control {
     int fd;
-    struct stat own; // the socket's file
+    struct stat own; // identity of the socket's file, to recognise the file when the server closes it
     struct sockaddr_un at;
     kn_control_def def;
     peer peers[KN_CONTROL_PEERS];
@@ -500,7 +500,8 @@ void kn_control_turn(kn_control *c, int timeout_ms)
         const peer *p = &c->peers[i];
         bool full = p->length == sizeof p->line, waits = p->request != NULL;
         polled[2 + i] = (struct pollfd){.fd = full || p->ended ? -1 : p->fd, .events = POLLIN};
-        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // read already
+        // a whole line has been read already, so do not wait
+        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0;
     }
     if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;
     // For each peer: read, carry out urgent lines, then serve one line. Disconnect a peer that has finished sending and

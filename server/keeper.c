@@ -273,7 +273,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     kn_backend *backend = loop->servo.backend;
     // Until a snapshot is restored, compare the object with the initial object, so that an untouched object is not
     // saved.
-    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // the initial object
+    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // copy the initial object
     k->last_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;

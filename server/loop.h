@@ -52,7 +52,7 @@ typedef struct kn_posted { // content of a pose mailbox
     int64_t posted_ns, before_ns; // arrival time of this pose, and of the pose before this one
 } kn_posted;
 
-typedef enum kn_order { // an operator's order; several of the same kind before a tick count as one
+typedef enum kn_order { // an operator's order to the next tick; several orders of one kind before a tick count as one
     KN_ORDER_RESET,     // restore the object to its initial state
     // Change to another quality of the scene (kn_point.live); if there are several such orders, the last one counts.
     KN_ORDER_QUALITY,
@@ -75,7 +75,7 @@ typedef struct kn_loop {
     kn_ring touches; // queue of kn_touched; read by the main thread; capacity 0: touch patches are not computed
     kn_skin *skin;
     kn_audit *audit;
-    struct kn_keeper *keeper; // NULL: no keeper
+    struct kn_keeper *keeper; // keeper of snapshots and undo points; NULL: none
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // arrival time of the latest pose of each probe; used by the main thread only
@@ -85,7 +85,7 @@ typedef struct kn_loop {
     // Upper bits: number of orders given, << 8; lower 8 bits: bit (1 << kn_order) for each order that waits for the
     // next tick.
     _Atomic int64_t orders;
-    atomic_int quality;      // argument of KN_ORDER_QUALITY
+    atomic_int quality;      // quality that the latest KN_ORDER_QUALITY requests
     const kn_saved *restore; // argument of KN_ORDER_RESTORE; must stay valid until a tick has taken the order
     // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change and no thread uses
     // the earlier change any more.

@@ -91,7 +91,7 @@ typedef struct kn_source { // the sender that moves one probe
 
 typedef struct kn_receiver {
     int probes;
-    char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
+    char channel[KN_PROBES_MAX][64]; // LCM channel of each probe's poses: KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
     const kn_auth *auth;                // key with which poses are authenticated, borrowed; NULL: no key
     unsigned char nonce[KN_AUTH_NONCE]; // nonce of the last hello message (KN_REJECT_HELLO)

@@ -12,8 +12,8 @@ typedef struct kn_ring {
     // its own, so there is no false sharing.
     _Alignas(64) _Atomic size_t head;
     _Alignas(64) _Atomic size_t tail;
-    size_t capacity; // a power of two
-    size_t size;     // bytes of a record
+    size_t capacity; // number of records that the ring can hold, a power of two
+    size_t size;     // size of one record, bytes
     char *records;
 } kn_ring;
 

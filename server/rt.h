@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_RT_H
 #define KN_SERVER_RT_H
-// Real-time priority and locked memory. kneadd asks for both, and reports what the machine refuses.
+// Real-time priority and locked memory. kneadd requests both, and reports which of them the machine refuses.
 //
 //     thread     policy          why
 //     servo      SCHED_FIFO 80   a tick must start within the millisecond
@@ -28,7 +28,7 @@ enum { KN_RT_NORMAL = 0, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 
 typedef struct kn_rt {
     kn_rt_mode mode;
     bool fifo;         // true if the machine granted the real-time priorities
-    bool locked;       // memory is locked
+    bool locked;       // true if memory is locked
     char missing[256]; // requests that the machine refused, each with its reason and remedy; "" if none was refused
 } kn_rt;
 

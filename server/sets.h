@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #define KN_SETS_BYTES 1024 // size of the text with its NUL, bytes
-#define KN_SETS_MAX 32     // settings
+#define KN_SETS_MAX 32     // largest number of settings
 
 typedef struct kn_sets {
     char text[KN_SETS_BYTES]; // one setting per line, for example "material.c1=3 kPa*s\ndevice.clamp=2 N\n"

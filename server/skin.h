@@ -19,12 +19,12 @@
 // not split the message.
 #define KN_SKIN_BYTES 58800
 
-typedef struct kn_skin_frame { // a copy that the servo hands to the mesh thread
+typedef struct kn_skin_frame { // copy of the object's skin that the servo hands to the mesh thread
     int64_t tick;
     int32_t generation;
     const kn_model *model; // model of the state
     kn_state *state;       // state of the object; NULL: nothing is measured
-    float xyz_m[];         // [vertex_count][3]
+    float xyz_m[];         // [vertex_count][3] positions of the vertices, m
 } kn_skin_frame;
 
 typedef struct kn_skin_gauge { // measures (stress, residual strain) of the latest frame, for the mesh thread
@@ -32,7 +32,7 @@ typedef struct kn_skin_gauge { // measures (stress, residual strain) of the late
     const kn_model *model; // model that the gauge was made for
     // [node_count] value of each measure at each node; NULL: the scene does not ask for the measure.
     double *node_value[KN_MEASURES];
-    float *vertex_value[KN_MEASURES]; // [vertex_count]
+    float *vertex_value[KN_MEASURES]; // [vertex_count] value of each measure at each vertex
     double *memory;
 } kn_skin_gauge;
 
@@ -68,8 +68,8 @@ size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model);
 // and after a reset. Real-time safe.
 void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state, int64_t tick, int32_t generation);
 
-// Return whether the mesh thread no longer uses any model before this one. If the scene asks for measures, this holds
-// once the mesh thread has taken a frame of this model. Any thread may call this.
+// Return true if the mesh thread no longer uses any model earlier than `model`. If the scene asks for measures, the
+// answer is true as soon as the mesh thread has taken a frame of `model`. Any thread may call this.
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model);
 
 // Publish the topology, or the latest frame. The mesh thread calls both functions.

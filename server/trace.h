@@ -18,7 +18,7 @@
 #include <stdio.h>
 
 typedef struct kn_trace {
-    FILE *file; // NULL: no trace
+    FILE *file; // the open trace file; NULL: no trace
     kn_ring rows;
     int64_t lost; // number of rows lost because the ring was full
     bool failed;  // true if a write to the file has failed

@@ -49,7 +49,7 @@ typedef struct kn_view_scene {
     // Thickness of a flat object, m; 0: not flat. On a flat object, a ball is drawn as a disc and a plate as a line,
     // both 1 % thinner than the object.
     double thickness_m;
-    int probe_count; // 0 .. KN_PROBES_MAX
+    int probe_count; // number of probes, 0 .. KN_PROBES_MAX
     kn_view_probe probe[KN_PROBES_MAX];
     double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg; // 0: horizontal line of sight, 90: from above

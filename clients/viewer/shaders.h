@@ -40,7 +40,7 @@ static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) 
                                                           "    v_normal = normalize(mat3(u_model) * a_normal);\n"
                                                           "    v_side = a_side;\n"
                                                           "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, "
-                                                          "1.0)).xyz;\n" // off the surface
+                                                          "1.0)).xyz;\n" // u_bias moves the point off the surface
                                                           "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, "
                                                           "0.0));\n"
                                                           "}\n";

@@ -17,7 +17,7 @@ typedef enum kn_backend_status {
 } kn_backend_status;
 
 typedef struct kn_backend {
-    const char *name; // "cpu", "fixed", "fpga"
+    const char *name; // name of the backend: "cpu", "fixed" or "fpga"
     void *self;
     void (*submit)(void *self, const kn_input *input);
     // Deadline_ns is a time of CLOCK_MONOTONIC.

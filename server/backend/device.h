@@ -43,7 +43,7 @@ typedef struct kn_device_result { // result of one tick
     uint32_t tick;                // number of the tick since the state was loaded; the first tick is 1
     uint32_t cycles;              // clock cycles of the circuit that the tick took
     uint32_t flags;               // KN_FIXED_SAT_* bits set since the state was loaded
-    int64_t residual;             // phi
+    int64_t residual;             // residual of the step, in the circuit's force unit phi
     int count;
     // [count] reactions in the order of the bounds, in the circuit's force unit phi; valid until the next submit.
     const int64_t (*reaction)[3];
@@ -54,7 +54,7 @@ typedef struct kn_device_stats {
     int64_t steps;    // number of results returned to the caller
     int64_t requests; // number of requests that were answered
     int64_t retries;  // number of requests that were sent again
-    int64_t timeouts; // misses
+    int64_t timeouts; // number of requests that were not answered in time
     int64_t refused;  // number of requests that the circuit answered with an error
     int64_t late;     // number of calls of wait that ended at their deadline
     // Numbers of times that the device was lost; was identified after a loss; was loaded.

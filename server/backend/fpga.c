@@ -25,8 +25,8 @@
 
 typedef struct slot { // one tick of the twin that the circuit still has to compute
     int count;
-    kn_fixed_bound *bound;  // [bounds]
-    int64_t (*reaction)[3]; // [bounds]
+    kn_fixed_bound *bound;  // [bounds] nodes under tools in this tick
+    int64_t (*reaction)[3]; // [bounds] the twin's reaction at each of these nodes
     int64_t residual;
     uint32_t flags;
 } slot;
@@ -35,7 +35,7 @@ typedef struct slot { // one tick of the twin that the circuit still has to comp
 // them.
 typedef struct queue {
     uint32_t length; // number of slots, a power of two, so that the counts may wrap
-    slot *slot;      // [length]
+    slot *slot;      // [length] the queued ticks
     void *memory;
 } queue;
 
@@ -60,7 +60,7 @@ typedef struct fpga {
     // all saturation flags since the circuit was loaded; for the thread that uses the device
     uint32_t flags;
     atomic_int speaker, copy_is;
-    atomic_bool following; // ticks are queued
+    atomic_bool following; // true while ticks are queued for the circuit
     atomic_bool stop;
     kn_fixed copy;
     void *copy_memory;
@@ -75,7 +75,8 @@ typedef struct fpga {
     int told;         // the last loss that was written into `line`; used by the thread only
     atomic_bool news; // true if `line` holds a message and belongs to its reader
     char line[KN_FPGA_LINE];
-    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns; // copies of the device's counters
+    // copies of the device's counters, which other threads may read
+    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns;
     // number of ticks since the device's counters were copied; used by the servo only
     int ticks;
 } fpga;

@@ -60,11 +60,13 @@ bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 // Open a link. Return false on failure; `why` is then one line that says what is wrong and, if the URI is invalid, what
 // was expected. A file is opened for this process alone.
 bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
-bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]); // sysfs: "/sys"
+// `sysfs`: path of sysfs, normally "/sys".
+bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
-// ---- private: one per transport; path and options have been checked
+// ---- private: one function per transport; path and options have been checked
 bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate
-bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]); // baud 0: pty
+// `baud` 0: a pseudo-terminal, which has no baud rate.
+bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY]);
 
