@@ -69,8 +69,8 @@ static bool fetch(kn_log *log, kn_log_record *r)
 {
     unsigned char h[HEADER_SIZE];
     int64_t left = log->size - log->offset;
-    // Read the header. Wrong first four bytes mean that the record is damaged or that the file is not a log. An
-    // incomplete header means that the file was cut.
+    // Read the header of the record. If its first four bytes are wrong, the record is damaged or the file is not a log.
+    // An incomplete header means that the file was cut.
     if (left == 0 || log->damage[0]) return false;
     size_t got = fread(h, 1, sizeof h, log->file);
     if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");

@@ -124,7 +124,8 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     for (int p = 0; p < o->on.served->scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
-        snprintf(session, sizeof session, "%" PRId64, f->session); // as text: JSON numbers hold only 53 bits
+        // write the session number as text, because JSON numbers hold only 53 bits
+        snprintf(session, sizeof session, "%" PRId64, f->session);
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe = json_pack(
             "{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s, s:f, s:o}", "name", o->on.served->scene->model.probe[p].name,
@@ -488,8 +489,8 @@ static json_t *set(kn_operator *o, const json_t *argument)
     return answer;
 }
 
-// Hide a quotation in an error message unless it looks like words of a scene. kneadd can read files that the peer must
-// not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
+// Hide quoted text in an error message unless the text looks like words of a scene. kneadd can read files that the peer
+// must not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
 // bytes more. A message that fills the room was cut off and its quotation may have no end, so the quotation is hidden,
 // too.
 static void keep_secret(char *why, size_t size, const char *path)

@@ -61,7 +61,8 @@ static void observe(kn_phase *phase, double wait_ns)
 static void judge_margin(kn_phase *phase, double wait_ns)
 {
     if (!phase->locked || fabs(wrap(phase->centre_ns - phase->margin_ns)) > settled_ns) return;
-    if (wait_ns < -KN_PHASE_MARGIN_MAX) return; // no allowed margin would have caught this pose
+    // ignore a pose so late that even the largest margin would not have been enough
+    if (wait_ns < -KN_PHASE_MARGIN_MAX) return;
     double late = phase->steady >= KN_PHASE_STEADY ? KN_PHASE_LATE_HELD : KN_PHASE_LATE;
     double margin_ns = phase->margin_ns + 1000 * (wait_ns < 0 ? 1 - late : -late);
     phase->margin_ns = fmax(KN_PHASE_MARGIN_MIN, fmin(KN_PHASE_MARGIN_MAX, margin_ns));

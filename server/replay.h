@@ -16,9 +16,9 @@
 // In a log without forces, poses are judged as the receiver would have judged them, and assigned to 1 ms ticks by log
 // time.
 //
-// Settings that an operator made at run time (event KIND_SET) are applied here, too, because the log holds the scene's
-// new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots, found by
-// state hash.
+// Settings that an operator made at run time (event KIND_SET) are applied in the replay as well, because the log holds
+// the scene's new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots,
+// found by state hash.
 //
 // If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, taken at a tick
 // within the log, and starts there. With --snapshot, the replay of any other log without restores also starts at the

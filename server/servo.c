@@ -40,7 +40,7 @@ static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "every event of a ti
 // the hand never moved, and this gap must not count as lifting.
 #define LIFTED_M 5e-4
 
-// Working data of one tick, on the stack of kn_servo_tick.
+// Working data of one tick, a local variable of kn_servo_tick.
 typedef struct tick {
     kn_servo *servo;
     const kn_tick_in *in;

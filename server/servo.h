@@ -14,9 +14,9 @@
 // same bits.
 //
 // Two decisions depend on a clock. Each is also an event, so that a replay repeats it without a clock:
-//   - After KN_OVER_TICKS ticks in a row above the scene's budget_s, the next tick takes the next lower point of
-//     quality. The servo never returns to a higher point by itself.
-//     (A point of quality is a solver effort that the scene names.)
+//   - After KN_OVER_TICKS consecutive ticks above the scene's budget_s, the next tick takes the next lower quality
+//     point, that is, a cheaper solver effort that the scene names. The servo never returns to a higher quality point
+//     by itself.
 //   - When ticks keep taking longer than a millisecond, the force on the hand fades, with FAULT_OVERLOAD as the reason.
 #include "core/energy.h"
 #include "core/safety.h"
@@ -43,8 +43,8 @@ typedef struct kn_clutch { // a probe's clutch, see clutch.h
     double stays_m[3], stays_wxyz[4]; // pose at which the tool stays while the clutch is held
 } kn_clutch;
 
-// Slow ticks in a row before the servo acts. Delays by the machine make one or two ticks slow; ten slow ticks in a row
-// mean too much work.
+// Number of consecutive slow ticks before the servo reduces its work. Delays by the machine make one or two ticks slow;
+// ten slow ticks in a row mean too much work.
 #define KN_OVER_TICKS 10
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)

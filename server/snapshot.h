@@ -10,8 +10,8 @@
 // version can be distinguished from a damaged file. A file is refused with a reason: not a snapshot, truncated,
 // checksum, another version, another scene, another lattice or material, a number out of its range.
 //
-// A snapshot fits a scene with the same name and the same lattice and material (kn_model_hash). Tools, device and point
-// of quality may differ. The forces have the same bits only if the whole text of the scene is the same. Compare
+// A snapshot fits a scene with the same name and the same lattice and material (kn_model_hash). Tools, device and
+// quality point may differ. The forces have the same bits only if the whole text of the scene is the same. Compare
 // `text_hash` to find out.
 #include "server/servo.h"
 

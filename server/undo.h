@@ -5,9 +5,9 @@
 // and restore. The last KN_UNDO_POINTS are kept, or fewer if the object is large. A change of the material drops all
 // points.
 //
-// Points are kept in memory only. They depend on the ticks alone, so a replay has the same points. Dough moves by
-// itself, so comparing the states of two points would not show whether anything touched the object. A new point is
-// added only if something pressed or replaced the object since the newest one.
+// Undo points are kept in memory only. They depend on the ticks alone, so a replay has the same undo points. Dough
+// moves by itself, so comparing the states of two points would not show whether anything touched the object. A new
+// point is added only if something pressed or replaced the object since the newest one.
 #include "core/state.h"
 
 #define KN_UNDO_POINTS 16 // largest number of undo points
