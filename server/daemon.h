@@ -18,8 +18,10 @@ typedef struct kn_daemon_def {
     // Safety limits that a scene loaded later must not exceed; NULL: the limits of the first scene.
     const kn_safety_limits *limits;
     kn_served_def object;
-    const char *lcm_url;               // NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or KN_LCM_LAN_URL
-    const char *mesh_url;              // NULL: KN_MESH_URL or KN_MESH_LAN_URL
+    // LCM URL of the bus for poses and forces; NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or
+    // KN_LCM_LAN_URL.
+    const char *lcm_url;
+    const char *mesh_url;              // LCM URL of the bus for meshes; NULL: KN_MESH_URL or KN_MESH_LAN_URL
     const char *control;               // path of the control socket (control.h); NULL: none
     const char *lan;                   // network interface of both buses; NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // addresses that poses are accepted from

@@ -3,7 +3,7 @@
 #include "server/bus.h"
 #include <string.h>
 
-// The reasons for the loss of a circuit have the same numbers in the code and on the wire.
+// The reasons for the loss of a circuit have the same numbers in the code and in the messages.
 #define SAME_LOSS(name, word, what)                                                                                    \
     _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
 KN_LOSSES(SAME_LOSS)

@@ -54,7 +54,7 @@ typedef struct kn_log {
     bool has_scene;
     int64_t size, offset; // `size`: size of the file, bytes; `offset`: start of the next record in the file
     int64_t records;
-    char damage[160]; // damage found at `offset`; "" if none
+    char damage[160]; // description of the damage found at `offset`; "" if the log is undamaged
 } kn_log;
 
 // Open a log. On failure return false and put one line in error.

@@ -90,10 +90,10 @@ typedef struct kn_loop {
     // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change and no thread uses
     // the earlier change any more.
     struct kn_change *change;
-    _Atomic(struct kn_change *) changed; // latest change that a tick has taken; NULL: none
+    _Atomic(struct kn_change *) changed; // latest change of the scene that a tick has applied; NULL: none
     // State hash of the object after the latest restore or undo; 0: there was nothing to undo.
     _Atomic uint64_t restored;
-    _Atomic int64_t obeyed;                      // number of orders taken by ticks
+    _Atomic int64_t obeyed;                      // number of orders that ticks have taken
     _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // tick that took order number n, stored at index n % KN_LOOP_ORDERS
     atomic_bool done;                            // true when the loop has ended and its last record is in `records`
     int64_t execution_ns;                        // duration of the last tick, ns

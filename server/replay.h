@@ -45,7 +45,7 @@ typedef struct kn_replay_def { // arguments of kn_replay_create; the data behind
     bool *device_failed; // set when kn_replay_create fails: true if the circuit is the reason; may be NULL
 } kn_replay_def;
 
-typedef struct kn_replay_tick { // input and result of the last tick
+typedef struct kn_replay_tick { // input and result of the last tick that the replay ran
     kn_tick_in in;
     kn_tick_out out;
     kn_pose pose[KN_PROBES_MAX];                        // poses to which in.pose points

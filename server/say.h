@@ -18,7 +18,8 @@
 // reader that closes its end does not end the process. Lines buffered before the call are still written.
 void kn_say_start(void);
 
-void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));     // write one line to stderr; adds \n
+// Write one line to stderr; a newline is added.
+void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void kn_say_out(const char *format, ...) __attribute__((format(printf, 1, 2))); // write one line to stdout
 void kn_say_lines(int fd, const char *text); // write whole lines to STDOUT_FILENO or STDERR_FILENO
 

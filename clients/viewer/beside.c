@@ -25,7 +25,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
     if (b->file) {
         mode_t mask = umask(0);
         umask(mask);
-        fchmod(fd, 0666 & ~mask); // mkostemp sets 0600, which is meant for secrets; follow the umask instead
+        fchmod(fd, 0666 & ~mask); // set the usual permissions by the umask, because mkostemp created the file with 0600
         return true;
     }
     snprintf(error, error_size, "%s: %s", path, strerror(errno));

@@ -73,7 +73,8 @@ static kn_link_status hear(uart *u, kn_reply *reply)
         int64_t broken = f->crc + f->cobs + f->length;
         size_t payload = kn_framer_read(f, u->in + u->in_at, u->in_size - u->in_at, &used);
         u->in_at += used;
-        // A good frame is the reply, or a stray one (for example the reply to a request that was dropped).
+        // A good frame is the reply to the request, or a stray reply (for example the reply to a request that was
+        // dropped).
         if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
             u->asked = false;
             u->counts.received++;
