@@ -21,7 +21,7 @@ struct kn_device {
     // Reason of the last loss as an enum; also the reason why the device was not identified or not loaded.
     kn_loss loss;
     kn_device_caps caps;
-    // Rumber, taken from the clock, of the last loaded image, stored in the circuit's SCRATCH register to recognise the
+    // Number, taken from the clock, of the last loaded image, stored in the circuit's SCRATCH register to recognise the
     // image; see kn_device_kept.
     uint32_t nonce;
     uint32_t seq, tick;   // the circuit's numbers of requests and of ticks, valid while no step is under way
