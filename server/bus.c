@@ -14,7 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
+enum { LO = 1 }; // index of the loopback interface lo, the same in every network namespace of Linux (LOOPBACK_IFINDEX)
 
 // Return the value of the field ttl among the KEY=VALUE fields that follow the '?' of a URL, or 0 if there is no ttl.
 // liblcm separates fields at '&'. This function also separates at ',', so that no field can be hidden behind a comma.
@@ -60,8 +60,9 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     const char *query = strchr(url, '?');
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
-        return snprintf(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url), false;
-    // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
+        return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
+    // Without a LAN interface no message may leave the machine, so ttl must be 0. With a LAN interface, a message with
+    // ttl 0 would reach nobody.
     if (!lan != (hops == 0)) {
         snprintf(error, error_size,
                  lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
@@ -75,8 +76,8 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
 }
 
 // Return the index of the device over which the kernel would route the group, or 0 if there is no route. This function
-// asks the kernel, as `ip route get` does. To connect a socket and read its source address would tell less: the source
-// is 0.0.0.0 both for a link-scope route over lo and for a card without an address.
+// asks the kernel, as `ip route get` does. Reading the source address of a connected socket would not be enough,
+// because this address is 0.0.0.0 both for a link-scope route over lo and for a network card without an address.
 static int route_device(struct in_addr group)
 {
     struct {
@@ -152,16 +153,17 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
 {
     char name[80], group[16], user[40];
     struct stat net = {0};
-    stat("/proc/self/ns/net", &net); // every network namespace has its own lo
+    // the claim's name contains the network namespace, because every namespace has its own lo
+    stat("/proc/self/ns/net", &net);
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     snprintf(name, sizeof name, "kneadd-%ju-%s:%u", (uintmax_t)net.st_ino, group, ntohs(bus->group.sin_port));
     snprintf(user, sizeof user, "/run/user/%u", geteuid());
     const char *const places[] = {getenv("RUNTIME_DIRECTORY"), "/run", getenv("XDG_RUNTIME_DIR"), user};
     int fd = -1;
-    // Try one directory after the other. The last resort is a folder in /tmp.
+    // Try the directories in order of preference. If none is usable, use a folder in /tmp.
     for (size_t i = 0; fd < 0 && i <= sizeof places / sizeof *places; i++) {
         int dir = i < sizeof places / sizeof *places ? open_own(AT_FDCWD, places[i]) : open_own_in_tmp();
-        // With the sticky bit set, programs that tidy up old files do not remove this one.
+        // Set the sticky bit, so that programs that remove old files from /tmp keep the lock file.
         fd = dir < 0 ? -1 : openat(dir, name, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 01600);
         if (dir >= 0) close(dir);
     }
@@ -203,7 +205,7 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
     return -1;
 }
 
-// Return the index of the device over which a datagram arrived, 0 if the kernel did not say.
+// Return the index of the device over which a datagram arrived, or 0 if the kernel did not report the device.
 static int device_of(struct msghdr *header)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {

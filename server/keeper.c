@@ -8,7 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
-// Interval at which thread and operator poll. Nothing wakes them, since the servo makes no system call for that.
+// Interval at which the keeper thread and the operator's thread poll, ns. They poll because the servo makes no system
+// call to wake them.
 static const int64_t poll_ns = 2000000;
 
 static void rest(void) { kn_clock_sleep(kn_now_ns() + poll_ns); }
@@ -52,7 +53,7 @@ void kn_keeper_close(kn_keeper *keeper)
 static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
 {
     kn_state_copy(k->model, slot->saved.state,
-                  // A changed model keeps the layout of the state.
+                  // the state of a changed model has the same layout
                   servo->backend->state(servo->backend->self));
     slot->saved.servo = *servo;
     k->last_hash = servo->scene->text_hash;
@@ -69,13 +70,14 @@ static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now
     return k->last_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last, KN_KEEPER_MOVED_M);
 }
 
-// The object is still as in the last copy; if that copy is in a file, the file is as of now.
+// Note that the object still equals the last copy. If this copy has been saved, the file equals the object as of now.
 static void confirm(kn_keeper *k, int64_t now_ns)
 {
     if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
 }
 
-// Return true while a force limit waits for a force to fade. No file holds such limits, so no copy is made then.
+// Return true while a new force limit takes effect only after a force has faded. A snapshot file cannot hold such a
+// pending limit, so no copy is made meanwhile.
 static bool relimiting(const kn_servo *servo)
 {
     bool any = false;
@@ -88,7 +90,7 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return;
     int64_t number =
-        // The audit copies at multiples of a thousand: look half way between.
+        // The energy audit copies the state in ticks that are multiples of 1000, so compare midway between two of them.
         (wake->tick + KN_KEEPER_TICKS / 2) / KN_KEEPER_TICKS;
     int64_t asked = atomic_load(&k->asked);
     k->due |= number != k->looked;
@@ -113,8 +115,8 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
 
 // --- the thread -----------------------------------------------------------------------------------------------------
 
-// Print at most one line per second for one kind of trouble. Each line says how many saves failed since the line
-// before, so that all lines together report every error.
+// Print an error message at most once per second. Each message gives the number of saves that failed since the message
+// before, so that all messages together report every error.
 static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
@@ -126,7 +128,7 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
     k->untold = 0;
 }
 
-// After a complaint, print that saving works again.
+// If an error message was printed before, print that saving works again.
 static void tell_rest(kn_keeper *k)
 {
     if (*k->told) kn_say("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
@@ -166,13 +168,13 @@ static void serve(kn_keeper *k, kn_kept *slot)
         atomic_store(&k->again, true);
     }
     pthread_mutex_lock(&k->answering);
-    if (slot->asked > k->answered) k->answer = answer; // otherwise nobody asked for this copy
+    if (slot->asked > k->answered) k->answer = answer; // an operator requested this copy and waits for the answer
     k->answered = slot->asked;
     pthread_mutex_unlock(&k->answering);
     atomic_store(&slot->full, false);
 }
 
-// Return the older full slot; a slow disk may leave two.
+// Return the full slot with the older copy; both slots may be full if the disk is slow.
 static kn_kept *next_full(kn_keeper *k)
 {
     kn_kept *a = &k->slot[0], *b = &k->slot[1];
@@ -198,7 +200,8 @@ void *kn_keeper_run(void *keeper)
 {
     kn_keeper *k = keeper;
     for (bool ending = false; !ending;) {
-        ending = atomic_load(&k->ending); // read first, so that copies left before it are still saved
+        // read `ending` before the slots, so that copies left before `ending` was set are still saved
+        ending = atomic_load(&k->ending);
         mark(k);
         for (kn_kept *slot; (slot = next_full(k)); mark(k)) serve(k, slot);
         if (!ending) rest();
@@ -238,7 +241,7 @@ bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model)
 
 // --- start ----------------------------------------------------------------------------------------------------------
 
-// Write an age in the unit that suits it.
+// Write an age as text, in seconds, minutes, hours or days.
 static void write_age(double age_s, char *text, size_t size)
 {
     if (age_s < 120) snprintf(text, size, "%.1f s", fmax(0, age_s));
@@ -268,8 +271,9 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     loop->servo.undo = &k->undo;
     if (k->store.dir < 0) return;
     kn_backend *backend = loop->servo.backend;
-    // Compare with the initial object until a snapshot is restored, so that an untouched one is not written.
-    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // the initial object
+    // Until a snapshot is restored, compare the object with the initial object, so that an untouched object is not
+    // saved.
+    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // copy the initial object
     k->last_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;
@@ -307,8 +311,8 @@ static int64_t deadline(void) { return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT
 kn_answer kn_keeper_snapshot(kn_keeper *keeper)
 {
     kn_keeper *k = keeper;
-    if (k->store.dir < 0)
-        return refusal("snapshot: there is no directory of snapshots, expected kneadd --state-dir DIR");
+    if (k->store.dir < 0) return refusal("snapshot: nothing is saved, expected kneadd --state-dir DIR");
+    // Count the request. The servo sees the count and copies the object; the keeper thread puts the number of the
     // The servo sees the count and copies; the thread answers with the number.
     int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
@@ -342,7 +346,7 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
     return false;
 }
 
-// Wait until the servo has done an order.
+// Wait until a tick of the servo has carried out an order.
 static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
 {
     kn_answer a = {.ok = true, .generation = generation};

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SECRET 64       // room for the text that replaces a quotation (keep_secret), bytes
+#define SECRET 64       // room for the text that replaces a quotation in an error message (keep_secret), bytes
 #define PATIENCE_MS 500 // longest wait for a tick or the main thread; a running server answers far sooner
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
@@ -23,7 +23,7 @@ void kn_operator_free(kn_operator *o)
     o->before = o->now = NULL;
 }
 
-// Sleep 0.5 ms before checking again for an answer.
+// Sleep 0.5 ms, then the caller checks again for an answer.
 static void rest(void) { kn_clock_sleep(kn_now_ns() + 500000); }
 
 // --- status ---
@@ -47,7 +47,7 @@ static json_t *histogram(const int64_t count[KN_HISTOGRAM])
     json_t *object = json_object();
     int64_t all = 0;
     for (int i = 0; i < KN_HISTOGRAM; i++) all += count[i];
-    // walk up the buckets until they hold the wanted share of all counts
+    // go up the buckets until they hold the wanted share of all counts
     for (size_t w = 0; w < sizeof wanted / sizeof *wanted; w++) {
         int64_t least = (int64_t)ceil(wanted[w].share * (double)all), seen = 0;
         int bucket = 0;
@@ -124,7 +124,8 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     for (int p = 0; p < o->on.served->scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
-        snprintf(session, sizeof session, "%" PRId64, f->session); // as text: JSON numbers hold only 53 bits
+        // write the session number as text, because JSON numbers hold only 53 bits
+        snprintf(session, sizeof session, "%" PRId64, f->session);
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe = json_pack(
             "{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s, s:f, s:o}", "name", o->on.served->scene->model.probe[p].name,
@@ -231,7 +232,8 @@ static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
     if (atomic_load(&o->on.loop->done)) return kn_control_error("%s", ending);
-    const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // drop the answer to an earlier request
+    // discard a health report that an earlier request left in the mailbox
+    const kn_health *h = kn_mailbox_latest(&o->health, &fresh);
     o->on.ask(o->on.arg);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         h = kn_mailbox_latest(&o->health, &fresh);
@@ -248,7 +250,8 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        bool done = atomic_load(&o->on.loop->done); // read this first: the last tick may still have taken the order
+        // read `done` before asking for the order, because the last tick may still have taken the order
+        bool done = atomic_load(&o->on.loop->done);
         if (kn_loop_obeyed(o->on.loop, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
         // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
@@ -268,7 +271,7 @@ static json_t *hold(kn_operator *o, bool estopped)
     char why[300];
     json_t *answer = order(o, estopped ? KN_ORDER_ESTOP : KN_ORDER_RECOVER, 0);
     const json_t *tick = json_object_get(answer, "tick");
-    if (!estopped && !tick) return answer; // no tick ended the stop: keep its mark on disk
+    if (!estopped && !tick) return answer; // no tick ended the emergency stop, so keep the stop's mark on disk
     bool marked = kn_keeper_mark(o->on.keeper, estopped, why, sizeof why);
     if (marked || json_object_get(answer, "error")) return answer;
     // the loop obeyed, but the disk failed: report the present state and the possible state after a restart
@@ -386,7 +389,7 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_cha
                         *next = &change->scene->device;
     const json_t *value;
     size_t i;
-    // the virtual coupling is a key of the device, too, but it affects the physics
+    // the device's virtual coupling is no mere limit, because it affects the physics
     json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
     return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
 }
@@ -491,8 +494,8 @@ static json_t *set(kn_operator *o, const json_t *argument)
     return answer;
 }
 
-// Hide a quotation in an error message unless it looks like words of a scene. kneadd can read files that the peer must
-// not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
+// Hide quoted text in an error message unless the text looks like words of a scene. kneadd can read files that the peer
+// must not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
 // bytes more. A message that fills the room was cut off and its quotation may have no end, so the quotation is hidden,
 // too.
 static void keep_secret(char *why, size_t size, const char *path)
@@ -516,9 +519,9 @@ static json_t *load(kn_operator *o, const json_t *argument)
     char error[512 + SECRET];
     kn_served trial;
     kn_served_def def = *o->on.def;
-    def.name = def.text = NULL; // read the file again, not the text that was checked before
+    def.name = def.text = NULL; // clear the checked text, so that the file is read again
     if (argument) def.scene_path = json_string_value(argument);
-    def.device = NULL; // the circuit is busy with the object being served
+    def.device = NULL; // load without the circuit, which is busy with the object being served
     if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
         keep_secret(error, sizeof error - SECRET, def.scene_path);
         return kn_control_error("%s", error);
@@ -545,7 +548,8 @@ static json_t *stop(kn_operator *o, const json_t *argument)
 static const struct command {
     const char *name;
     json_t *(*run)(kn_operator *o, const json_t *argument); // `argument` is NULL if the request has none
-    const char *argument;                                   // name of the command's only field; NULL: it has none
+    // name of the command's only argument field; NULL: the command has none
+    const char *argument;
     json_type type;
     bool needed;
 } commands[] = {{"status", status, NULL, JSON_NULL, false},

@@ -21,7 +21,7 @@ struct kn_offscreen {
 // Back ends in the order in which they are tried.
 static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn_offscreen_egl};
 enum { BACKENDS = sizeof backends / sizeof *backends };
-// Back end of the last open, for kn_offscreen_get_proc.
+// Back end that the last kn_offscreen_open used, for kn_offscreen_get_proc.
 static const kn_offscreen_backend *last;
 
 bool kn_offscreen_knows(const char *name)
@@ -37,7 +37,8 @@ static const kn_offscreen_backend *choose(char *error, size_t error_size)
 {
     const char *asked = getenv("KNEAD_GL");
     char later[300];
-    setenv("LP_NUM_THREADS", "1", 0); // read once by Mesa, when the first context is made
+    // set the number of rasteriser threads; Mesa reads it once, when the first context is created
+    setenv("LP_NUM_THREADS", "1", 0);
     for (int i = 0; asked && *asked && i < BACKENDS; i++)
         if (strcmp(backends[i]->name, asked) == 0) return backends[i]->load(error, error_size) ? backends[i] : NULL;
     if (asked && *asked) return snprintf(error, error_size, "KNEAD_GL=%s: expected osmesa or egl", asked), NULL;

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// The four numbers, then three texts for people.
+// Keys of the PNG's texts: first the four numbers, then three texts for human readers.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};

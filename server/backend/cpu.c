@@ -7,15 +7,15 @@
 typedef struct cpu {
     const kn_model *model;
     kn_state *state;
-    int steps;           // steps of the model in one tick
-    kn_contact_fit *fit; // NULL: no contact models are identified
+    int steps;           // number of time steps of the model in one tick
+    kn_contact_fit *fit; // identification of local contact models; NULL: none are identified
     kn_output output;
     kn_backend_status status;
 } cpu;
 
 const char *const kn_fixed_set[KN_FIXED_SETS] = {"solver.kind=fixed", "solver.precision=f64"};
 
-// The quotient may miss a whole number by 1e-6 of itself.
+// The quotient may differ from a whole number by a relative error of 1e-6.
 int kn_backend_steps(double dt_s)
 {
     double n = PERIOD_S / dt_s;
@@ -24,8 +24,8 @@ int kn_backend_steps(double dt_s)
     return fabs(n - steps) < 1e-6 * n ? steps : 0;
 }
 
-// Take the steps of one tick. The input holds for the whole tick: a probe follows its velocity between poses, so
-// shorter steps need no other pose. The output has the worst residual and any capped flag of the steps.
+// Compute the time steps of one tick, all with the same input. A probe follows its velocity between poses, so shorter
+// steps need no further poses. The output has the largest residual of the steps, and is capped if any step was capped.
 static void cpu_submit(void *self, const kn_input *input)
 {
     cpu *c = self;
@@ -45,7 +45,7 @@ static void cpu_submit(void *self, const kn_input *input)
 
 static kn_backend_status cpu_wait(void *self, int64_t deadline_ns, kn_output *output)
 {
-    (void)deadline_ns; // submit has already done the work
+    (void)deadline_ns; // ignore the deadline, because submit has already done the work
     cpu *c = self;
     *output = c->output;
     return c->status;
@@ -68,7 +68,7 @@ static void cpu_restore(void *self, const kn_state *state)
     kn_state_copy(c->model, c->state, state);
 }
 
-// The backend's `contact` once kn_backend_cpu_identify was called.
+// The backend's function `contact`, used after kn_backend_cpu_identify was called.
 static void cpu_contact(void *self, int p, kn_contact_unit unit[])
 {
     kn_contact_fit_units(((cpu *)self)->fit, p, KN_CONTACT_UNITS, unit);

@@ -9,12 +9,13 @@
 #include <string.h>
 #include <zlib.h>
 
-// Misses until a device is lost, and the factor by which jobs other than STEP and IDENTIFY may take longer.
+// Number of misses (unanswered requests) after which a device is lost; factor by which jobs other than STEP and
+// IDENTIFY may take longer before they count as a miss.
 enum { MISSES = 3, PATIENCE = 10 };
 
 // ---- errors and statistics
 
-// Keep a line that says why, and return status.
+// Store the reason as one line for kn_device_why, and return `status`.
 __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d, kn_link_status status,
                                                                    const char *format, ...)
 {
@@ -36,7 +37,7 @@ static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
     return d->last = status;
 }
 
-// Return the bucket of a duration: eight to an octave, from 256 ns.
+// Return the histogram bucket of a duration. There are eight buckets per doubling of the duration, from 256 ns up.
 static int bucket_of(int64_t ns)
 {
     if (ns < 256) return 0;
@@ -61,7 +62,7 @@ static int64_t quantile(const kn_device *d, double share)
     return 0;
 }
 
-// ---- replies: words are those that were asked for, in order
+// ---- replies: their words are the requested ones, in order
 
 // Return the signed number in the lowest bits of two words; bits above it are ignored.
 static int64_t wide(uint32_t lo, uint32_t hi, int bits)
@@ -70,10 +71,11 @@ static int64_t wide(uint32_t lo, uint32_t hi, int bits)
     return (int64_t)(v << (64 - bits)) >> (64 - bits);
 }
 
-// The eight words from STATUS to STATE_CRC.
+// Indices of the eight words from register STATUS to register STATE_CRC.
 enum { AT_STATUS, AT_FLAGS, AT_SCRATCH, AT_TICK, AT_SEQ, AT_CYCLES, AT_CYCLES_MAX, AT_CRC };
 
-// Take the circuit's STEP_SEQ and TICK. Return true if it is loaded and SCRATCH has the value expected.
+// Store the circuit's numbers of requests and ticks (STEP_SEQ, TICK). Return true if the circuit is loaded and its
+// register SCRATCH has the expected value.
 static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch)
 {
     d->seq = words[AT_SEQ];
@@ -102,15 +104,15 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
     d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
-    // A circuit whose SCRATCH has our number still has the unchanging part of our image.
+    // A circuit whose register SCRATCH has the number of the loaded image still has the unchanging part of this image.
     d->shaped = d->shaped && (words[4 + AT_SCRATCH] == d->nonce || words[4 + AT_SCRATCH] == kn_device_kept(d));
     d->stats.resyncs += d->state == KN_DEVICE_LOST;
     d->state = KN_DEVICE_IDENTIFIED;
     return KN_LINK_OK;
 }
 
-// A load runs in two parts: first what never changes of an image (the shape), then the state. Each reply moves the
-// position on; when all words are there the circuit's checksum decides.
+// A load runs in two parts: first what never changes of an image (the shape), then the state. Each reply advances the
+// position. When all words have been sent, the circuit's checksum decides whether the load succeeded.
 static kn_link_status accept_load(kn_device *d, const uint32_t *words)
 {
     if (d->words > 0) {
@@ -136,14 +138,15 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
-    // SCRATCH says that the circuit has the shape, but what it has is not that.
+    // SCRATCH says that the circuit has the shape, but the checksum is wrong, so the circuit has something else.
     d->shaped = false;
     d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
     return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x, that of the loaded state", d->uri,
                   words[AT_CRC], d->crc);
 }
 
-// The circuit is still in step if it is loaded, has our number in SCRATCH and the state's checksum.
+// The circuit is still in step if it is loaded, has the number of the image in SCRATCH, and reports the checksum of the
+// state.
 static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -156,7 +159,7 @@ static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
-// Take the checksum; the circuit must still be at the tick and request that it was at.
+// Read the checksum. The circuit's numbers of ticks and requests must be unchanged.
 static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -168,13 +171,13 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     return lose(d, loaded ? KN_LOSS_SEQ_GAP : KN_LOSS_BLANK, KN_LINK_PROTOCOL);
 }
 
-// Accept a part of a step's reply. Its numbers of ticks and requests must be the next ones; then the reactions are
-// taken, and after the last of them the result.
+// Accept a part of a step's reply. The circuit's numbers of ticks and requests must have increased by one. Then store
+// the reactions of the reply, and after the last reaction the result.
 static kn_link_status accept_step(kn_device *d, const uint32_t *words)
 {
     d->written += d->wrote;
     if (!d->rung && !d->rings) return KN_LINK_OK;
-    // Only a request that rings the doorbell begins its reply with the word of a WAIT.
+    // Only a request that writes the doorbell register gets a reply that begins with the word of a WAIT.
     uint32_t status = d->rings ? *words++ : KN_STATUS_LOADED;
     const uint32_t *tale =
         words + 6 * d->words; // TICK, STEP_SEQ, CYCLES, CYCLES_MAX, STATE_CRC, RESIDUAL, RESULT_FLAGS
@@ -186,7 +189,7 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
         return lose(d, blank ? KN_LOSS_BLANK : KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
     d->rung = true;
-    // Take the reactions that this reply brings; further requests bring the others.
+    // Store the reactions in this reply; further requests fetch the others.
     for (int i = 0; i < 3 * d->words; i++)
         d->reaction[d->position + i / 3][i % 3] = wide(words[2 * i], words[2 * i + 1], KN_FIXED_ACC);
     d->position += d->words;
@@ -204,7 +207,8 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
-// Accept a part of the state: the checksum first (position -1), then nodes and edges, checked against it at the end.
+// Accept a part of the state: first the checksum (position -1), then nodes and edges, which are checked against the
+// checksum at the end.
 static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 {
     if (d->position < 0) {
@@ -229,7 +233,7 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
     return refuse(d, KN_LINK_PROTOCOL, "%s: the state that was read does not match its STATE_CRC", d->uri);
 }
 
-// Pass a good reply to the job, without the word of a leading WAIT.
+// Pass a good reply to the job that asked for it, without the word of a leading WAIT.
 static kn_link_status accept(kn_device *d, const kn_reply *reply)
 {
     const uint32_t *words = reply->words + kn_device_waits(d);
@@ -250,15 +254,16 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
 
 // ---- the exchange
 
-// Return the time until a request is a miss: the link's time and the bytes' time on the wire.
+// Return the time after which an unanswered request counts as a miss: the link's miss time plus the time of the bytes
+// on the wire.
 static int64_t miss_ns(const kn_device *d)
 {
     bool short_one = !d->patient && (d->job == STEP || d->job == IDENTIFY);
-    int64_t patience = short_one ? 1 : PATIENCE; // a checksum takes long
+    int64_t patience = short_one ? 1 : PATIENCE; // allow more time for jobs in which the circuit computes a checksum
     return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
 }
 
-// The link itself is broken: lose the device and open the link again at the next identify.
+// The link itself is broken: mark the device as LOST, and open the link again at the next identify.
 static kn_link_status broken(kn_device *d, kn_link_status status)
 {
     d->broken = true;
@@ -276,8 +281,8 @@ static kn_link_status send(kn_device *d)
     return d->link.submit(d->link.self, &d->request);
 }
 
-// A request failed. Send it again, or lose the device after MISSES misses or MISSES times the time of a miss. A broken
-// frame is no miss, since it is sent again at once.
+// A request failed. Send the request again. After MISSES misses, or after MISSES times the time of a miss, mark the
+// device as LOST. A damaged frame is no miss, since its request is sent again at once.
 static kn_link_status repeat(kn_device *d, kn_link_status status)
 {
     d->misses += status != KN_LINK_CRC;
@@ -294,10 +299,11 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
     return KN_LINK_OK;
 }
 
-// Handle a reply. An error is repeated as a miss is. A load's bytes and time are added up for kn_device_load_ns.
+// Handle a reply. A request that was answered with an error is repeated like a missed one. A load's bytes and time are
+// added up for kn_device_load_ns.
 static kn_link_status answered(kn_device *d, const kn_reply *reply)
 {
-    if (reply->status != KN_REPLY_OK) { // refused, or busy for longer than the WAIT lasts
+    if (reply->status != KN_REPLY_OK) { // the circuit refused the request, or was busy for longer than the WAIT lasts
         d->stats.refused++;
         return repeat(d, KN_LINK_PROTOCOL);
     }
@@ -361,11 +367,11 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
         return NULL;
     }
     d->loss = KN_LOSS_COUNT;
-    memcpy(d->uri, uri, strlen(uri) + 1); // kn_link_open has refused a longer one
+    memcpy(d->uri, uri, strlen(uri) + 1); // the URI fits, because kn_link_open has refused a longer one
     return d;
 }
 
-// Close the link and add its counters to the device's.
+// Close the link, and add its counters to those of the device.
 static void shut(kn_device *d)
 {
     kn_link_counts now;
@@ -396,8 +402,8 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
 {
     if (d->job == IDENTIFY) return drive(d, deadline_ns);
     if (d->broken) shut(d);
-    // The link stays suspect until it has answered: its name may lead elsewhere by now, as the number of a
-    // pseudo-terminal may.
+    // Treat the link as broken until it has answered, because its name may now lead to another device, as with the
+    // number of a pseudo-terminal.
     d->broken = true;
     if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
         return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
@@ -418,8 +424,8 @@ static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
     return KN_LINK_OK;
 }
 
-// Return the limit of a WAIT for a tick, in 256 reads: more than the clocks of a tick, since the circuit reads at most
-// once a clock.
+// Return the limit of a WAIT for a tick, in 256 reads: more reads than a tick has clock cycles, since the circuit reads
+// at most once per clock cycle.
 static uint16_t limit_of(const kn_fixed_config *c)
 {
     int64_t n = c->node_count, e = c->edge_count, o = c->passes, k = c->iterations;
@@ -427,7 +433,7 @@ static uint16_t limit_of(const kn_fixed_config *c)
     return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
 }
 
-// Return a checksum of all that never changes of an image.
+// Return a checksum of the unchanging part of an image.
 static uint32_t crc_of(const kn_fixed_image *image)
 {
     const kn_fixed_config *c = &image->config;
@@ -437,8 +443,8 @@ static uint32_t crc_of(const kn_fixed_image *image)
     return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
 }
 
-// Load the shape and, if state is not NULL, the state. The same call with the same arguments goes on with a job that
-// was late.
+// Load the shape and, if state is not NULL, the state. The same call with the same arguments continues a job that was
+// late.
 static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
@@ -506,20 +512,20 @@ kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int c
     if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that is loaded", d->uri);
     if (count < 0 || count > d->caps.bounds)
         return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes under tools: expected 0 to %d", d->uri, count, d->caps.bounds);
-    // Copy the list, since parts of it may be sent later or again.
+    // Copy the list of bounds, since parts of the list may be sent later or again.
     memcpy(d->bound, bound, (size_t)count * sizeof *bound);
     d->count = count;
     d->written = 0;
     d->rung = false;
     d->began_ns = kn_now_ns();
     begin(d, STEP, 0);
-    // Send the first request here, so that the circuit works while the caller does.
+    // Send the first request here, so that circuit and caller work at the same time.
     kn_link_status status = send(d);
     if (status == KN_LINK_OK) return KN_LINK_OK;
     return broken(d, status);
 }
 
-// Drive the step under way until the deadline and give its result.
+// Exchange requests for the step under way until the deadline, and return its result.
 static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {
     if (d->state == KN_DEVICE_LOST) return d->last;

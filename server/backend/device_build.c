@@ -3,14 +3,14 @@
 #include "server/backend/device_job.h"
 #include <string.h>
 
-enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // bytes of an operation without its words
+enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // length of an operation without its words, bytes
 
 // ---- words of an image, in the order in which they are sent
 
 static uint32_t low(int64_t v) { return (uint32_t)v; }
 static uint32_t high(int64_t v) { return (uint32_t)(v >> 32); }
 
-// A function that gives one word of a record.
+// Type of a function that returns one word of a record.
 typedef uint32_t source(const kn_device *d, int record, int word);
 
 static uint32_t config_word(const kn_device *d, int record, int word)
@@ -65,14 +65,14 @@ static uint32_t edge_state_word(const kn_device *d, int edge, int word)
     return (word ? high : low)(d->from->h[edge]);
 }
 
-// Records of so many words; stride is the distance from one record to the next.
+// A series of records with `words` words each; `stride` is the distance from one record to the next.
 typedef struct segment {
     uint32_t address;
     int records, words, stride;
     source *source;
 } segment;
 
-enum { SEGMENTS = 8, SHAPE = 6 }; // the first SHAPE segments never change
+enum { SEGMENTS = 8, SHAPE = 6 }; // number of segments of an image; the first SHAPE segments never change
 
 static void segments(const kn_device *d, segment s[SEGMENTS])
 {
@@ -88,7 +88,7 @@ static void segments(const kn_device *d, segment s[SEGMENTS])
 int64_t kn_device_state_bytes(int32_t nodes, int32_t edges)
 {
     int64_t bytes = (int64_t)nodes * (WRITE_OP + 40) + (int64_t)edges * (WRITE_OP + 8);
-    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // plus the bytes of frames and replies
+    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // add the bytes of frames and replies
 }
 
 // ---- the next request of each job
@@ -98,7 +98,7 @@ static bool write_word(kn_device *d, uint32_t address, uint32_t word)
     return kn_request_write(&d->request, address, &word, 1);
 }
 
-// Add a WAIT until the circuit is not busy, with a limit of at least so many clocks.
+// Add a WAIT until the circuit is not busy, with a limit of at least `clocks` clock cycles.
 static bool idle(kn_device *d, int64_t clocks)
 {
     int64_t limit = clocks / 256 + 16;
@@ -113,7 +113,7 @@ static int room(const kn_device *d)
     return fits_bytes(d, WRITE_OP) ? (KN_FRAMER_PAYLOAD - d->request.size - WRITE_OP) / 4 : 0;
 }
 
-// Return a limit for the clocks of a checksum.
+// Return an upper limit of the clock cycles that the circuit takes for a checksum.
 static int64_t clocks_of_state(const kn_device *d) { return 64 * (7 * (int64_t)d->nodes + d->edges); }
 
 static void build_checksum(kn_device *d)
@@ -129,7 +129,7 @@ static void build_identify(kn_device *d)
     kn_request_read(&d->request, KN_REG_STATUS, 5);
 }
 
-// All words are there: declare the state loaded, clear flags and status, and read the circuit's own checksum.
+// All words have been sent: declare the state loaded, clear flags and status, and read the circuit's own checksum.
 static void build_load_end(kn_device *d)
 {
     write_word(d, KN_REG_CONTROL, KN_CONTROL_LOADED);
@@ -139,7 +139,7 @@ static void build_load_end(kn_device *d)
     build_checksum(d);
 }
 
-// Write as many words of a segment as fit, from an offset on. Return their number.
+// Add a write of as many words of a segment as fit into the request, from an offset on. Return the number of words.
 static int write_segment(kn_device *d, const segment *s, int offset)
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
@@ -156,7 +156,7 @@ static int write_segment(kn_device *d, const segment *s, int offset)
 
 uint32_t kn_device_kept(const kn_device *d)
 {
-    return d->nonce ^ 0x5a5a5a5a; // odd, as nonce is; ~nonce is even
+    return d->nonce ^ 0x5a5a5a5a; // this number is odd like the nonce, and so differs from ~nonce, which is even
 }
 
 // Fill the request with words of the shape or of the state, from d->position on. SCRATCH tells which parts the circuit
@@ -179,7 +179,7 @@ static void build_load(kn_device *d)
     kn_request_read(&d->request, KN_REG_SCRATCH, 1);
 }
 
-// Write as many boundary records as fit.
+// Add a write of as many boundary records as fit into the request.
 static void build_bounds(kn_device *d)
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
@@ -194,8 +194,8 @@ static void build_bounds(kn_device *d)
         kn_request_write(&d->request, KN_WINDOW_BOUNDS + 4 * (uint32_t)d->written, words, 4 * (uint32_t)d->wrote);
 }
 
-// Put as much into a step's request as fits: missing bounds, the doorbell behind the last of them, reading the
-// reactions, and reading the circuit's own numbers.
+// Add as many operations of a step as fit into the request, in this order: write the missing bounds, write the doorbell
+// register after the last bound, read the reactions, and read the circuit's own numbers.
 static void build_step(kn_device *d)
 {
     d->wrote = d->words = 0;
@@ -208,7 +208,7 @@ static void build_step(kn_device *d)
         write_word(d, KN_REG_STEP_SEQ, d->seq + 1);
         kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, d->limit);
     }
-    // Read as many reactions as the reply has room for beside the circuit's numbers.
+    // Read as many reactions as the reply can hold besides the circuit's numbers.
     int fit = (KN_REQUEST_READ_MOST - d->request.words - KN_DEVICE_TALE) / 6, left = d->count - d->position;
     if (!fits_bytes(d, 2 * READ_OP)) fit = 0;
     d->words = left < fit ? left : fit;
@@ -234,8 +234,8 @@ static void build_read(kn_device *d)
     }
 }
 
-// A busy circuit refuses windows, and a card cannot tell that it refused. A request that touches one therefore begins
-// with a WAIT. The first request of a step needs none, because the step before it is over.
+// A busy circuit refuses access to its memory windows, and a PCI card cannot report a refusal. A request that accesses
+// a window therefore begins with a WAIT. The first request of a step needs no WAIT, because the step before has ended.
 bool kn_device_waits(const kn_device *d) { return d->job != IDENTIFY && (d->again || d->job != STEP); }
 
 void kn_device_build(kn_device *d)

@@ -5,8 +5,9 @@
 #include "server/backend/device.h"
 
 enum {
-    KN_DEVICE_TALE = 8,        // words read after the reactions: TICK to RESULT_FLAGS
-    KN_DEVICE_BUCKETS = 25 * 8 // buckets of round trips: eight to an octave, from 256 ns
+    KN_DEVICE_TALE = 8, // number of register words read after the reactions, from TICK to RESULT_FLAGS
+    // Number of histogram buckets for round-trip times: eight buckets per doubling of the time, from 256 ns up.
+    KN_DEVICE_BUCKETS = 25 * 8
 };
 
 typedef enum job { IDLE, IDENTIFY, LOAD, RESUME, STEP, CRC, READ } job;
@@ -16,38 +17,44 @@ struct kn_device {
     bool linked;
     kn_link link;
     kn_device_state state;
-    kn_link_status last; // the reason of LOST
-    kn_loss loss;        // the same by name; also why it was not identified or loaded
+    kn_link_status last; // status with which the device was lost
+    // Reason of the last loss as an enum; also the reason why the device was not identified or not loaded.
+    kn_loss loss;
     kn_device_caps caps;
-    uint32_t nonce;       // number of our last image, kept in SCRATCH to recognise it; see kn_device_kept
-    uint32_t seq, tick;   // the circuit's, while no step is under way
-    int32_t nodes, edges; // of the loaded image
-    uint16_t limit;       // limit of a WAIT for a tick
+    // Number, taken from the clock, of the last loaded image, stored in the circuit's SCRATCH register to recognise the
+    // image; see kn_device_kept.
+    uint32_t nonce;
+    uint32_t seq, tick;   // the circuit's numbers of requests and of ticks, valid while no step is under way
+    int32_t nodes, edges; // numbers of nodes and edges of the loaded image
+    uint16_t limit;       // repetition limit of a WAIT for the end of a tick
 
     job job;
-    bool out, again;   // a request is under way; it was sent before
-    int misses, tries; // of this request
-    bool broken;       // the link must be opened again
+    bool out, again;   // `out`: a request is under way; `again`: the request was sent before
+    int misses, tries; // numbers of misses and of sendings of the present request
+    bool broken;       // true if the link must be opened again
     uint16_t tag;
     int64_t first_ns, sent_ns;
     kn_request request;
-    int words;    // words or records that this request writes or reads
-    int position; // words or records of the job that are done
+    int words;    // number of words or records that the present request writes or reads
+    int position; // number of words or records of the job that are done
 
-    // a step
+    // A step.
     kn_fixed_bound bound[KN_FIXED_LIST_MAX];
-    int count, written, wrote; // bounds of the step; bounds that the circuit has; bounds in this request
-    // rung: the doorbell was rung; rings: this request rings it
+    // `count`: number of bounds of the step; `written`: bounds that the circuit has; `wrote`: bounds in the present
+    // request.
+    int count, written, wrote;
+    // `rung`: the doorbell register of this step has been written; `rings`: the present request writes the doorbell
+    // register
     bool rung, rings;
     int64_t reaction[KN_FIXED_LIST_MAX][3], began_ns;
     kn_device_result result;
 
-    const kn_fixed_image *image; // to be loaded
+    const kn_fixed_image *image; // image to be loaded
     const kn_fixed *from;
     uint32_t image_crc;
-    bool shaped;                 // the circuit has the unchanging part of the image
-    bool arrived;                // the circuit has all of `from`, as STATE_CRC says
-    int64_t load_bytes, load_ns; // bytes of loads, both ways, and their time
+    bool shaped;                 // true if the circuit has the unchanging part of the image
+    bool arrived;                // true if the circuit has all of the state `from`, according to its register STATE_CRC
+    int64_t load_bytes, load_ns; // total number of bytes of all loads, in both directions, and their total time
     bool patient;
     kn_fixed *into;
     uint32_t crc;
@@ -56,11 +63,14 @@ struct kn_device {
     int64_t bucket[KN_DEVICE_BUCKETS];
 };
 
-void kn_device_build(kn_device *device);       // build the next request of the job, under a new tag
-bool kn_device_waits(const kn_device *device); // the request begins with a WAIT, so its reply begins with that word
+void kn_device_build(kn_device *device); // build the next request of the job, with a new tag
+// Return true if the request begins with a WAIT; its reply then begins with the word that the WAIT read.
+bool kn_device_waits(const kn_device *device);
 
-// SCRATCH of a circuit that has the unchanging part of the image but no state. ~nonce: it has neither; nonce: both.
+// Return the value of the SCRATCH register of a circuit that has the unchanging part of the image but no state. SCRATCH
+// is ~nonce if the circuit has neither of the two, and nonce if it has both.
 uint32_t kn_device_kept(const kn_device *device);
-int64_t kn_device_state_bytes(int32_t nodes, int32_t edges); // bytes on the line of a load's second part
+// Return the number of bytes sent on the line for the state, the second part of a load.
+int64_t kn_device_state_bytes(int32_t nodes, int32_t edges);
 
 #endif

@@ -11,33 +11,35 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#define QUEUE_LEAST 1024 // shortest queue, in ticks; a power of two, as every length
+#define QUEUE_LEAST 1024 // smallest length of the queue, ticks; every length is a power of two
 #define QUEUE_MOST 65536
-#define SPARE_NS 400000         // left before the deadline for guard, publishing and the rest
-#define ANSWER_NS 200000000     // time that the thread waits for one answer
-#define PATIENCE_NS 10000000000 // time for one tick when there is no clock
-#define AGAIN_NS 20000000       // between two attempts to find the circuit
+// time left before the deadline for the output stage, publishing and the rest of the tick, ns
+#define SPARE_NS 400000
+#define ANSWER_NS 200000000     // longest time that the thread waits for one answer, ns
+#define PATIENCE_NS 10000000000 // longest time for one tick in a replay, which has no clock, ns
+#define AGAIN_NS 20000000       // time between two attempts to find the circuit, ns
 #define LOOK_NS 100000
 #define STACK_BYTES (512 * 1024)
-#define LAST_NS 1000000000 // time to get in step once more at the end
-#define TELL_TICKS 256     // between two copies of the device's counters
+#define LAST_NS 1000000000 // longest time to get in step once more when the server ends, ns
+#define TELL_TICKS 256     // number of ticks between two copies of the device's counters
 
-typedef struct slot { // one tick of the twin
+typedef struct slot { // one tick of the twin that the circuit still has to compute
     int count;
-    kn_fixed_bound *bound;  // [bounds]
-    int64_t (*reaction)[3]; // [bounds]
+    kn_fixed_bound *bound;  // [bounds] nodes under tools in this tick
+    int64_t (*reaction)[3]; // [bounds] the twin's reaction at each of these nodes
     int64_t residual;
     uint32_t flags;
 } slot;
 
-// Ticks that the circuit still has to take. The servo adds them; the thread that speaks to the device removes them.
+// Queue of ticks that the circuit still has to compute. The servo adds ticks; the thread that uses the device removes
+// them.
 typedef struct queue {
-    uint32_t length; // a power of two, so that the counts may wrap
-    slot *slot;      // [length]
+    uint32_t length; // number of slots, a power of two, so that the counts may wrap
+    slot *slot;      // [length] the queued ticks
     void *memory;
 } queue;
 
-enum { SERVO, THREAD }; // which thread speaks to the device
+enum { SERVO, THREAD }; // thread that uses the device at present
 // State of the copy of the twin's state.
 enum { NOTHING, WANTED, TAKEN };
 
@@ -45,31 +47,38 @@ typedef struct fpga {
     kn_backend twin;
     const kn_model *model;
     kn_device *device;
-    queue queue, longer;         // longer: the thread's, until the servo takes it with its copy
-    size_t room;                 // bytes that a queue may have
-    int bounds;                  // records that a slot has room for
-    _Atomic uint32_t made, done; // ticks queued by the servo, and removed by the speaker
-    slot *current;               // slot of the tick under way; NULL: not queued
-    bool fits;                   // the tick under way has no more nodes under tools than the circuit takes
-    bool flying;                 // the oldest queued tick is with the circuit; the speaker's
-    uint32_t flags;              // all flags since it was loaded; the speaker's
+    // `longer`: a longer queue made by the thread, until the servo adopts it together with a copy of the state
+    queue queue, longer;
+    size_t room; // largest size of a queue, bytes
+    int bounds;  // number of bounds (nodes under tools) that a slot can hold
+    // `made`: number of ticks queued by the servo; `done`: number removed by the thread that uses the device
+    _Atomic uint32_t made, done;
+    slot *current; // slot of the present tick; NULL: the present tick is not queued
+    bool fits;     // true if the present tick has no more nodes under tools than the circuit accepts
+    // true if the circuit is computing the oldest queued tick; for the thread that uses the device
+    bool flying;
+    // all saturation flags since the circuit was loaded; for the thread that uses the device
+    uint32_t flags;
     atomic_int speaker, copy_is;
-    atomic_bool following; // ticks are queued
+    atomic_bool following; // true while ticks are queued for the circuit
     atomic_bool stop;
     kn_fixed copy;
     void *copy_memory;
-    int wake; // an eventfd
+    int wake; // eventfd that wakes the thread
     pthread_t thread;
     bool runs;
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
     _Atomic int64_t queue_length, load_ns;
     _Atomic int64_t because[KN_LOSS_COUNT];
-    atomic_int out, last; // kn_loss: why it is out of step (KN_LOSS_COUNT: it is in step); the latest such reason
-    int told;             // the thread's: the last loss put into line
-    atomic_bool news;     // line is full and belongs to its reader
+    // `out`: reason (kn_loss) why the circuit is out of step, KN_LOSS_COUNT: in step; `last`: the latest such reason
+    atomic_int out, last;
+    int told;         // the last loss that was written into `line`; used by the thread only
+    atomic_bool news; // true if `line` holds a message and belongs to its reader
     char line[KN_FPGA_LINE];
-    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns; // copies of the device's counters
-    int ticks;                                             // the servo's: ticks since that copy
+    // copies of the device's counters, which other threads may read
+    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns;
+    // number of ticks since the device's counters were copied; used by the servo only
+    int ticks;
 } fpga;
 
 // --- reasons of a loss -----------------------------------------------------------------------------------------------
@@ -82,15 +91,15 @@ static void blame(fpga *f, kn_loss loss)
     atomic_fetch_add(&f->because[loss], 1);
 }
 
-// Return the reason of a failed call. Only for the thread that speaks to the device.
+// Return the reason of a failed call. Only for the thread that uses the device.
 static kn_loss cause(const fpga *f, kn_link_status status)
 {
     const kn_loss loss = kn_device_loss(f->device);
     return status == KN_LINK_LATE ? KN_LOSS_TIMEOUT : loss == KN_LOSS_COUNT ? KN_LOSS_REFUSED : loss;
 }
 
-// Write the line for kn_backend_fpga_news if the reason has changed and the last line was read. Called by the thread
-// while it has the device.
+// Write the line for kn_backend_fpga_news if the reason of the loss has changed and the last line was read. Called by
+// the thread while it uses the device.
 static void tell(fpga *f)
 {
     const int loss = atomic_load(&f->out);
@@ -99,7 +108,7 @@ static void tell(fpga *f)
     if (loss == KN_LOSS_COUNT) return;
     char numbers[100];
     const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
-    // For BEHIND the numbers of the queue explain more than the device's own line.
+    // For the reason BEHIND, describe the queue, because its numbers explain more than the device's own message.
     if (loss == KN_LOSS_BEHIND) {
         snprintf(numbers, sizeof numbers, "%lld ticks; loading takes %.1f s", (long long)atomic_load(&f->queue_length),
                  1e-9 * (double)atomic_load(&f->load_ns));
@@ -123,7 +132,7 @@ static void unmake(queue *q)
     *q = (queue){0};
 }
 
-// Allocate a queue and touch every page, so that the servo meets no page fault.
+// Allocate a queue and touch every page, so that the servo has no page fault.
 static bool make(fpga *f, queue *q, uint32_t length)
 {
     // One block holds the slots first, then the reactions and bounds of each slot.
@@ -140,8 +149,8 @@ static bool make(fpga *f, queue *q, uint32_t length)
     return true;
 }
 
-// Return the length of the queue: half as long again as a load takes by what went over the link so far, as a power of
-// two.
+// Return the length of the queue: 1.5 times the ticks that a load takes, rounded up to a power of two. The time of a
+// load is estimated from the bytes sent so far.
 static int64_t wanted(fpga *f)
 {
     const int64_t load_ns = kn_device_load_ns(f->device, &f->model->fixed->image);
@@ -154,15 +163,15 @@ static int64_t wanted(fpga *f)
 static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
 static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
 
-// Return true if the circuit's reactions and residual are the twin's.
+// Return true if the circuit's reactions and residual equal the twin's.
 static bool equal(const slot *s, const kn_device_result *r)
 {
     return r->count == s->count && r->residual == s->residual &&
            memcmp(r->reaction, s->reaction, (size_t)s->count * sizeof *s->reaction) == 0;
 }
 
-// Run the oldest tick on the circuit. OK: it is done and out of the queue. PROTOCOL: also when the numbers differ. why
-// is set if the status is neither OK nor LATE.
+// Run the oldest queued tick on the circuit. OK: the tick has ended and left the queue. PROTOCOL: also if the circuit's
+// numbers differ from the twin's. `why` is set if the status is neither OK nor LATE.
 static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
 {
     // Submit the tick unless it is already with the circuit, then wait for its result.
@@ -175,7 +184,8 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     *why = cause(f, status);
     if (status != KN_LINK_OK) return status;
     f->flying = false;
-    // The circuit's flags are sticky since it was loaded, so compare them with all flags of the twin since then.
+    // The circuit keeps every flag set until it is loaded again, so compare its flags with all flags of the twin since
+    // the load.
     f->flags |= s->flags;
     if (!equal(s, &result) || result.flags != f->flags) {
         *why = equal(s, &result) ? KN_LOSS_SATURATED : KN_LOSS_TWIN;
@@ -187,7 +197,7 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     return KN_LINK_OK;
 }
 
-// Copy the device's counters. Only for the thread that speaks to the device.
+// Copy the device's counters. Only for the thread that uses the device.
 static void tell_stats(fpga *f)
 {
     kn_device_stats stats;
@@ -199,15 +209,17 @@ static void tell_stats(fpga *f)
     atomic_store(&f->max_ns, stats.max_ns);
 }
 
-// Wake the thread, with the only system call that the servo makes for it.
+// Wake the thread that brings the circuit back. This is the only system call that the servo makes for the circuit's
+// thread.
 static void wake(fpga *f)
 {
     const uint64_t one = 1;
-    const ssize_t written = write(f->wake, &one, sizeof one); // the counter never becomes full
+    // this write cannot block, because the eventfd's counter never becomes full
+    const ssize_t written = write(f->wake, &one, sizeof one);
     (void)written;
 }
 
-// Hand the device to the thread, until it is in step again.
+// Hand the device to the thread, until the circuit is in step again.
 static void leave(fpga *f)
 {
     atomic_store(&f->following, false);
@@ -216,7 +228,7 @@ static void leave(fpga *f)
     wake(f);
 }
 
-// Record a loss and hand the device over.
+// Record a loss and hand the device to the thread.
 static void lose(fpga *f, kn_loss loss)
 {
     blame(f, loss);
@@ -226,14 +238,15 @@ static void lose(fpga *f, kn_loss loss)
 
 // --- the twin's tick -------------------------------------------------------------------------------------------------
 
-// The twin has found the nodes under tools: queue the tick, and submit it if the circuit is in step and idle.
+// Called when the twin has found the nodes under tools: queue the tick, and submit the tick if the circuit is in step
+// and idle.
 static void begin(void *self, const kn_fixed_bound *bound, int count)
 {
     fpga *f = self;
     f->current = NULL;
     f->fits = count <= f->bounds;
     if (!atomic_load(&f->following)) return;
-    // A full queue, or a list longer than the circuit takes, ends the attempt to stay in step.
+    // If the queue is full, or the list of bounds is too long for the circuit, give up staying in step.
     if (!f->fits || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
         lose(f, f->fits ? KN_LOSS_BEHIND : KN_LOSS_BOUNDS);
         return;
@@ -242,14 +255,14 @@ static void begin(void *self, const kn_fixed_bound *bound, int count)
     f->current = &f->queue.slot[atomic_load(&f->made) % f->queue.length];
     f->current->count = count;
     if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
-    // Submit at once only if nothing older waits; otherwise fpga_wait or the thread takes the tick in its turn.
+    // Submit at once only if nothing older waits; otherwise fpga_wait or the thread submits the tick later, in order.
     if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
     kn_link_status status = kn_device_submit(f->device, bound, count);
     f->flying = status == KN_LINK_OK;
     if (!f->flying) lose(f, cause(f, status));
 }
 
-// The twin has computed the tick: add its results to the slot and count the slot as queued.
+// Called when the twin has computed the tick: add the twin's results to the slot, and count the slot as queued.
 static void end(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result)
 {
     fpga *f = self;
@@ -266,13 +279,13 @@ static void fpga_submit(void *self, const kn_input *input)
     f->twin.submit(f->twin.self, input);
 }
 
-// Give the thread a copy of the twin's state; ticks are queued from here on. Wait with that while a tick would not fit
-// the circuit.
+// Give the thread a copy of the twin's state; ticks are queued from then on. Postpone the copy while a tick has more
+// nodes under tools than the circuit accepts.
 static void take_copy(fpga *f)
 {
     if (!f->fits || atomic_load(&f->copy_is) != WANTED) return;
     kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
-    // Nobody needs the queued ticks any more, so a longer queue can take the place of this one.
+    // No thread needs the queued ticks any more, so a longer queue can replace the present queue.
     if (f->longer.length > 0) {
         const queue shorter = f->queue;
         f->queue = f->longer;
@@ -292,15 +305,16 @@ static void await_thread(fpga *f)
         kn_clock_sleep(kn_now_ns() + LOOK_NS);
 }
 
-// Wait for the twin, then let the circuit take the queued ticks. The result is the twin's; it counts as the circuit's
-// when the queue is empty.
+// Wait for the twin, then let the circuit compute the queued ticks. The result returned is the twin's. If the queue is
+// empty, the circuit has confirmed the result.
 static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *output)
 {
     fpga *f = self;
     const bool clock = deadline_ns != 0;
     kn_loss why;
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
-    // Take queued ticks, the oldest first, until the deadline less the time that the rest of the tick needs.
+    // Let the circuit compute the queued ticks, the oldest first. Stop before the deadline, so that enough time is left
+    // for the rest of the tick.
     int64_t until_ns = clock ? deadline_ns - SPARE_NS : kn_now_ns() + PATIENCE_NS;
     while (atomic_load(&f->speaker) == SERVO && !empty(f)) {
         kn_link_status link = advance(f, until_ns, &why);
@@ -354,8 +368,8 @@ static bool prepare(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// Allocate a longer queue if a load takes longer than the present one holds. If there is no room, the queue stays as it
-// is; the circuit then falls behind and is reported as such.
+// Allocate a longer queue if a load takes more ticks than the present queue can hold. If there is no room, keep the
+// present queue; the circuit then falls behind and is reported as BEHIND.
 static void lengthen(fpga *f)
 {
     const int64_t length = wanted(f);
@@ -365,7 +379,7 @@ static void lengthen(fpga *f)
     atomic_store(&f->queue_length, length);
 }
 
-// Load the copy, as long as ticks are queued for it.
+// Load the copy of the state into the circuit, as long as ticks are queued for the circuit.
 static bool load(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
@@ -378,7 +392,7 @@ static bool load(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// Run the queued ticks until none is left.
+// Run the queued ticks on the circuit until none is left.
 static bool catch_up(fpga *f)
 {
     kn_loss why;
@@ -399,8 +413,9 @@ static bool identify(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// A circuit that gave wrong numbers may have another object than it was given, and the checksum of its state does not
-// cover the object: make the next load send all of it. Pause, too, since the next attempt may fail as quickly.
+// A circuit that gave wrong numbers may hold another object than the one loaded, and the checksum of its state does not
+// cover the object. So make the next load send the whole object. Pause before the next attempt, since it may fail as
+// quickly.
 static void distrust(fpga *f)
 {
     const int out = atomic_load(&f->out);
@@ -428,7 +443,7 @@ static bool get_in_step(fpga *f)
     return false;
 }
 
-// Sleep until the servo hands the device over, then try to get in step until it succeeds.
+// Body of the thread: sleep until the servo hands over the device, then try until the circuit is in step again.
 static void *thread_main(void *arg)
 {
     fpga *f = arg;
@@ -447,7 +462,7 @@ static void *thread_main(void *arg)
             atomic_store(&f->out, KN_LOSS_COUNT);
             f->told = KN_LOSS_COUNT;
             atomic_store(&f->speaker, SERVO);
-            // If the object was replaced in this very moment, the circuit is not in step: take the device back.
+            // If the object was replaced at this moment, the circuit is not in step, so take the device back.
             int servo = SERVO;
             if (!atomic_load(&f->following)) atomic_compare_exchange_strong(&f->speaker, &servo, THREAD);
         }
@@ -474,7 +489,7 @@ static void fpga_destroy(void *self)
     free(f);
 }
 
-// Identify the circuit and load the unchanging part. A slot needs no more records than the circuit takes.
+// Identify the circuit and load the unchanging part. A slot of the queue needs no more bounds than the circuit accepts.
 static kn_link_status shape(fpga *f)
 {
     kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
@@ -483,7 +498,7 @@ static kn_link_status shape(fpga *f)
     return prepare(f) ? KN_LINK_OK : KN_LINK_PROTOCOL;
 }
 
-// Allocate the queue, or say why it cannot be as long as the link needs.
+// Allocate the queue, or report why it cannot be as long as the link requires.
 static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
 {
     const int64_t length = wanted(f);
@@ -501,7 +516,7 @@ static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
     return make(f, &f->queue, (uint32_t)length);
 }
 
-// Open the circuit, and load it with the object as it is.
+// Open the circuit, and load the present state of the object into it.
 static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device)
 {
     f->device = kn_device_open(uri, why);
@@ -524,7 +539,7 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         if (loaded) return true;
         status = KN_LINK_PROTOCOL;
     }
-    const char *said = kn_device_why(f->device); // begins with its URI
+    const char *said = kn_device_why(f->device); // reason of the failure, a line that begins with the device's URI
     if (*said) snprintf(why, KN_LINK_WHY, "%s", said);
     else snprintf(why, KN_LINK_WHY, "%.100s: %s", uri, kn_link_words(status));
     return false;
@@ -541,9 +556,10 @@ static bool start(fpga *f)
     pthread_attr_t attr;
     sigset_t all, before;
     pthread_attr_init(&attr);
-    pthread_attr_setstacksize(&attr, STACK_BYTES); // small, because all memory is locked
+    pthread_attr_setstacksize(&attr, STACK_BYTES); // make the stack small, because all memory is locked
     sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before); // the main thread handles signals
+    // block all signals in the new thread, because the main thread handles signals
+    pthread_sigmask(SIG_SETMASK, &all, &before);
     f->runs = pthread_create(&f->thread, &attr, thread_main, f) == 0;
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
@@ -569,7 +585,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     f->fits = true;
     atomic_init(&f->out, KN_LOSS_COUNT);
     atomic_init(&f->last, KN_LOSS_COUNT);
-    // A tool can touch every node, up to the longest list.
+    // A slot must hold a bound for every node, up to the longest list, because tools can touch every node.
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
     f->copy_memory = aligned_alloc(64, kn_fixed_bytes(&model->fixed->image));
     if (f->copy_memory) kn_fixed_init(&f->copy, &model->fixed->image, f->copy_memory);
@@ -649,7 +665,7 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
     uint32_t circuit = 0;
     kn_loss lost;
     int64_t until_ns = kn_now_ns() + LAST_NS;
-    // Nobody calls submit any more, so let the circuit catch up here.
+    // No thread calls submit any more, so let the circuit catch up here.
     while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !empty(f))) {
         take_copy(f);
         if (atomic_load(&f->speaker) == THREAD) kn_clock_sleep(kn_now_ns() + LOOK_NS);

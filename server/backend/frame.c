@@ -30,7 +30,8 @@ size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRA
     memcpy(bytes, payload, size);
     put(bytes + size, (uint32_t)crc32(0, payload, (uInt)size), CHECKSUM);
     size_t at = 0, end = size + CHECKSUM, out = 0;
-    // A block is up to 254 bytes that are not 0. A 0 follows a block of fewer than 254.
+    // A block has up to 254 bytes other than 0. A block of fewer than 254 bytes stands for these bytes and a 0 after
+    // them.
     for (bool more = true; more;) {
         size_t run = 0;
         while (at + run < end && run < BLOCK - 1 && bytes[at + run]) run++;
@@ -39,13 +40,14 @@ size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRA
         out += run, at += run;
         bool zero = at < end && run < BLOCK - 1;
         at += zero;
-        more = zero || at < end; // a 0 at the very end needs a block behind it
+        // continue after a 0 at the very end of the payload, which needs an empty block after it
+        more = zero || at < end;
     }
     wire[out++] = 0;
     return out;
 }
 
-// Store a decoded byte; size stops one above the room, which marks the frame as too long.
+// Store a decoded byte. `size` stops at one above the room, which marks the frame as too long.
 static void append(kn_framer *f, uint8_t byte)
 {
     if (f->size < sizeof f->bytes) f->bytes[f->size] = byte;
@@ -88,7 +90,7 @@ size_t kn_framer_read(kn_framer *framer, const uint8_t *bytes, size_t count, siz
             decode(framer, bytes[i]);
             continue;
         }
-        // A 0x00 ends the frame, whatever its state; the receiver starts anew.
+        // A 0x00 always ends the frame, so reset the receiver for the next frame.
         size_t payload = judge(framer);
         framer->size = 0;
         framer->code = framer->left = 0;
@@ -110,7 +112,8 @@ void kn_request_begin(kn_request *request, uint16_t tag)
     request->words = 0;
 }
 
-// Reserve an operation of so many bytes that adds words to the reply. Return its place; NULL if it or they do not fit.
+// Reserve an operation of `bytes` bytes that adds `words` words to the reply. Return the operation's address, or NULL
+// if the operation or the reply's words do not fit.
 static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t words)
 {
     if (address >= ADDRESSES || r->size + bytes > KN_FRAMER_PAYLOAD || r->words + words > KN_REQUEST_READ_MOST)
@@ -208,7 +211,7 @@ static kn_reply_status execute_write(execution *e)
     return KN_REPLY_OK;
 }
 
-// A WAIT that runs out answers with the last word that it read.
+// A WAIT that reaches its limit answers with the last word that it read.
 static kn_reply_status execute_wait(execution *e)
 {
     uint32_t address = take(e, 3), mask = take(e, 4), value = take(e, 4), limit = take(e, 2), word = 0;
@@ -223,7 +226,7 @@ static kn_reply_status execute_wait(execution *e)
     return met ? KN_REPLY_OK : KN_REPLY_TIMEOUT;
 }
 
-// Execute one operation, if its arguments are all there.
+// Execute one operation if all its arguments are present.
 static kn_reply_status execute(execution *e)
 {
     static const int sizes[] = {[READ] = ACCESS, [WRITE] = ACCESS, [WAIT] = POLL};

@@ -20,7 +20,7 @@ const char *kn_link_words(kn_link_status status)
 }
 
 typedef struct options {
-    int baud; // 0: not given
+    int baud; // baud rate of the serial line; 0: not given in the URI
     double miss_ms;
 } options;
 

@@ -1,65 +1,72 @@
 #ifndef KN_SERVER_BACKEND_LINK_H
 #define KN_SERVER_BACKEND_LINK_H
-// A link to a circuit's registers: it carries a request of frame.h there and its reply back, over a serial line or
-// through memory that both sides see. device.h gives requests their meaning.
+// A link to a circuit's registers. The link carries a request (frame.h) to the circuit and the reply back, over a
+// serial line or through memory that both sides can access. device.h builds and interprets the requests.
 //
 //     uart:/dev/ttyUSB0?baud=3000000   frames on a serial line (default 3000000)
 //     pty:/dev/pts/7                   the same, on a pseudo-terminal
 //     pcie:0000:01:00.0                BAR 0 of a PCI function, by its resource0 in sysfs
 //     shm:NAME                         the same words in /dev/shm/NAME, which knead-simdev --bar NAME serves
 //
-// Each takes ?miss=MS: the time until an unanswered request is sent again (1.6, .1 .. 60000).
+// Each URI may end in ?miss=MS: the time until an unanswered request is sent again, ms (default 1.6, range 0.1 ..
+// 60000).
 //
-// One request is under way at a time. A new request replaces it, and the reply to the old one is dropped when it comes.
-// No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe as far
-// as read, write and ppoll of that line are; on memory they sleep and make no other system call. Not thread-safe.
+// One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
+// arrives. No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe
+// as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep.
+// Not thread-safe.
 #include "server/backend/frame.h"
 
-#define KN_LINK_URI 256 // most characters of a URI
+#define KN_LINK_URI 256 // largest length of a URI, characters
 #define KN_LINK_WHY 384
 
 typedef enum kn_link_status {
     KN_LINK_OK,
-    KN_LINK_LATE,     // no answer by the deadline; one may still come
-    KN_LINK_CRC,      // something came, but broken: ask again at once
-    KN_LINK_PROTOCOL, // an answer that the other end must not give
-    KN_LINK_IO,       // an error of the kernel, or no answer at all
-    KN_LINK_GONE      // a hang-up, or all ones instead of an ID: open it again
+    KN_LINK_LATE,     // no answer by the deadline; an answer may still arrive later
+    KN_LINK_CRC,      // an answer arrived damaged; the request may be sent again at once
+    KN_LINK_PROTOCOL, // an answer arrived that a correct circuit never gives
+    KN_LINK_IO,       // the kernel reported an error, or there was no answer at all
+    KN_LINK_GONE      // the line hung up, or the ID register reads as all ones: the link must be opened again
 } kn_link_status;
 
-const char *kn_link_words(kn_link_status status); // "late", "wrong checksum", ...
+const char *kn_link_words(kn_link_status status); // return the status in words: "late", "wrong checksum", ...
 
 typedef struct kn_link_counts {
-    int64_t sent, received;     // requests sent, replies received
-    int64_t crc, coding, stray; // frames dropped: checksum; COBS or length; good, but no reply to the request
+    int64_t sent, received; // numbers of requests sent and of replies received
+    // Numbers of frames dropped: wrong checksum; wrong COBS coding or length; good frame, but no reply to the present
+    // request.
+    int64_t crc, coding, stray;
 } kn_link_counts;
 
 typedef struct kn_link {
-    const char *name;  // "uart", "pty", "pcie", "shm"
-    int64_t miss_ns;   // see ?miss
-    int64_t byte_ns;   // time of a byte on the wire; 0: no wire
-    bool device_waits; // a WAIT's limit counts; otherwise a WAIT reads until the request is dropped
+    const char *name; // "uart", "pty", "pcie", "shm"
+    int64_t miss_ns;  // time until an unanswered request is sent again (option ?miss), ns
+    int64_t byte_ns;  // time of one byte on the serial line, ns; 0: the link is no serial line
+    // True if the repetition limit of a WAIT applies; otherwise a WAIT repeats its read until the request is dropped.
+    bool device_waits;
     void *self;
-    kn_link_status (*submit)(void *self, const kn_request *request); // copies the request
-    // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; a deadline in the past looks once. LATE also when
-    // nothing was asked.
+    kn_link_status (*submit)(void *self, const kn_request *request); // send a request, which is copied
+    // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; if the deadline has passed, check once. Return LATE as
+    // well if no request is under way.
     kn_link_status (*wait)(void *self, int64_t deadline_ns, kn_reply *reply);
-    void (*forget)(void *self); // drop the request under way and all input
+    void (*forget)(void *self); // drop the request under way and all input received so far
     void (*count)(const void *self, kn_link_counts *counts);
     void (*close)(void *self);
 } kn_link;
 
-// Return true if uri is a valid URI, whether or not it exists; otherwise why says what was expected.
+// Return true if uri is a valid URI, whether or not it exists; otherwise `why` says what was expected.
 bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 
-// Open a link. Return false on failure; why is then one line that says what is wrong and, of a URI, what was expected.
-// A file is opened for this process alone.
+// Open a link. Return false on failure; `why` is then one line that says what is wrong and, if the URI is invalid, what
+// was expected. A file is opened for this process alone.
 bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
-bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]); // sysfs: "/sys"
+// `sysfs`: path of sysfs, normally "/sys".
+bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
-// ---- private: one per transport; path and options have been checked
-bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // true if a line can have this rate
-bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]); // baud 0: pty
+// ---- private: one function per transport; path and options have been checked
+bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate
+// `baud` 0: a pseudo-terminal, which has no baud rate.
+bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY]);
 

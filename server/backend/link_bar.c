@@ -1,4 +1,4 @@
-// Registers as memory: the BAR of a PCI function, or a file that a simulated one serves.
+// A link to registers in memory: the BAR of a PCI function, or a file that a simulated device serves.
 #include "core/fixed.h"
 #include "hdl/registers.h"
 #include "server/backend/link.h"
@@ -16,7 +16,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Operations; time of polling before the first sleep; time of a sleep; links that may be open at once.
+// Codes of the operations; time of polling before the first sleep, ns; time of a sleep, ns; largest number of links
+// that are open at once.
 enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
 typedef struct bar {
@@ -24,10 +25,10 @@ typedef struct bar {
     size_t bytes;
     uint32_t words;
     volatile uint32_t *word;
-    kn_shm *shm; // NULL: a real card, which sees each store
+    kn_shm *shm; // doorbell of a simulated device; NULL: a real card, which notices each store
     kn_link_counts counts;
-    // The request under way. ones: a word of all ones was read; at: the operation that is executed; done: its words
-    // done.
+    // The request under way. `ones`: a word of all ones was read; `at`: position of the present operation; `done`:
+    // number of its words that are done.
     bool asked, ones;
     size_t at, done;
     kn_request request;
@@ -40,10 +41,10 @@ typedef struct bar {
 // handler puts a page of all ones there, as a bus reads where nobody answers.
 
 static struct {
-    _Atomic uintptr_t from; // 0: free
+    _Atomic uintptr_t from; // start of the mapping; 0: this entry is free
     _Atomic size_t bytes;
 } watched[WATCHED];
-static struct sigaction before; // the handler before ours
+static struct sigaction before; // signal handler that was installed before this module's
 
 // Put a page of ones at the address if one of our links has it; otherwise restore the former handler.
 static void on_bus_error(int number, siginfo_t *info, void *context)
@@ -60,7 +61,8 @@ static void on_bus_error(int number, siginfo_t *info, void *context)
         errno = kept;
         return;
     }
-    sigaction(number, &before, NULL); // not ours: let the fault happen again without this handler
+    // the address is none of our mappings, so let the fault happen again without this handler
+    sigaction(number, &before, NULL);
 }
 
 static void install(void)
@@ -95,7 +97,7 @@ static void unwatch(void *at)
 
 // ---- words
 //
-// Never memcpy: a BAR takes and gives 32 bits at a time, in order.
+// Words are copied one by one, never by memcpy, because a BAR transfers 32 bits at a time, in order.
 
 // Return true while the device has not yet handled the last doorbell.
 static bool ringing(const bar *b)
@@ -104,7 +106,8 @@ static bool ringing(const bar *b)
            __atomic_load_n(&b->shm->done, __ATOMIC_ACQUIRE) != __atomic_load_n(&b->shm->bell, __ATOMIC_RELAXED);
 }
 
-// Read a word; note when it is all ones, the mark of a missing card. STATUS reads busy while a doorbell is unhandled.
+// Read a word. Note a word of all ones, the mark of a missing card. STATUS reads as busy while a doorbell has not been
+// handled.
 static uint32_t get(bar *b, uint32_t address)
 {
     uint32_t word = b->word[address];
@@ -122,7 +125,7 @@ static void ring(bar *b, uint32_t address, uint32_t word)
     __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_RELEASE);
 }
 
-// Write a word. Return false if the doorbell before has not been handled yet.
+// Write a word. Return false if the previous doorbell has not been handled yet.
 static bool put(bar *b, uint32_t address, uint32_t word)
 {
     bool bell = b->shm && (address == KN_REG_CONTROL || address == KN_REG_STATUS || address == KN_REG_FLAGS ||
@@ -159,7 +162,7 @@ static kn_link_status read_words(bar *b, uint32_t address, uint32_t count)
     return KN_LINK_OK;
 }
 
-// Write words; a doorbell that is not free ends the call as LATE, and the next call goes on from there.
+// Write words. If the doorbell is not free, return LATE; the next call continues with the same word.
 static kn_link_status write_words(bar *b, const uint8_t *words, uint32_t address, uint32_t count)
 {
     if (address + count > b->words) return refuse(b);
@@ -180,7 +183,8 @@ static kn_link_status wait_word(bar *b, const uint8_t *operation, uint32_t addre
     return KN_LINK_OK;
 }
 
-// Execute the request as far as possible. LATE: a WAIT has not yet read its value, or the doorbell is not free.
+// Execute the request as far as possible. Return LATE if a WAIT has not yet read its value, or if the doorbell is not
+// free.
 static kn_link_status advance(bar *b)
 {
     kn_link_status status = KN_LINK_OK;
@@ -194,7 +198,7 @@ static kn_link_status advance(bar *b)
     return status;
 }
 
-// All ones were read, and the ID reads so too: the card is gone.
+// A word of all ones was read, and the ID register reads as all ones as well, so the card is gone.
 static bool gone(bar *b) { return b->ones && b->word[KN_REG_ID] == UINT32_MAX; }
 
 static kn_link_status submit(void *self, const kn_request *request)
@@ -210,7 +214,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     return KN_LINK_OK;
 }
 
-// Execute what is left of the request and give its reply if it is done.
+// Execute the rest of the request, and return its reply if all operations are done.
 static kn_link_status look(bar *b, kn_reply *reply)
 {
     kn_link_status status = advance(b);
@@ -251,9 +255,9 @@ static void close_bar(void *self)
 
 // ---- opening
 
-// Map the file first without access, then with: if the process locks all its memory, mapping with access would allocate
-// pages for every word. Touch the pages of a file that a tick needs, so that the tick meets no page fault. A BAR has
-// all its pages.
+// Map the file without access first, and allow access afterwards. If the process locks all its memory, mapping with
+// access would allocate pages for every word. Touch the pages of a file that a tick needs, so that the tick meets no
+// page fault. For a BAR this is not necessary.
 static void *map(int fd, size_t bytes, bool shm)
 {
     void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);

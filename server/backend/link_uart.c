@@ -16,12 +16,12 @@
 typedef struct uart {
     int fd;
     bool asked;
-    kn_link_status down; // why the line is gone; OK: it is not
+    kn_link_status down; // reason why the line is gone; OK: the line works
     kn_framer framer;
     kn_request request;
     kn_link_counts counts;
     size_t out_at, out_size, in_at, in_size;
-    // A 0x00 goes first, so that a partial frame on the line ends there.
+    // Send a 0x00 first, so that a partial frame that is already on the line ends there.
     uint8_t out[1 + KN_FRAMER_WIRE];
     uint8_t in[4096];
 } uart;
@@ -38,7 +38,7 @@ static kn_link_status error(uart *u)
     return fallen(u, errno == EIO || errno == ENXIO || errno == ENODEV ? KN_LINK_GONE : KN_LINK_IO);
 }
 
-// Write as much of the request as the line takes now.
+// Write as many bytes of the request as the line accepts now.
 static kn_link_status push(uart *u)
 {
     while (u->out_at < u->out_size) {
@@ -64,7 +64,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     return push(u);
 }
 
-// Look for a reply in the bytes that were read. CRC: a broken frame came instead.
+// Look for a reply in the bytes that were read. Return CRC if a damaged frame arrived instead.
 static kn_link_status hear(uart *u, kn_reply *reply)
 {
     kn_framer *f = &u->framer;
@@ -73,7 +73,8 @@ static kn_link_status hear(uart *u, kn_reply *reply)
         int64_t broken = f->crc + f->cobs + f->length;
         size_t payload = kn_framer_read(f, u->in + u->in_at, u->in_size - u->in_at, &used);
         u->in_at += used;
-        // A good frame is the reply, or a stray one (for example the reply to a request that was dropped).
+        // A good frame is the reply to the request, or a stray reply (for example the reply to a request that was
+        // dropped).
         if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
             u->asked = false;
             u->counts.received++;
@@ -85,7 +86,7 @@ static kn_link_status hear(uart *u, kn_reply *reply)
     return KN_LINK_LATE;
 }
 
-// Read what is there. LATE: nothing more is there. An end of file is a hang-up.
+// Read the bytes that have arrived. Return LATE if there are none. Treat an end of file as a hang-up.
 static kn_link_status take(uart *u)
 {
     ssize_t n = read(u->fd, u->in, sizeof u->in);
@@ -107,11 +108,12 @@ static kn_link_status doze(uart *u, int64_t deadline_ns)
     return KN_LINK_OK;
 }
 
-// Look at what was read, send what is left of the request, read more, and sleep when there is nothing to do.
+// Look for a reply in the bytes read, send the rest of the request, read more bytes, and sleep if there is nothing to
+// do.
 static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
 {
     uart *u = self;
-    // Check the deadline in each turn, so that a line that never stops sending holds nobody up.
+    // Check the deadline in each turn, so that a line that never stops sending cannot delay the caller.
     for (bool looked = false;; looked = true) {
         kn_link_status heard = hear(u, reply);
         if (heard != KN_LINK_LATE) return heard;
@@ -126,7 +128,7 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
     }
 }
 
-// Drop the request and everything that is on its way, here and in the kernel.
+// Drop the request, and all bytes on their way in this module and in the kernel.
 static void forget(void *self)
 {
     uart *u = self;
@@ -178,8 +180,8 @@ bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
     return false;
 }
 
-// Set the line raw: eight bits, no flow control, no modem lines. VMIN is 1, because with 0 an empty line and a hang-up
-// both read as nothing.
+// Set the line to raw mode: eight bits, no flow control, no modem lines. VMIN is 1, because with VMIN 0 an empty line
+// and a hang-up could not be distinguished.
 static bool make_raw(int fd, int baud, speed_t speed)
 {
     struct termios t;
@@ -192,8 +194,8 @@ static bool make_raw(int fd, int baud, speed_t speed)
     return tcsetattr(fd, TCSANOW, &t) == 0;
 }
 
-// Ask the adapter for low latency. It would otherwise collect input for up to 16 ms. This is set through its driver or
-// sysfs; if neither accepts it, the adapter stays slow.
+// Set the USB adapter to low latency; otherwise the adapter collects input for up to 16 ms. The setting is made through
+// the driver or through sysfs. If neither accepts the setting, the adapter stays slow.
 static void hurry(int fd, const char *path, const char *sysfs)
 {
     struct serial_struct serial;
@@ -211,7 +213,7 @@ static void hurry(int fd, const char *path, const char *sysfs)
     close(timer);
 }
 
-// Lock the line for this process, set it raw and drop old input.
+// Lock the line for this process, set it to raw mode and drop old input.
 static bool take_line(uart *u, const char *path, int baud, speed_t speed, char why[KN_LINK_WHY])
 {
     if (flock(u->fd, LOCK_EX | LOCK_NB)) {
@@ -222,7 +224,8 @@ static bool take_line(uart *u, const char *path, int baud, speed_t speed, char w
         snprintf(why, KN_LINK_WHY, "%s: %s: expected a serial line", path, strerror(errno));
         return false;
     }
-    // Not for a pseudo-terminal: its other end has it open, so the lock would outlive this process.
+    // Do not lock a pseudo-terminal: the program at its other end keeps it open, so the lock would outlive this
+    // process.
     if (baud) ioctl(u->fd, TIOCEXCL);
     tcflush(u->fd, TCIOFLUSH);
     return true;

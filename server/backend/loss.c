@@ -1,6 +1,6 @@
 #include "server/backend/loss.h"
 
-// Words and meanings by kn_loss; the last entry is for no loss.
+// Words and meanings of the reasons, indexed by kn_loss; the last entry means no loss.
 static const struct {
     const char *word, *means;
 } losses[KN_LOSS_COUNT + 1] = {

@@ -24,7 +24,7 @@ typedef enum kn_loss {
 #define KN_LOSS_NAME(name, word, what) KN_LOSS_##name,
     KN_LOSSES(KN_LOSS_NAME)
 #undef KN_LOSS_NAME
-        KN_LOSS_COUNT // also: no reason
+        KN_LOSS_COUNT // number of reasons; also stands for no reason
 } kn_loss;
 
 const char *kn_loss_word(kn_loss loss);  // "timeout", "seq_gap", ...; "none" for KN_LOSS_COUNT
