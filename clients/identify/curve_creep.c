@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, load, value;
     kn_role what, load_is;
     int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
@@ -194,8 +194,8 @@ static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readi
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) // a reading at exactly this moment belongs to the piece before it
-        changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
+    // a reading at exactly the time of a load step belongs to the time before the step
+    for (int i = 0; i < c->steps; i++) changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
     return kn_curve_finish(f, c, r, c->steps, changes);
 }
 
@@ -354,7 +354,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_rows(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // the column has a name but no numbers
+    // the load column has a name but no numbers, so ignore it
+    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1;
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);

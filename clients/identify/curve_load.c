@@ -24,7 +24,7 @@ static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
 {
     *constant = true;
     for (int i = 0; i < r->count; i++)
-        if (r->value[i] > 0.95) return; // a strain this large is not compression
+        if (r->value[i] > 0.95) return; // so large a strain cannot be compression, so leave the stress unchanged
     double *nominal = malloc((size_t)r->count * sizeof *nominal);
     if (!nominal) return;
     for (int i = 0; i < r->count; i++) nominal[i] = r->load[i] / (1 - r->value[i]);
@@ -44,7 +44,8 @@ static double moment(const kn_readings *r, const kn_load_step *s, double noise)
     const int a = s->begin - 1;
     if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
     const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    // the slope falls from the change on, so the slope right after the change is extrapolated from the next two
+    // after the change the slope of the strain falls, so the slope right after the change is extrapolated from the
+    // slopes of the next two intervals
     const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
     const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
     // The noise of the meeting point must be below a quarter of the gap between the readings.
@@ -73,7 +74,7 @@ static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_step
 {
     for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
         const kn_load_step *s = &found->step[i];
-        if (s->load == 0 && c->steps == 0) continue; // before the first load
+        if (s->load == 0 && c->steps == 0) continue; // skip times without load before the first load
         if (s->load < 0)
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1,
                                      "a load that presses and pulls, %.3g Pa here, expected "

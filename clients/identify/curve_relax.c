@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, value, strain;
     kn_role what, strain_is;
 } columns;

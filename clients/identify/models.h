@@ -4,9 +4,9 @@
 // prediction of the late part, which the fit does not use.
 //
 // clang-format off
-//     relaxation   A residual is a difference of ln(stress), for the means of bins.h, so every decade of time counts the
-//                  same. The early part ends at a tenth of the last time if the readings span two decades of time, or
-//                  else at half of the last time.
+//     relaxation   A residual is a difference of ln(stress), for the means of bins.h, so every decade of time counts
+//                  the same. The early part ends at a tenth of the last time if the readings span two decades of
+//                  time, or else at half of the last time.
 //     creep        A residual is a difference of strain, divided by the curve's noise or by KN_MODELS_COARSE times the
 //                  curve's largest strain, whichever is larger. The early part is the first half of each span between
 //                  two changes of load, with or without load.

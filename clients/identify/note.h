@@ -6,7 +6,7 @@
 
 typedef struct kn_note {
     char key[32], value[64]; // for example key "load" and value "50 gf"; the key is in small letters
-    int line, at;            // line number and column of the value in the file, both from 1 on
+    int line, at;            // line number of the value, and position of its first character in that line, from 1
 } kn_note;
 
 // Read a note. Return false if the line is not a note. A key has at most three words, so that a sentence with a colon
