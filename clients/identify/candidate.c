@@ -9,8 +9,10 @@
 #include <time.h>
 
 static const double atm_pa = 101325;
-static const double weak = 0.1;  // least diagonal stiffness that the structure `diagonals` keeps from the scene
-static const double alike = 0.1; // share of the object's extent by which the mesh's extent may differ
+// if the scene's diagonal stiffness is below this, the structure `diagonals` uses 1 instead
+static const double weak = 0.1;
+// largest difference of a mesh's extent from the object's extent, as a share of the latter
+static const double alike = 0.1;
 static const double area_low = 0.2, area_high = 5;
 
 // ---- list of structures
@@ -37,7 +39,7 @@ static bool is_wanted(const char *only, const char *name)
     return !only;
 }
 
-// Complain about a name in the list that is not a structure.
+// Return whether all names in the list `only` are structures. If one is not, write an error to `error`.
 static bool are_known(const char *only, char *error, size_t error_size)
 {
     for (const char *at = only; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
@@ -248,7 +250,7 @@ static kn_search plan_of(const kn_candidate *c, const kn_evidence *e)
         s.high[s.unknowns++] = area_high;
     }
     for (int i = 0; i < s.starts; i++) {
-        s.start[i][c->gas] = 1; // start of the factor on gamma, if it is an unknown
+        s.start[i][c->gas] = 1; // the search for the factor on gamma starts at 1
         if (c->gas) s.start[i][0] = start_atm[i] * atm_pa;
         else s.start[i][0] = 1;
     }

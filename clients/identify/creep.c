@@ -169,8 +169,9 @@ static void doubt_curves(work *w)
                   "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
                   "way, not on what came back",
                   c->name);
-        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). Only residuals
-        // larger than this uncertain noise lead to a note.
+        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). So residuals up
+        // to about three such errors above the noise are accepted. Long runs of one sign are accepted if the residuals
+        // are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             doubt(w,

@@ -5,7 +5,7 @@
 
 enum { RISE_LEAST = 5 };
 #define FALLS 0.98
-// Share of the largest stress. The logarithms of smaller readings are mostly noise.
+// Readings of the rise below this share of the largest stress are left out, since their logarithms are mostly noise.
 #define LEAST_RISE 0.05
 
 // Return whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.

@@ -21,7 +21,7 @@ typedef struct crew {
     int count, next;
     bool short_of_memory;
     kn_progress bar;
-    double done, total; // ticks
+    double done, total; // number of ticks simulated so far, and expected in all fits
     pthread_mutex_t lock;
 } crew;
 
@@ -31,7 +31,8 @@ static void told(void *of, int64_t ticks)
     crew *w = of;
     pthread_mutex_lock(&w->lock);
     w->done += (double)ticks;
-    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // more presses than usual were needed
+    // the fits need more presses than expected, so increase the expected total
+    if (w->done > 0.95 * w->total) w->total = w->done / 0.95;
     w->bar.total = w->total;
     kn_progress_step(&w->bar, w->done);
     pthread_mutex_unlock(&w->lock);
@@ -122,7 +123,7 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
+    if (best->scene->model.mesh) { // the cells of a mesh cannot be halved, so only report that
         printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
         return KN_EXIT_OK;
     }

@@ -13,7 +13,8 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-static const double beside_m = 1e-3; // margin around the outline of the tool that counts as hidden, too
+// width of the margin around the outline of the tool that counts as hidden by the tool
+static const double beside_m = 1e-3;
 
 // ---- the area hidden by the tool
 
@@ -223,7 +224,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; i < s->rows; i++) {
         const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
-        if (isnan(t) || isnan(f)) continue; // missing
+        if (isnan(t) || isnan(f)) continue; // the time or the force is missing, so skip the reading
         (*time_s)[*count] = t;
         s->line[*count] = s->line[i];
         (*force_n)[(*count)++] = f;
@@ -269,7 +270,7 @@ static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candid
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
     } else code = logged_force(&e->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces still has poses
+    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // the log has no forces, so only its poses are used
         free(time_s);
         free(force_n);
         return code;

@@ -7,7 +7,7 @@
 
 enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 
-// ---- 1: equation 5
+// ---- stage 1: fit of equation 5 to the recovery
 
 typedef struct recovery {
     int count;
@@ -56,7 +56,7 @@ double kn_stages_recovered(const kn_stages *s, double since_release_s)
     return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
 }
 
-// ---- 2: the Voigt part under the measured stress, which is linear between two readings
+// ---- stage 2: strain of the Voigt element under the measured stress, which is linear between two readings
 
 static void subtract_voigt(kn_stages *s, const kn_curve *c)
 {
@@ -74,7 +74,7 @@ static void subtract_voigt(kn_stages *s, const kn_curve *c)
     }
 }
 
-// ---- 3: the damper
+// ---- stage 3: damping c2 and its law
 
 // Return the slope of the best line through the readings around one reading: HALF_LINE on either side. Thinned readings
 // (means) are denser just after the load was applied. There the line spans as long a time as the same number of evenly
