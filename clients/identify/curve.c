@@ -189,7 +189,7 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
     return s->rows;
 }
 
-// Complain if there are too few readings, or if the value never changes.
+// Print an error and return an exit code if there are too few readings, or if the value never changes.
 static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name)
 {
     const kn_sheet *s = &f->sheet;
@@ -205,7 +205,8 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     return KN_EXIT_OK;
 }
 
-// Complain about numbers out of range that were computed from cells. The sheet has checked the cells themselves.
+// If a number that was computed from cells is out of range, print an error and return an exit code. The sheet has
+// already checked the numbers in the cells themselves.
 static int check_sane(kn_curve_file *f, const kn_readings *r)
 {
     const double *const all[] = {r->time_s, r->value, r->other, r->load};

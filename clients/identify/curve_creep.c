@@ -127,7 +127,8 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column,
     return KN_EXIT_OK;
 }
 
-// Complain about a strain of 1 or more. In shear, under a stress that is held, any strain is possible.
+// If a strain is 1 or more, print an error and return an exit code. Under a constant nominal stress, as in shear, any
+// strain is possible, so there is no check.
 static int check_strain(kn_curve_file *f, const kn_readings *r, int column, const kn_curve *c)
 {
     for (int i = 0; i < r->count && !c->constant_area; i++)
@@ -157,8 +158,8 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
 
-// Make the time count from the moment of the first load. Readings before the load, and readings without a value, are
-// removed.
+// Shift the times so that the first load is applied at time 0. Readings before the first load, and readings without a
+// value, are removed.
 static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
 {
     const double begin = c->step[0].time_s;
@@ -271,7 +272,7 @@ static bool is_thousand(const kn_curve_file *f, double last, double next)
     return f->sheet.commas && 1000 * next >= last && 1000 * next < 1.1 * last;
 }
 
-// Complain about a second table under the same load.
+// Print the error that a second table has the same load as the table before, and return an exit code.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const kn_sheet *s = &f->sheet;

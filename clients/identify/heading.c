@@ -128,7 +128,8 @@ static void copy(char *to, size_t size, const char *text, size_t length)
     while (length > 0 && isspace((unsigned char)text[length - 1])) length--;
     snprintf(to, size, "%.*s", (int)length, text);
     for (char *p = to; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
+        // replace control characters, since the text is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
 }
 
 // Take the text as the unit of the heading, if it is one.

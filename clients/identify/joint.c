@@ -37,7 +37,7 @@ typedef struct lateness {
     double late_s, held_s;
 } lateness;
 
-// Return the fitted time of a step of the load. A final release is also shifted by held_s.
+// Return the fitted time of a load step, shifted by late_s. The final removal of the load is also shifted by held_s.
 static double came(const kn_curve *c, int step, lateness l)
 {
     const bool release = step > 0 && step + 1 == c->steps && c->step[step].stress_pa == 0;
@@ -87,7 +87,7 @@ bool kn_joint_predict(const kn_material *material, const kn_curve *c, double *st
     return predict(material, c, (lateness){0, 0}, strain);
 }
 
-// Shift one curve to the fitted times and drop the readings before the load.
+// Shift the times of one curve by its fitted lateness, and drop the readings before the first load.
 static void settle(kn_curve *c, lateness l)
 {
     int early = 0;
@@ -153,7 +153,8 @@ static bool misfit(void *of, const double *value, double *residual)
 
 // ---- the measured range
 
-// Return the median of the last readings up to a time, so that one outlier does not matter. 0 before the first reading.
+// Return the median strain of the last readings up to a time, so that one outlier does not matter. Before the first
+// reading return 0.
 static double strain_at(const kn_curve *c, double until_s)
 {
     enum { LAST = 5 };
@@ -165,7 +166,7 @@ static double strain_at(const kn_curve *c, double until_s)
     return n ? last[n / 2] : 0;
 }
 
-// Return when a step ends: at the next step, or at the last reading.
+// Return the time at which a load step ends: the begin of the next step, or the time of the last reading.
 static double step_end(const kn_curve *c, int step)
 {
     return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
@@ -194,7 +195,8 @@ static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CUR
     j->lowest_pa = fmin(fmax(j->lowest_pa, 1e-3 * j->highest_pa), j->highest_pa);
 }
 
-// Estimate the range of stresses from the readings, which is accurate enough to begin a search.
+// Estimate the range of stresses under load from the measured strains. The estimate is accurate enough to begin a
+// search.
 static void visited(kn_joint *j, int curves, const kn_curve *curve)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
@@ -385,7 +387,8 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
     return ok;
 }
 
-// Count the neighbouring readings, including this one, that deviate by more than half of the limit for outliers.
+// Return the length of the series of neighbouring readings around the reading `at` that deviate by more than half of
+// the limit for outliers. The reading `at` is included.
 static int beside(const double *d, int n, int at)
 {
     int from = at, to = at;
@@ -394,7 +397,7 @@ static int beside(const double *d, int n, int at)
     return to - from + 1;
 }
 
-// Leave out the outliers of all curves that are not part of a longer row.
+// Leave out the outliers of all curves, except outliers in a series of more than ROW neighbouring ones.
 static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
 {
     int count = 0;
@@ -436,12 +439,12 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
         known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
                      : kn_fit_interval_of(fit, i, opt->confidence);
     }
-    // Beyond the largest stress every P1 is equally good.
+    // Every P1 beyond the largest stress fits equally well, so the interval ends at the largest stress.
     if (i == KN_JOINT_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
     kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
 }
 
-// State in words why a parameter is not known.
+// Set the words of each parameter that is not known: the reason, or the value used instead.
 static void say(kn_joint *j)
 {
     if (constant(j)) {

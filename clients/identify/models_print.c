@@ -167,7 +167,7 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     }
 }
 
-// Print one row of the table.
+// Print the row of one law in the table of models.
 static void print_row(const kn_models *m, const kn_models_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";

@@ -21,6 +21,7 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
     for (char *p = note->value; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
+        // replace control characters, since the text is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
     return words <= 3 && *note->value;
 }

@@ -75,7 +75,8 @@ static void find_hold(kn_press *p)
 
 // ---- press along the path of the first paper
 
-// Return the probe of this name, else the first plate, else the first probe. Return -1 after a complaint.
+// Return the probe of this name, else the first plate, else the first probe. On an error write the error to `error` and
+// return -1.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)

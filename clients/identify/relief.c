@@ -42,7 +42,7 @@ static bool seen(const kn_relief *r, double x_m, double y_m)
     return r->level[(size_t)row * (size_t)r->frame.width + (size_t)column] > 0;
 }
 
-// Set the middle of the rays to the centre of all pixels that are seen.
+// Set the middle of the object, from which the rays start, to the centre of all pixels that show the object.
 static void find_middle(kn_relief *r)
 {
     double sum[2] = {0}, count = 0;
@@ -72,7 +72,7 @@ static double march_in(const kn_relief *r, double angle, double from_m)
     return 0;
 }
 
-// Return whether a place is at the border of the image, where the outline may be cut off.
+// Return whether a place is at the border of the image, so that the image may cut off the outline of the object there.
 static bool at_border(const kn_relief *r, double x_m, double y_m)
 {
     const kn_range *f = &r->frame;

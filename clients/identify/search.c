@@ -137,7 +137,7 @@ static kn_fit fit_of(const kn_search *s, double trust)
 
 // ---- the search
 
-// Take a look beside the best one, along one unknown: upwards, or downwards if the upper bound is near.
+// Evaluate the model beside the best look, with one unknown larger, or smaller if the upper bound is near.
 static bool look_beside(kn_search *s, int unknown)
 {
     double there[KN_SEARCH_UNKNOWNS];
@@ -177,7 +177,9 @@ static void note_bounds(kn_search *s)
 static bool step(kn_search *s, double *trust)
 {
     int number[KN_SEARCH_UNKNOWNS];
-    for (int i = 0; i < 2; i++) { // neighbours in all directions at any distance; one of them may become the best look
+    // find neighbours of the best look in all directions, at any distance; twice, since a neighbour may become the best
+    // look
+    for (int i = 0; i < 2; i++) {
         if (!look_around(s, far)) return false;
         choose_best(s);
     }

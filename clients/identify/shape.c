@@ -38,7 +38,7 @@ static void told(void *of, int64_t ticks)
     pthread_mutex_unlock(&w->lock);
 }
 
-// Thread: fit the next candidate until none is left.
+// Thread function: fit the next candidate until all candidates are fitted.
 static void *toil(void *of)
 {
     crew *w = of;

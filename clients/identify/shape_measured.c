@@ -77,7 +77,7 @@ static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candid
     return KN_EXIT_OK;
 }
 
-// Return the column of this name and dimension, or -1 after a complaint.
+// Return the column of this name and dimension. On an error print the error and return -1.
 static int named(const kn_sheet *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
@@ -153,8 +153,8 @@ static int rank_of(const kn_heading *h)
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
 }
 
-// Return the column of the force, or -1 after a complaint. If several columns have the same rank, the intended one is
-// unknown, since the z axis of a sensor may have any direction.
+// Return the column of the force. On an error print the error and return -1. If several columns have the same rank, the
+// intended one is unknown, since the z axis of a sensor may have any direction.
 static int force_of(const kn_sheet *s)
 {
     char names[300] = "";

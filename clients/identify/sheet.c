@@ -217,7 +217,8 @@ static bool grow(kn_sheet *s, int count, const int wanted[])
     return ok;
 }
 
-// Complain about text in place of a number after which the names were not repeated.
+// Print the error that a cell holds text in place of a number, and return an exit code. The text is an error since the
+// names were not repeated below it.
 static int bad_text(const kn_sheet *s)
 {
     const char *text = s->strange.text;
@@ -317,7 +318,7 @@ static bool is_skipped(kn_sheet *s, bool *repeated)
         take_note(s);
         return true;
     }
-    // a row of numbers begins with a digit
+    // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
     const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
     *repeated = words && is_repeated(s, text);
     // The names are repeated, so the text before them was the heading of the instrument's next interval.
