@@ -105,8 +105,9 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
     return true;
 }
 
-// Return whether all stresses are positive, as their logarithms require; if not, write an error to `error`. With
-// constant noise only the first mean of a hold must be positive, since the stress of every model is positive there.
+// Return whether all files or no file have a strain, and whether all stresses are positive, as their logarithms
+// require. If not, write an error to `error`. With constant noise only the first mean of a hold must be positive, since
+// the stress of every model is positive there.
 static bool check(const kn_relaxation *r, bool constant_noise, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
