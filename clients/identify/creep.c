@@ -57,7 +57,7 @@ typedef struct work {
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     kn_joint joint;
-    double took_s; // duration of the fit
+    double took_s; // duration of the fit [s]
     kn_models models;
     bool compared, served; // served: a scene accepts the material
     int notes;
@@ -66,7 +66,7 @@ typedef struct work {
 
 // ---- printed results
 
-static const double gf_cm2 = 98.0665; // Pa
+static const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
 
 // Print a parameter in the units of the first paper, for a specimen of 1 cm.
 static void print_papers(const kn_identified *n, int which)
@@ -97,7 +97,7 @@ static void print_curves(const work *w)
         const kn_curve *c = &w->curve[k];
         double most = 0;
         for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-        char runs[20] = "-"; // too few readings to tell
+        char runs[20] = "-"; // shown if there are too few readings for the runs test
         if (isfinite(j->runs[k])) snprintf(runs, sizeof runs, "%.2g", j->runs[k]);
         printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
                100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
@@ -175,8 +175,9 @@ static void doubt_curves(work *w)
                   "%s: the load was never taken off, or the file does not say when: k1 and c1 follow from the creep "
                   "alone, not from a recovery",
                   c->name);
-        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). Residuals far
-        // below the noise are no concern.
+        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). So residuals up
+        // to about three such errors above the noise are accepted. Long runs of one sign are accepted if the residuals
+        // are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             doubt(w,

@@ -12,8 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_CM2_PA 98.0665   // the paper's unit of stress
-enum { PAPER_FIGURES = 8 }; // number of curves that get a plot of their own
+#define GF_CM2_PA 98.0665   // 1 gf/cm^2 in Pa; gf/cm^2 is the unit of stress in the first paper
+enum { PAPER_FIGURES = 8 }; // largest number of curves that are also plotted one by one
 
 // ---- data and results
 
@@ -135,7 +135,7 @@ static void models(kn_document *d, const kn_models *m)
     kn_document_text(d, "Verdict: %s.", text);
 }
 
-// ---- the material creeps again
+// ---- creep computed with the identified material
 
 // Write a scene with the paper's block of this material, for the lattices and for kneadd.
 static int write_scene(const kn_document *d, const char *subcommand, char path[PATH_MAX])

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, load, value;
     kn_role what, load_is;
     int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
@@ -128,7 +128,8 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column,
     return KN_EXIT_OK;
 }
 
-// Complain about a strain of 1 or more. In shear, under a stress that is held, any strain is possible.
+// If a strain is 1 or more, print an error and return an exit code. Under a constant nominal stress, as in shear, any
+// strain is possible, so there is no check.
 static int check_strain(kn_curve_file *f, const kn_readings *r, int column, const kn_curve *c)
 {
     for (int i = 0; i < r->count && !c->constant_area; i++)
@@ -157,8 +158,8 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
 
-// Make the time count from the moment of the first load. Readings before the load, and readings without a value, are
-// removed.
+// Shift the times so that the first load is applied at time 0. Readings before the first load, and readings without a
+// value, are removed.
 static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
 {
     const double begin = c->step[0].time_s;
@@ -194,8 +195,8 @@ static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readi
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) // a reading at exactly this moment belongs to the piece before it
-        changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
+    // a reading at exactly the time of a load step belongs to the time before the step
+    for (int i = 0; i < c->steps; i++) changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
     return kn_curve_finish(f, c, r, c->steps, changes);
 }
 
@@ -271,7 +272,7 @@ static bool is_thousand(const kn_curve_file *f, double last, double next)
     return f->sheet.commas && 1000 * next >= last && 1000 * next < 1.1 * last;
 }
 
-// Complain about a second table under the same load.
+// Print the error that a second table has the same load as the table before, and return an exit code.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const kn_sheet *s = &f->sheet;
@@ -354,7 +355,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_rows(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // the column has a name but no numbers
+    // the load column has a name but no numbers, so ignore it
+    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1;
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);

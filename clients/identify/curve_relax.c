@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, value, strain;
     kn_role what, strain_is;
 } columns;
@@ -102,8 +102,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     return KN_EXIT_OK;
 }
 
-// Return the begin of the hold if there is no column of strain: the reading with the largest stress, if the stress
-// rises up to that reading.
+// Return the time at which the hold begins if the file has no column of strain: the time of the largest stress, if the
+// stress rises up to that reading.
 static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
 {
     int peak = 0;
@@ -125,7 +125,8 @@ static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn
         int code = to_strain(f, r, cols->strain_is, c);
         return code == KN_EXIT_OK ? keep_hold(f, r, c) : code;
     }
-    // Without the column the strain comes from a note or option, and the hold begins at the largest stress.
+    // The file has no column of strain, so the strain comes from a note or option, and the hold begins at the largest
+    // stress.
     if (isfinite(f->strain)) c->strain = f->strain;
     if (c->strain >= 1)
         return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",

@@ -127,7 +127,8 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
     const bool plain = kn_key_quotable(base);
-    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : ""); // a name has at most 255 bytes
+    // the text fits, since a file name has at most 255 bytes
+    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : "");
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < ' ' || (!plain && (unsigned char)*c > '~')) *c = '?';
     return text;

@@ -34,7 +34,7 @@ int kn_identify_main(int argc, char **argv)
     }
     for (const experiment *e = experiments; argc > 1 && e->name; e++) {
         if (strcmp(argv[1], e->name) != 0) continue;
-        char full[40]; // argv[0] of the experiment: getopt prints it in front of its messages
+        char full[40]; // argv[0] of the experiment; getopt prints this name in front of its messages
         snprintf(full, sizeof full, "knead identify %s", e->name);
         argv[1] = full;
         return e->main(argc - 1, argv + 1);

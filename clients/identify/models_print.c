@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define RUNS 3.0 // standard deviations of kn_fit_runs above which residuals are not noise
+#define RUNS 3.0 // limit of kn_fit_runs, in standard deviations; residuals above the limit are not noise
 // Models whose AICc differs from the best by at most this much count as equally supported (Burnham and Anderson, Model
 // selection, 2.6)
 #define NEAR_AICC 2
@@ -22,7 +22,7 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
-// Errors below KN_MODELS_SAME count as equal.
+// Return the error of the late part. Errors below KN_MODELS_SAME count as equal.
 static double held_of(const kn_models_row *row) { return fmax(row->held, KN_MODELS_SAME); }
 
 // Return the row that is best on the later part, or -1. `yardsticks`: whether laws that are no springs and dampers
@@ -165,7 +165,7 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     }
 }
 
-// Print one row of the table.
+// Print the row of one law in the table of models.
 static void print_row(const kn_models *m, const kn_models_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";

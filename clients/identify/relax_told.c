@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #define FAR 0.05
-#define NUMERICS 5e-4 // misfit that averages and finite differences leave even for a perfect curve
+#define NUMERICS 5e-4 // largest relative misfit that averages and finite differences leave even for a perfect curve
 
 const char *kn_relax_scale(const kn_relaxation *r)
 {

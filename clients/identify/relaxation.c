@@ -16,9 +16,10 @@ enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN };
 typedef struct work {
     kn_relaxation *r;
     bool constant_noise;
-    kn_fit fit;             // unknowns as in the enum, then a stress Pi for each curve
+    kn_fit fit;             // the unknowns are the parameters of the enum, followed by a stress Pi for each curve
     double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
-    double lowest, highest; // measured stresses: lowest of the holds, highest of all
+    // lowest: least stress measured in the holds; highest: largest stress measured in holds and rises
+    double lowest, highest;
 } work;
 
 // ---- the element's stress
@@ -50,7 +51,8 @@ static void by_hold(const double *v, double begin_pa, double begin_s, const kn_b
                        .beta_per_pa = v[BETA],
                        .p0_pa = v[P0],
                        .p1_pa = v[P1]};
-    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s; // out serves as room for the times
+    // out[] holds the times first, then the stresses
+    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s;
     kn_hold_stress(&h, b->count, out, out);
 }
 

@@ -21,7 +21,7 @@ typedef struct crew {
     int count, next;
     bool short_of_memory;
     kn_progress bar;
-    double done, total; // ticks
+    double done, total; // number of ticks simulated so far, and expected in all fits
     pthread_mutex_t lock;
 } crew;
 
@@ -31,13 +31,14 @@ static void told(void *of, int64_t ticks)
     crew *w = of;
     pthread_mutex_lock(&w->lock);
     w->done += (double)ticks;
-    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // more presses than usual were needed
+    // the fits need more presses than expected, so increase the expected total
+    if (w->done > 0.95 * w->total) w->total = w->done / 0.95;
     w->bar.total = w->total;
     kn_progress_step(&w->bar, w->done);
     pthread_mutex_unlock(&w->lock);
 }
 
-// Thread: fit the next candidate until none is left.
+// Thread function: fit the next candidate until all candidates are fitted.
 static void *toil(void *of)
 {
     crew *w = of;
@@ -123,7 +124,7 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
     char error[600];
     kn_candidate finer;
     if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
-        printf("\n%s is a mesh: not pressed again with halved cells.\n", best->name);
+        printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))

@@ -13,7 +13,8 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-static const double beside_m = 1e-3; // margin around the outline of the tool that counts as hidden, too
+// width of the margin around the outline of the tool that counts as hidden by the tool
+static const double beside_m = 1e-3;
 
 // ---- the area hidden by the tool
 
@@ -76,7 +77,7 @@ static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candid
     return KN_EXIT_OK;
 }
 
-// Return the column of this name and dimension, or -1 after a complaint.
+// Return the column of this name and dimension. On an error print the error and return -1.
 static int named(const kn_sheet *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
@@ -152,8 +153,8 @@ static int rank_of(const kn_heading *h)
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
 }
 
-// Return the column of the force, or -1 after a complaint. If several columns have the same rank, the intended one is
-// unknown, since the z axis of a sensor may have any direction.
+// Return the column of the force. On an error print the error and return -1. If several columns have the same rank, the
+// intended one is unknown, since the z axis of a sensor may have any direction.
 static int force_of(const kn_sheet *s)
 {
     char names[300] = "";
@@ -223,7 +224,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; i < s->rows; i++) {
         const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
-        if (isnan(t) || isnan(f)) continue; // missing
+        if (isnan(t) || isnan(f)) continue; // the time or the force is missing, so skip the reading
         (*time_s)[*count] = t;
         s->line[*count] = s->line[i];
         (*force_n)[(*count)++] = f;
@@ -269,7 +270,7 @@ static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candid
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
     } else code = logged_force(&e->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces still has poses
+    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // the log has no forces, so only its poses are used
         free(time_s);
         free(force_n);
         return code;

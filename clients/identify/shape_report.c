@@ -37,7 +37,7 @@ static const char *millimetres(double m, char text[16])
     return text;
 }
 
-// Print one row of the table.
+// Print the row of one candidate in the table of structures.
 static void print_row(const kn_evidence *e, const kn_candidate *c, double off, double delta)
 {
     char text[2][48], mm[6][16], share[16] = "-", apart[16] = "-";

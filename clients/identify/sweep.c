@@ -49,8 +49,8 @@ static const char help[] =
     "relax"
 
 #define FAR 0.05    // misfit above which noise must explain it, as in relax
-#define ABSURD 0.30 // misfit above which a scene's material has nothing to do with the data
-#define FLOOR 1e-3  // a misfit below this cannot be felt
+#define ABSURD 0.30 // a material whose relative misfit exceeds this limit does not describe the data and is not written
+#define FLOOR 1e-3  // a relative misfit below this limit cannot be felt, so it does not lead to a note
 
 typedef struct work {
     kn_identify_options opt;

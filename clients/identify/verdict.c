@@ -15,7 +15,7 @@ static double aicc(const kn_candidate *c, int readings, double worth)
 static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
 {
     double best_sum = INFINITY, worth = 0, least = INFINITY;
-    // The candidate with the least sum sets the number of independent readings for all.
+    // The candidate with the least sum of squares determines the number of independent readings for all candidates.
     for (int i = 0; i < count; i++)
         if (c[i].found && c[i].sum < best_sum) best_sum = c[i].sum, worth = c[i].worth;
     for (int i = 0; i < count; i++) {
@@ -30,11 +30,11 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
-    // If nothing explains the data, take the candidate with the least `off`.
+    // If no candidate explains the data, choose the candidate with the least `off` (size of the residuals).
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
-    // The rival is the nearest other candidate that cannot be excluded.
+    // The rival is the candidate other than the best that is nearest to the best and cannot be excluded.
     for (int i = 0; i < count && v->best >= 0; i++) {
         const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
         if (i == v->best || c[i].no_gas_left || !near) continue;
