@@ -60,9 +60,8 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     const char *query = strchr(url, '?');
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
-        return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
-    // Without a LAN interface no message may leave the machine, so ttl must be 0. With a LAN interface, a message with
-    // ttl 0 would reach nobody.
+        return snprintf(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url), false;
+    // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
     if (!lan != (hops == 0)) {
         snprintf(error, error_size,
                  lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"

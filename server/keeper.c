@@ -311,9 +311,9 @@ static int64_t deadline(void) { return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT
 kn_answer kn_keeper_snapshot(kn_keeper *keeper)
 {
     kn_keeper *k = keeper;
-    if (k->store.dir < 0) return refusal("snapshot: nothing is saved, expected kneadd --state-dir DIR");
-    // Count the request. The servo sees the count and copies the object; the keeper thread puts the number of the
-    // The servo sees the count and copies; the thread answers with the number.
+    if (k->store.dir < 0)
+        return refusal("snapshot: there is no directory of snapshots, expected kneadd --state-dir DIR");
+    // request into its answer.
     int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
         pthread_mutex_lock(&k->answering);

@@ -650,9 +650,8 @@ static void run_tick(kn_replay *r)
         r->changes++;
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
-    // an undo needs a point from before the log begins, which no snapshot holds, so the replay is no longer exact
-    r->same = false;
-    snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
+    r->same = false; // undo points from before the log are lost: no snapshot holds them
+    snprintf(r->damage, sizeof r->damage, "an undo to a state before this log begins, at tick %lld",
              (long long)r->private->tick);
 }
 

@@ -126,9 +126,9 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     add(&p[0], "identified", c->count, c->time_s, n->fitted, height, KN_FIGURE_LINE, 2);
     p[1] =
         (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
-    add(&p[1], "of the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
-    add(&p[1], "of the identified one", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
-    // Without the two stages there are no figures 8 and 9.
+    add(&p[1], "from the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
+    add(&p[1], "from the identified displacement", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
+    // If the paper's two stages could not be computed, figures 8 and 9 are left out.
     if (!s) return kn_figure_draw(subcommand, path, c->name, p, 2, 2);
 
     const int back = recover(n, c, s);

@@ -260,10 +260,11 @@ double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
 {
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = r->time_s[0], span = r->time_s[r->count - 1] - first;
-    if (first <= span) return 0; // time 0 is near the readings, so time counts from the load
-    kn_curve_say(
-        f, "time counts from long before, from its first reading, %.6g s, on here; a note '# begin:' knows better",
-        first);
+    if (first <= span) return 0; // readings may also begin before the load
+    kn_curve_say(f,
+                 "time does not begin near 0: it is counted from the first reading, %.6g s; a line '# begin: TIME' "
+                 "sets another begin",
+                 first);
     return first;
 }
 
@@ -392,8 +393,8 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     const int before = *count;
     int code = kn_sheet_open(&f->sheet, file, options->units, options->subcommand);
     if (code == KN_EXIT_OK) code = load[kind](f);
-    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "numbers have decimal commas");
-    // After a complaint, free the curves that this file has added.
+    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "the numbers have decimal commas");
+    // After an error, free the curves that were added from this file.
     while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
     kn_sheet_close(&f->sheet);
     free(f);

@@ -77,11 +77,8 @@ static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_step
         if (s->load == 0 && c->steps == 0) continue; // skip times without load before the first load
         if (s->load < 0)
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1,
-                                     "a load that presses and pulls, %.3g Pa here, expected "
-                                     "one that presses",
-                                     s->load);
-        // no reading is earlier than the first load, so the readings do not show when the first load was applied
-        if (i == 0) {
+                                     "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
+        if (i == 0) { // no reading comes before the first load, so the readings do not show its time
             const double begin = kn_curve_begin(f, r);
             c->step[c->steps++] = (kn_curve_step){begin, s->load, begin, begin};
             say_begin(f, r, c, noise);

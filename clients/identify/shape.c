@@ -123,8 +123,8 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
-        printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
+    if (best->scene->model.mesh) { // the cells of a mesh cannot be halved, so only report that
+        printf("\n%s is a mesh: not pressed again with halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))

@@ -63,8 +63,8 @@ static void print_lattice(const kn_front *front, const kn_row *r)
     char lattice[16];
     printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
-    // Without a lattice error, this lattice is itself the finest.
-    if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
+    // If the lattice has no error of its own, it is the finest lattice, or a mesh.
+    if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
     else
         printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice, 100 * r->shape.lattice,

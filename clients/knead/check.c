@@ -64,10 +64,10 @@ static void print_net(const kn_model *model)
                "a press is a third stiffer\n",
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
-    // Warn about properties that the mesh's geometry causes.
-    if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
-    if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
-    if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
+    // Warn about elastic properties of the mesh that its geometry causes.
+    if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
+    if (fabs(model->creep_error) > 0.1) warn("no gamma gives the mesh the creep of the material");
+    if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
 }
 
 // Print the box with the finer cells of a lattice with two resolutions. If the lattice is uniform, print the reason.

@@ -61,10 +61,9 @@ static void explain_residual(const kn_element *e, int node)
     kn_element_print(e, node, false, text);
     bool yes = kn_element_residual(e, node);
     printf("            %-12s %s", text, yes ? "yes, " : "no, ");
-    if (g->kind == KN_ELEMENT_SPRING) printf("a spring goes back\n");
-    else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper stays where it is\n");
-    // If a series group has residual deformation, single parts decide this verdict. The same holds if a parallel group
-    // has none.
+    if (g->kind == KN_ELEMENT_SPRING) printf("a spring recovers\n");
+    else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper keeps its deformation\n");
+    // Single parts decide if a series group has residual deformation, or if a parallel group has none.
     else if (yes == (g->kind == KN_ELEMENT_SERIES)) {
         printf(yes ? "in series one is enough (Table 1a): "
                    : "in parallel one that has none takes it back (Table 1b): ");
@@ -139,11 +138,11 @@ static void print_impedance(const kn_oneport *o)
     if (o->degree_d > 0) printf(" / ");
     if (o->degree_d > 0) print_polynomial('a', 0, o->degree_d);
     printf(", stress over strain, p = d/dt\n");
-    printf("at last     %s\n", o->fluid ? "fluid: Z(0) = 0, it flows under any lasting load, and what has flowed stays"
-                                        : "solid: Z(0) > 0, a lasting load finds a last strain, which goes back");
-    // Z(0) shows if the element is a fluid or a solid. The growth of Z for large p shows if it responds at first like a
-    // Z(0) distinguishes a fluid from a solid. The growth of Z for large p distinguishes a spring from a dashpot.
-    printf("at once     %s\n", o->elastic
+    printf("long term   %s\n", o->fluid
+                                   ? "fluid: Z(0) = 0, it flows under any constant load, and this deformation remains"
+                                   : "solid: Z(0) > 0, a constant load leads to a final strain, which recovers");
+    // spring or like a dashpot.
+    printf("instant     %s\n", o->elastic
                                    ? "spring: Z stays finite for fast changes; a step of strain meets a finite stress"
                                    : "dashpot: Z grows with p; no step of strain is possible, a fast probe feels c, "
                                      "never k");

@@ -111,8 +111,8 @@ static int check_outputs(const options *o)
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
-                REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
-    // A series needs a fixed colour scale: a colour must mean the same in all files.
+                REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
+    // A series of PLY files needs a fixed colour scale, so that a colour means the same value in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
 }
@@ -365,9 +365,8 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
-    if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
-    // If the moment at the end was requested, export the present state, because the end of the recording is known only
-    // now.
+    if (isinf(last_s)) REFUSE("%s: it contains no tick, expected a recorded session", o->log);
+    // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
     if (one && isinf(end_s)) {
         add_rows(r, replay);
         const kn_moment m = moment_of(replay);

@@ -303,8 +303,8 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
     r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;
     bool ok = open_all(&r) && run_threads(&r);
-    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses the threads of the echo");
-    // Name the cause if the hand gave up.
+    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses threads for the echo");
+    // If the hand gave up, report the reason.
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
                  r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")

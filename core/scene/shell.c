@@ -42,8 +42,8 @@ bool kn_shell_named(const char *path) { return ends_in(path, ".obj") || ends_in(
 static bool add(reader *r, size_t at, const double x[3][3])
 {
     if (r->triangles == KN_SHELL_TRIANGLES_MAX)
-        return complain(r, at, "more triangles than %d, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
-    // double the room; both arrays grow together
+        return complain(r, at, "more than %d triangles, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
+    // double the size of both arrays when they are full
     if (r->triangles == r->room) {
         int room = r->room ? 2 * r->room : 1024;
         corner *more = realloc(r->corner, 3 * (size_t)room * sizeof *more);
@@ -272,7 +272,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
     int count = 3 * s->triangle_count, open = 0, first = -1;
     for (int t = 0; t < s->triangle_count; t++) parent[t] = t;
     for (int i = 0, n; i < count; i += n) {
-        // n triangles share this edge
+        // n: number of triangles that share this edge
         for (n = 1; i + n < count && same_edge(&e[i], &e[i + n]);) n++;
         int a = e[i].triangle, b = e[i + (n > 1)].triangle;
         const place *p = &r->place[a], *q = &r->place[b];
