@@ -56,7 +56,7 @@ refused() { refuses 2 "$1:$2" "$1" --size 1cm -o x.msh; }
 refused hole.obj "11:1: the surface has holes: 4 edges belong to one triangle only, the first to triangle 2; expected a closed surface"
 refused three.obj "15:1: triangles 6, 9 and 13 share one edge, expected two at every edge"
 refused turned.obj "16:1: triangles 5 and 12 face opposite ways, expected all to face outwards"
-refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 is not of the first"
+refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 does not belong to the first"
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0.3 0\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 1 3 2\n' >flat.obj
 refused flat.obj "1:1: the surface encloses no volume, expected a body"
 refused points.obj "1:1: no triangles, expected a closed surface"

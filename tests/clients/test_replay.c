@@ -443,7 +443,7 @@ TEST("a log that begins on a kneaded object goes on from a snapshot of that run,
         record_end(r);
         kn_store_close(&store);
         CHECK(REPLAY("late.lcmlog", "--verify") == KN_EXIT_USAGE);
-        CHECK(strstr(err, "expected --snapshot with one of that run"));
+        CHECK(strstr(err, "expected --snapshot with a snapshot of that run"));
         CHECK(REPLAY("late.lcmlog", "--snapshot", state, "--verify") == KN_EXIT_OK);
         if (!strstr(out, "verified")) printf("%s%s", out, err);
         char line[80];

@@ -57,7 +57,7 @@ check "a good part of the ticks was the circuit's" [ "$on" -ge 2000 ]
 check "it was lost as often as it was killed, and came back" [ "$lost" -ge "$kills" ] 
 check "kneadd said why: $(grep -m1 'circuit lost' kneadd.err)" grep -q 'circuit lost, .* so far: \(removed\|timeout\): ' kneadd.err
 check "it never gave another number than its twin" grep -q 'different 0,' kneadd.err
-check "and had the twin's state at the end" grep -q "its state is the twin's" kneadd.err
+check "and had the twin's state at the end" grep -q "its state equals the twin's" kneadd.err
 check "the forces are those of a run without a circuit" verifies press.lcmlog
 kill_board
 

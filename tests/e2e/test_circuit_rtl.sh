@@ -26,7 +26,7 @@ alone=$(sed -n 's/.*; \([0-9]*\) by the twin alone.*/\1/p' kneadd.err)
 check "a good part of the ticks was the circuit's: $on, the twin's alone $alone" [ "$on" -ge 1000 ]
 check "it was lost as often as it was killed, and came back" [ "$(grep -oE 'lost [0-9]+ times' kneadd.err | tail -1 | grep -oE '[0-9]+')" -ge "$kills" ]
 check "it never gave another number than its twin" grep -q 'different 0,' kneadd.err
-check "and had the twin's state at the end" grep -q "its state is the twin's" kneadd.err
+check "and had the twin's state at the end" grep -q "its state equals the twin's" kneadd.err
 kill_board
 
 pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 2 'object.size=[2 cm, 1 cm, 1 cm]' solver.kind=fixed solver.passes=1 \

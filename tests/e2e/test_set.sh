@@ -37,7 +37,7 @@ check "with a setting of its own it is another computation" [ -s other.csv -a ! 
 
 # The next life has the same object.
 start_kneadd dough-small.yaml --control control --state-dir state
-check "$(grep 'as it was set' kneadd.log)" \
+check "$(grep 'settings restored' kneadd.log)" \
     grep -q '^kneadd: settings restored: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 check "what is set is in the status" \
