@@ -399,8 +399,8 @@ static void tell(const replay_run *run)
                     (long long)t->refused);
     if (t->outside)
         kn_complain("replay", KN_EXIT_OK,
-                    "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
-                    "are coarse there",
+                    "%s: %s pressed up to %.2g mm outside its reach, for %lld ms in all, where the "
+                    "cells are coarse",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (run->opt->verify) return; // with --verify, the result of the comparison reports everything else
     if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: the part before it was used", log, r->damage);
