@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define TICKS 8 // ticks per sweep
+#define TICKS 8 // number of ticks in which a sweep visits all nodes of the skin
 
 // Nodes that span the skin at one node: (x1 - x0) x (x3 - x2) points outwards.
 typedef struct tangents {
@@ -19,12 +19,12 @@ typedef struct tangents {
 struct kn_ahead {
     const kn_model *model;
     const kn_patches *patches;
-    int probe, count, at; // count: nodes of the skin; at: next node of the sweep
+    int probe, count, at; // number of the probe; number of nodes of the skin; next node that the sweep visits
     double reach_m;
     int *skin;
     tangents *along;                   // tangents at each node of the skin
     double *distance_m;                // distance of every node from the tool; INFINITY: out of reach
-    int place[KN_PATCHES_MAX], places; // places, as indices in skin
+    int place[KN_PATCHES_MAX], places; // places found by the last sweep, as indices in `skin`; their number
 };
 
 // --- the skin -------------------------------------------------------------------------------------------------------
@@ -44,7 +44,7 @@ static tangents along_face(const kn_model *m, const kn_face *f, int u, int v)
                       {bends && u > 0 && u < f->len[0] - 1, bends && v > 0 && v < f->len[1] - 1}};
 }
 
-// Add a node once, though it may lie on several faces.
+// Add a node of a face to the skin, unless another face has already added the node.
 static void add_node(kn_ahead *s, bool *listed, int node, tangents along)
 {
     if (listed[node]) return;
@@ -146,7 +146,7 @@ static void skin_at(const kn_ahead *s, const kn_state *state, int i, double x[3]
 
 // --- a sweep --------------------------------------------------------------------------------------------------------
 
-// Return whether neither a node nor one of its neighbours is pressed.
+// Return true if no tool presses a node or any of its neighbours.
 static bool is_free(const kn_ahead *s, int node)
 {
     int count;
@@ -178,7 +178,7 @@ static void choose(kn_ahead *s)
     for (int i = 0; i < s->count; i++) {
         if (!stands_out(s, s->skin[i]) || !is_free(s, s->skin[i])) continue;
         double own = s->distance_m[s->skin[i]];
-        // sort by insertion; when the list is full the farthest place drops out
+        // insert the place by its distance; if the list is full, drop the farthest place
         int at = s->places < KN_PATCHES_MAX ? s->places++ : KN_PATCHES_MAX;
         for (; at > 0 && s->distance_m[s->skin[s->place[at - 1]]] > own; at--)
             if (at < KN_PATCHES_MAX) s->place[at] = s->place[at - 1];
@@ -192,7 +192,7 @@ void kn_ahead_look(kn_ahead *s, const kn_state *state)
     double turn[3][3], x[3], way[3], normal[3], far = shape->bound_m + s->reach_m + s->model->def.spacing_m;
     const double *at = state->probe[s->probe].position_m;
     kn_tool_matrix(state->tool[s->probe].orientation_wxyz, turn);
-    // look at an eighth of the skin's nodes in this tick
+    // compute the distance of an eighth of the skin's nodes in this tick
     for (int n = s->count / TICKS + 1; n > 0 && s->at < s->count; n--, s->at++) {
         int node = s->skin[s->at];
         double d = 0;
@@ -235,7 +235,7 @@ int kn_ahead_places(const kn_ahead *s, const kn_state *state, int most, kn_place
     double turn[3][3];
     int count = 0;
     kn_tool_matrix(state->tool[s->probe].orientation_wxyz, turn);
-    // leave out a place that contact has reached since the sweep
+    // leave out a place that the tool has touched since the sweep
     for (int i = 0; i < s->places && count < most; i++) {
         if (!is_free(s, s->skin[s->place[i]])) continue;
         place_at(s, state, (const double(*)[3])turn, s->place[i], &place[count]);

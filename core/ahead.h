@@ -15,10 +15,10 @@
 #include "core/state.h"
 
 typedef struct kn_place {
-    int node;
+    int node;         // node of the skin at which the sweep found the place
     double gap_m;     // distance from the tool to the skin; > 0: no contact
-    double normal[3]; // out of the object, unit
-    double arm_m[3];  // from the tool's position to the point of the tool that will touch
+    double normal[3]; // unit normal of the skin, out of the object
+    double arm_m[3];  // vector from the tool's position to the point of the tool that will touch [m]
 } kn_place;
 
 typedef struct kn_ahead kn_ahead;
@@ -26,14 +26,15 @@ typedef struct kn_ahead kn_ahead;
 // Create the search for tool `p`. `model` and `patches` must outlive the search. Places farther away than reach_m are
 // not reported. Return NULL if memory is short, or if tool p is a plate or has one convex part.
 kn_ahead *kn_ahead_create(const kn_model *model, const kn_patches *patches, int p, double reach_m);
-void kn_ahead_destroy(kn_ahead *ahead); // NULL is fine
-void kn_ahead_reset(kn_ahead *ahead);
+void kn_ahead_destroy(kn_ahead *ahead); // does nothing if `ahead` is NULL
+void kn_ahead_reset(kn_ahead *ahead);   // forget the places found so far and begin a new sweep
 
-// Do one tick's share of the sweep. Call once per tick. Real-time safe.
+// Visit one tick's share of the skin's nodes in the sweep for places that the tool will touch. Call once per tick.
+// Real-time safe.
 void kn_ahead_look(kn_ahead *ahead, const kn_state *state);
 
-// Store the places of the last sweep as they are now, at most `most` of them. Return the number of places that are
-// within reach and not touched. Real-time safe.
+// Store at most `most` places of the last sweep in place[], with their present distances. Return the number of places
+// that are within the tool's reach and not touched yet. Real-time safe.
 int kn_ahead_places(const kn_ahead *ahead, const kn_state *state, int most, kn_place place[]);
 
 #endif

@@ -58,18 +58,19 @@ const char *kn_carry_misfit(const kn_model *from, const kn_model *to)
     const kn_model_def *d = &from->def, *e = &to->def;
     if (!same_lattice(from, to)) return "another lattice";
     if (!same_method(&d->solver, &e->solver)) return "another method or precision";
-    if (d->support != e->support || d->pressure != e->pressure) return "another support, or gas where there was none";
+    if (d->support != e->support || d->pressure != e->pressure) return "another support or pressure";
     if ((from->law.kind == KN_LAW_VOIGT) != (to->law.kind == KN_LAW_VOIGT))
         return "a damper where there was none, or none where there was one";
     if (!same_stops(&from->law, &to->law)) return "other stops of the damper";
     bool tools = d->probe_count == e->probe_count;
     for (int p = 0; tools && p < d->probe_count; p++) tools = same_tool(from, to, p);
     if (!tools) return "another tool";
-    if ((kn_contact_anchors(from) > 0) != (kn_contact_anchors(to) > 0)) return "contact that sticks where none did";
+    if ((kn_contact_anchors(from) > 0) != (kn_contact_anchors(to) > 0))
+        return "contact that now sticks, or no longer sticks";
     // adhesion and grip reach farther, so there may be more samples
     return kn_sampling_max(from) == kn_sampling_max(to) && kn_state_kept(from) == kn_state_kept(to)
                ? NULL
-               : "contact that reaches farther, or less far";
+               : "contact of another range";
 }
 
 static double gamma_of(const kn_model *m) { return m->def.mesh ? m->gamma : m->grid.gamma; }
@@ -78,7 +79,7 @@ void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_
 {
     double share = gamma_of(from) / gamma_of(to);
     kn_state_copy(to, then, now);
-    // u gamma L0 is kept, so u changes by the ratio of the gammas
+    // the extension u gamma L0 is kept, so the strain u changes by the ratio of the two gammas
     for (size_t e = 0; share != 1 && then->strain && e < to->edge_reals; e++)
         kn_real_set(to, then->strain, e, share * kn_real_get(to, then->strain, e));
 }

@@ -15,8 +15,8 @@
 // reaches farther in one of them.
 const char *kn_carry_misfit(const kn_model *from, const kn_model *to);
 
-// Write the state `now` of `from` as the state `then` of `to`. `then` may come from kn_state_keep. Real-time safe:
-// reads and writes each state once.
+// Convert the state `now` of the model `from` into the state `then` of the model `to`. `then` may come from
+// kn_state_keep. Real-time safe: reads and writes each state once.
 void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_state *then);
 
 #endif

@@ -35,7 +35,7 @@ static double add_triangle(const double a[3], const double b[3], const double c[
     return volume;
 }
 
-// Return the volume of a solid cell from four triangles per face, with gradients in d.
+// Return the volume of a solid cell from four triangles per face. Add the derivatives by the corners' positions to `d`.
 static double block_volume(const double x[8][3], double d[8][3])
 {
     // corners of the faces, counter-clockwise from outside
@@ -49,7 +49,7 @@ static double block_volume(const double x[8][3], double d[8][3])
             int a = face[f][i], b = face[f][(i + 1) % 4];
             volume += add_triangle(centre, x[a], x[b], pull, d[a], d[b]);
         }
-        // the face's centre is the mean of its corners, so each gets a fourth of the centre's gradient
+        // the centre of a face is the mean of its four corners, so each corner gets a fourth of the centre's gradient
         for (int i = 0; i < 4; i++)
             for (int k = 0; k < 3; k++) d[face[f][i]][k] += 0.25 * pull[k];
     }
@@ -75,7 +75,7 @@ double kn_cell_volume(const kn_grid *g, const double corner_m[8][3], double grad
 {
     memset(gradient_m2, 0, 8 * sizeof gradient_m2[0]);
     if (g->flat) return flat_volume(g->depth_m, corner_m, gradient_m2);
-    double near_origin[8][3]; // relative to the first corner: no digits are lost far from the origin
+    double near_origin[8][3]; // corners relative to the first one, so that no digits are lost far from the origin
     for (int i = 0; i < 8; i++)
         for (int k = 0; k < 3; k++) near_origin[i][k] = corner_m[i][k] - corner_m[0][k];
     return block_volume((const double(*)[3])near_origin, gradient_m2);

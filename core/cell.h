@@ -31,17 +31,20 @@
 #include "core/grid.h"
 
 typedef enum kn_pressure {
-    KN_PRESSURE_NONE,  // the object is open: air goes in and out
-    KN_PRESSURE_CELLS, // each cell is closed
-    KN_PRESSURE_OBJECT // one closed skin around all cells
+    KN_PRESSURE_NONE,  // the object is open: air flows in and out, so there is no gas pressure
+    KN_PRESSURE_CELLS, // each cell is closed and has a gas pressure of its own
+    KN_PRESSURE_OBJECT // one closed skin surrounds all cells, so they share one gas pressure
 } kn_pressure;
 
 typedef struct kn_cell {
-    // Node ids, at index dx + 2 dy + 4 dz. A flat cell uses dx + 2 dz, the rest is -1. A mesh element keeps its order.
+    // Ids of the cell's corner nodes. The corner at (dx, dy, dz) = 0 or 1 along each axis has the index dx + 2 dy + 4
+    // dz. A flat cell uses the index dx + 2 dz, and its last four ids are -1. A mesh element keeps its own order of
+    // corners.
     int corner[8];
 } kn_cell;
 
-#define KN_CELL_LEAST 0.1 // V/V0 below which the law is a straight line
+// ratio V/V0 of a cell's volume to its volume at rest, below which the pressure law is a straight line
+#define KN_CELL_LEAST 0.1
 
 // List every cell in out[] in a fixed order and return the number of cells. If out is NULL, only count.
 int kn_grid_cells(const kn_grid *g, kn_cell *out);

@@ -15,19 +15,19 @@
 #include <stdint.h>
 
 typedef struct kn_codec {
-    uint8_t *to;
-    const uint8_t *from;
-    size_t size, at;
-    bool ended; // the bytes were too few
-    bool wrong; // ended, or a value was out of its range
+    uint8_t *to;         // buffer to write to, else NULL
+    const uint8_t *from; // buffer to read from, else NULL
+    size_t size, at;     // size of the buffer; offset of the next value in the buffer [bytes]
+    bool ended;          // the buffer ended before the last value
+    bool wrong;          // the buffer ended too early, or a value was outside its range
 } kn_codec;
 
 void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count);
 void kn_codec_u64(kn_codec *c, uint64_t *value);
 void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most);
-void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // also 8 bytes
+void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // stored as 8 bytes, too, like an int64_t
 void kn_codec_bool(kn_codec *c, bool *value);
-void kn_codec_f64(kn_codec *c, double *value, size_t count);              // finite values
-void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite values; float if single, else double
+void kn_codec_f64(kn_codec *c, double *value, size_t count);              // all values must be finite
+void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite floats or doubles
 
 #endif

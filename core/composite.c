@@ -37,7 +37,7 @@ const char *kn_composite_unfit(const kn_model_def *def)
 {
     if (def->mesh || def->thickness_m > 0 || def->structure != KN_STRUCTURE_DIAGONALS)
         return "a fine box needs a solid block with diagonals";
-    if (def->pressure != KN_PRESSURE_NONE) return "a fine box goes without pressure";
+    if (def->pressure != KN_PRESSURE_NONE) return "a fine box needs pressure: none";
     return def->solver.kind == KN_SOLVER_IMPLICIT ? NULL : "a fine box needs the implicit solver";
 }
 
@@ -154,7 +154,7 @@ static bool make_parts(kn_model *m, kn_composite *c)
 
 // --- places, in fine cells -------------------------------------------------------------------------------------------
 
-// Compute a node's place in fine cells of the whole block.
+// Compute the place of a part's node in the whole block, in fine cells.
 static void place_of(const kn_composite *c, int part, int node, int at[3])
 {
     kn_grid_coords(&c->part[part].grid, node, at);
@@ -185,7 +185,7 @@ static int nodes_around(const kn_model *m, const int at[3], int node[8])
     int count = 0;
     for (int i = 0; i < 8; i++) {
         int corner[3];
-        bool other = false; // true if the node is already listed
+        bool other = false; // the node is already in the list
         for (int k = 0; k < 3; k++) {
             other = other || (at[k] % 2 == 0 && i >> k & 1);
             corner[k] = at[k] + (at[k] % 2 == 0 ? 0 : i >> k & 1 ? 1 : -1);
@@ -269,7 +269,7 @@ static void add_faces(kn_model *m, int s)
 {
     static const int axis[6] = {2, 0, 0, 1, 1, 2}, along[6][2] = {{0, 1}, {1, 2}, {2, 1}, {2, 0}, {0, 2}, {1, 0}};
     kn_composite *c = m->composite;
-    for (int p = c->part_count - 1; p >= 0; p--) { // the box first
+    for (int p = c->part_count - 1; p >= 0; p--) { // the fine box is the last part: take it first
         const int *n = c->part[p].grid.n, step[3] = {1, n[0], n[0] * n[1]}, k = axis[s];
         bool far = s == 0 || s == 1 || s == 3;
         int at = c->corner[p][k] + (far ? c->coarse[p] * (n[k] - 1) : 0);
@@ -316,7 +316,7 @@ static void place_nodes(kn_model *m)
     }
 }
 
-// Turn the shares by node into the list of top nodes with a share.
+// Convert the shares of the top load, which are indexed by node, into the list of top nodes and their shares.
 static void list_top(kn_model *m)
 {
     double sum = 0;
@@ -343,7 +343,7 @@ const char *kn_composite_build(kn_model *m)
     c->place = malloc(places * sizeof *c->place);
     // parts and their layout, then the arrays of the whole model, then nodes and ties
     if (!c->place || !make_parts(m, c)) return KN_NO_MEMORY;
-    memset(c->place, 0xff, places * sizeof *c->place); // -1
+    memset(c->place, 0xff, places * sizeof *c->place); // all entries become -1: no node yet
     int nodes = c->node_first[c->part_count];
     c->tie = calloc((size_t)nodes, sizeof *c->tie);
     if (!c->tie || !kn_model_nodes(m, nodes, nodes)) return KN_NO_MEMORY;

@@ -34,15 +34,19 @@ typedef struct kn_tie { // a node that follows the mean of its masters
 
 typedef struct kn_composite {
     kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
-    const kn_kernels *inside; // kernels of every part
+    const kn_kernels *inside; // kernels that all parts use
     int part_count;
-    struct kn_model *part; // [part_count] a regular block each: its grid, law and tables; no nodes of its own
+    // [part_count] one regular block per part, with its grid, law and tables. The nodes belong to the whole model.
+    struct kn_model *part;
     int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
-    int coarse[KN_COMPOSITE_PARTS];    // spacing of each part, in fine cells: 1 in the box, else 2
+    int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
+    // first node and first row of each part; the entry behind the last part is the total number
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
-    kn_tie *tie; // ordered by the part of the tied node; masters are in earlier parts
+    kn_tie *tie; // ties of all parts, in the order of the tied nodes' parts; the masters of a tie are in earlier parts
     int tie_first[KN_COMPOSITE_PARTS + 1];
-    int *place; // node of the earliest part at every even place, x fastest; -1 inside the box
+    // Node id at every place whose coordinates in fine cells are all even, x fastest. If several parts have a node
+    // there, it is the node of the earliest part. -1 inside the fine box.
+    int *place;
 } kn_composite;
 
 // Find the smallest box with even corners that contains the points from low_m to high_m (block's frame) and a margin of
@@ -71,14 +75,14 @@ void kn_composite_destroy(kn_composite *composite); // NULL is fine
 // mean of coarse nodes. Works for any block.
 void kn_composite_displacement(const kn_model *model, const kn_state *state, const int ixyz[3], double u_m[3]);
 
-// Return the bytes that the composite takes in addition to the model.
+// Return the memory that the composite takes in addition to the model [bytes].
 size_t kn_composite_bytes(const kn_model *model);
 
 // Return the number of edges of all parts. An edge in the face between two parts is in the lists of both parts, with
 // half its weight in each.
 int kn_composite_edges(const kn_model *model);
 
-// Return the master in the same place as the node, or the node itself if it has none.
+// Return the master node that lies in the same place as a tied node, or the node itself if it has no such master.
 int kn_composite_master(const kn_model *model, int node);
 
 // Return the number of tied nodes. A tied node follows its masters and carries no load itself.

@@ -14,7 +14,7 @@
 
 static bool single(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32; }
 
-// Set tied nodes to the mean of their masters, in the model's precision.
+// Set a field at all tied nodes to the mean of their masters' values, in the model's precision.
 static void spread(const kn_model *m, void *field)
 {
     if (single(m)) spread_f32(m->composite, m->stride, field);
@@ -96,7 +96,7 @@ static double edge(const kn_model *m, kn_state *state, kn_linearization how, boo
     double rz = 0;
     view v;
     follow(m, w);
-    // every part adds its tied nodes' forces and blocks to earlier parts
+    // every part adds the forces and diagonal blocks of its tied nodes to the masters in earlier parts
     for (int p = c->part_count - 1; p >= 0; p--) {
         view_of(m, state, p, &v);
         rz += c->inside->edge(&c->part[p], &v.state, how, again);
@@ -141,7 +141,7 @@ static double update(const kn_model *m, kn_state *state, double alpha)
     view v;
     // add the products of tied nodes to their masters
     gather_all(m, w->q);
-    if (alpha == 0) gather_all(m, w->r); // alpha 0: contact has changed r
+    if (alpha == 0) gather_all(m, w->r); // alpha 0 means that contact has changed the residual r, so collect it again
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
         rz += c->inside->update(&c->part[p], &v.state, alpha);

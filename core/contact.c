@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-// Return whether contact with this tool keeps anchors.
+// Return true if contact with this tool sticks (friction, adhesion or grip), so that its samples need anchors.
 static bool sticks(const kn_probe_def *def) { return def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0; }
 
 size_t kn_contact_anchors(const kn_model *model)
@@ -88,7 +88,7 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
     }
 }
 
-// --- what sticks ----------------------------------------------------------------------------------------------------
+// --- anchors of sticking samples ------------------------------------------------------------------------------------
 
 // Restore the memory of a sample from the last step. The stretch e turns with its tool and
 // stays tangential to the skin.
@@ -209,7 +209,7 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold
     // The work follows the node's own motion, which differs from the plate's at first touch. Work is also done on a
     // node that pulls.
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
-    // a node that pulls is released
+    // a held node that pulls at the plate is released
     if (hold->gone || !(hold->force_n[2] >= 0)) {
         state->held[(size_t)hold->probe * (size_t)model->top_count + (size_t)hold->top] = 0;
         return;
@@ -257,7 +257,7 @@ void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *inpu
                     kn_output *output)
 {
     double held_n[KN_PROBES_MAX][3] = {{0}};
-    // for a probe that is not attached, output the input position
+    // a probe that is not attached gets the position of its pose as the output position
     for (int p = 0; p < model->def.probe_count; p++) {
         memcpy(output->probe[p].position_m, input->probe[p].position_m, sizeof output->probe[p].position_m);
         output->probe[p].orientation_wxyz[0] = 1;

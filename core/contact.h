@@ -30,10 +30,11 @@
 #include "core/tool.h"
 
 #define KN_FOUNDATION_N_M3 2.5e7 // default foundation stiffness: dough's yield pressure 7.8 kPa presses it in by 0.3 mm
-#define KN_TABLE_N_M3 1e8        // foundation stiffness of the table: dough as high as a hand sinks in by 0.05 mm
-#define KN_LAYER 0.5             // layer thickness of a coupled tool / its smallest half width
-#define KN_STICTION 1.2          // static friction / sliding friction
-#define KN_TABLE (-1)            // value of kn_sample.probe for the table
+// foundation stiffness of the table: dough as high as a hand sinks into the table by 0.05 mm
+#define KN_TABLE_N_M3 1e8
+#define KN_LAYER 0.5    // ratio of a coupled tool's layer thickness to the tool's smallest half width
+#define KN_STICTION 1.2 // ratio of static to sliding friction
+#define KN_TABLE (-1)   // value of kn_sample.probe for the table
 
 static inline double kn_probe_foundation(const kn_probe_def *probe)
 {
@@ -41,38 +42,42 @@ static inline double kn_probe_foundation(const kn_probe_def *probe)
 }
 
 typedef struct kn_hold { // a node that a plate holds in this step
-    int node, top;       // node id; number within model->top
-    int probe;
+    int node, top;       // id of the held node; index of the node in model->top
+    int probe;           // probe whose plate holds the node
     double velocity_m_s[3];
     double force_n[3]; // set by the solver: force of the node on the plate
-    bool gone;         // set by the solver: the plate let the node go within the step
+    bool gone;         // set by the solver: the plate released the node within the step
 } kn_hold;
 
 typedef struct kn_sample { // a point of the skin near a tool
     int probe, face;
-    int nodes; // number of nodes that carry it: 9 on a block, 3 on a net, 1 at the table
+    int nodes; // number of nodes that carry the sample: 9 on a block, 3 on a net, 1 at the table
     int node[9];
-    size_t offset[9]; // offset of each node's x component, see kn_model.offset
-    double weight[9];
-    double normal[3];               // unit: the direction in which the tool pushes
-    double point_m[3];              // present position
-    double arm_m[3];                // from the tool's position to the point
-    double depth_m;                 // present depth; > 0 inside the tool
-    double lowest_m;                // <= 0: depth at which the sample lets go
-    double foundation_n_m;          // k A of this sample
-    double layer_m;                 // thickness of the layer; INFINITY: a straight law
-    double friction;                // present Coulomb's mu, static or sliding; 0: none; INFINITY: gripped
-    double stretch_m[3];            // e, along the skin
-    double rate_m_s[3];             // velocity of the skin here, from the velocity field evaluated last
-    struct kn_sample_line {         // linearised force, set by the solver
-        bool active;                // the sample presses with slope_n_m depth + offset_n
-        double slope_n_m, offset_n; // k A and 0 for a straight law, else the tangent
-        double side_n_m; // stiffness along the skin: k A while it sticks; while it slides, the force ends on the cone
-    } line, last;        // last: `line` as it was before its last update
-    double force_n[3];   // set by the solver: force on the skin
-    double pressing_n;   // set by the solver: its part along normal; < 0 pulls
-    uint64_t key;
-    bool bonds; // touched in the last step
+    size_t offset[9];      // offset of each node's x component, see kn_model.offset
+    double weight[9];      // share of each node in the sample's position and force; the sum is 1
+    double normal[3];      // unit vector in the direction in which the tool pushes the skin
+    double point_m[3];     // present position of the sample in the scene [m]
+    double arm_m[3];       // vector from the tool's position to the sample [m]
+    double depth_m;        // present depth of the sample below the tool's surface; > 0: inside the tool [m]
+    double lowest_m;       // depth below which the tool releases the sample; <= 0, < 0 with adhesion [m]
+    double foundation_n_m; // foundation stiffness k times the sample's skin area A [N/m]
+    // thickness of the foundation layer of a coupled tool; INFINITY: pressure is proportional to depth
+    double layer_m;
+    // present coefficient of Coulomb friction, static or sliding; 0: no friction; INFINITY: the tool grips the sample
+    double friction;
+    double stretch_m[3];            // distance e that the sample has slid along the tool since it stuck, tangential [m]
+    double rate_m_s[3];             // velocity of the skin at the sample, from the velocity field evaluated last
+    struct kn_sample_line {         // linearised contact force of the sample, set by the solver
+        bool active;                // the sample presses with the force slope_n_m * depth + offset_n
+        double slope_n_m, offset_n; // k A and 0 without a layer, else the tangent of the pressure law
+        // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is the secant that
+        // puts the friction force at the end of the step on Coulomb's cone.
+        double side_n_m;
+    } line, last;      // last: `line` as it was before its last update
+    double force_n[3]; // set by the solver: force on the skin
+    double pressing_n; // set by the solver: part of force_n along the normal; < 0: the sample pulls
+    uint64_t key;      // identifies the sample from step to step, see sampling.c
+    bool bonds;        // the sample touched the tool in the last step, so adhesion may hold it
 } kn_sample;
 
 typedef struct kn_contact { // contacts of one step; lives in the state's scratch
@@ -80,9 +85,9 @@ typedef struct kn_contact { // contacts of one step; lives in the state's scratc
     kn_sample *sample;
     int hold_count, hold_max;
     int sample_count, sample_max;
-    int64_t samples_lost; // samples that did not fit: counted, never written out of bounds
+    int64_t samples_lost; // number of samples dropped because `sample` was full
     kn_tool_step tool[KN_PROBES_MAX];
-    bool coupled; // true if any tool is coupled
+    bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
 } kn_contact;
 
 size_t kn_contact_bytes(const kn_model *model);
@@ -99,11 +104,11 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 // velocities in the model's precision, as state->velocity does.
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
 
-// Set the sample's force from its present depth, along the normal, by a straight law. For explicit solvers.
+// Set the sample's force along the normal to stiffness times present depth. For explicit solvers.
 void kn_sample_push(kn_sample *s);
 
-// Sum the forces on each tool, release nodes that pull, store anchors of sticking samples, and advance the tools by one
-// step.
+// End a step: sum the forces on each tool, release held nodes that pull, store the anchors of sticking samples, and
+// advance the tools by one step.
 void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact,
                     kn_output *output);
 

@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ITERATIONS 2   // iterations of the mobility per step
+#define ITERATIONS 2   // number of iterations of the mobility solve (core/mobility.h) per step
 #define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
-#define REACH 3.0      // a plane ahead of the tool is reported within this many radii
+#define REACH 3.0      // largest distance at which a plane ahead of the tool is reported, in radii of the tool
 #define PLATE_M 0.01   // radius used for a plate
 #define PROBE_M 1e-4   // step of the difference quotient for the gradient of the distance
 #define VALID_MS 100.0
@@ -22,20 +22,20 @@
 
 typedef struct pressed {        // one contact: everything that a tool touches, or one patch of it
     double force_n, rate_m_s;   // contact force t; rate w at which the skin goes in
-    double normal[3], arm_m[3]; // out of the object; from the tool's position to where the force acts
-    double layer_n_m;           // foundation along the normal; 0: rigid
-    double a, k1, h_n;          // A, k1, H of contact_model.h; 0: not known yet
-    double tt, tw, c2;          // sums of the least squares for c2; c2
-    double loaded;              // share in the pattern of the round that is running; 0: not part of it
+    double normal[3], arm_m[3]; // normal out of the object; vector from the tool's position to where the force acts
+    double layer_n_m;           // stiffness of the foundation along the normal; 0: rigid
+    double a, k1, h_n;          // damping A, stiffness k1, force H of contact_model.h; 0: not known yet
+    double tt, tw, c2;          // sums t t and t w of the least squares for c2; the damping c2
+    double loaded;              // share of this contact in the load of the running mobility solve; 0: no part of it
 } pressed;
 
 typedef struct fitted {         // one probe's contact
-    bool touching, near, ahead; // near: touching, or a plane is ahead of the tool
+    bool touching, near, ahead; // near: the tool touches the object, or a plane ahead of the tool is within reach
     pressed all, patch[KN_PATCHES_MAX];
-    unsigned used; // bit i: patch[i] is in use, several bits if there are several patches
-    int only;      // number of the patch when it is the only one
+    unsigned used; // bit i is set: patch[i] is in use; there may be several patches
+    int only;      // number of the patch if there is exactly one patch
     kn_place place[KN_PATCHES_MAX];
-    int places;       // places beside the contact where the tool will touch next
+    int places;       // number of places beside the contact where the tool will touch next
     double side_n[3]; // force on the tool across the normal
     // place of the tool; its distance from the object and the gradient of the distance
     double tool_m[3], gap_m, gradient[3];
@@ -48,9 +48,9 @@ struct kn_contact_fit {
     kn_patches *patches;
     kn_ahead *ahead[KN_PROBES_MAX]; // NULL for a tool of one convex part
     fitted probe[KN_PROBES_MAX];
-    int *skin; // nodes of the skin that a tool can meet
+    int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
-    int round; // probe whose round of mobility is running; -1: none
+    int round; // probe for which a mobility solve (core/mobility.h) is running; -1: none
 };
 
 // --- the object's outside -------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ void kn_contact_fit_reset(kn_contact_fit *fit)
     fit->round = -1;
 }
 
-// --- what the step did ----------------------------------------------------------------------------------------------
+// --- contact of the last step ---------------------------------------------------------------------------------------
 
 // Return the velocity of the skin at a sample, along the direction in which the tool pushes.
 static double skin_rate(const kn_model *m, const kn_state *state, const kn_sample *s)
@@ -167,7 +167,7 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 }
 
 typedef struct sums {
-    double force_n[3], torque_n_m[3], power_w; // on the tool
+    double force_n[3], torque_n_m[3], power_w; // force, torque and power of the contact on the tool
     // sum of the normal forces alone; sum of the normal forces times their arms
     double pressing_n, place_n_m[3];
 } sums;
@@ -282,7 +282,7 @@ static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int 
         if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
 }
 
-// Compute the contact of a tool in the last step.
+// Compute the resultants of a tool's contact in the last step.
 static void look(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
 {
     bool plate = fit->model->def.probe[p].shape == KN_PROBE_PLATE;
@@ -316,7 +316,7 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
         f->gradient[k] = plate ? (k == 2) : (kn_clearance(m, state, p, at, turn) - f->gap_m) / PROBE_M;
     }
     double size = sqrt(kn_dot(f->gradient, f->gradient));
-    f->near &= size > 0.5 && isfinite(size); // size is 1, except where two sides are equally near
+    f->near &= size > 0.5 && isfinite(size); // the gradient's size is 1, except where two sides are equally near
     for (int k = 0; k < 3 && f->near; k++) f->all.normal[k] = f->gradient[k] / size;
 }
 
@@ -361,7 +361,7 @@ static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed
         const pressed *was = &f->patch[j];
         if (!(share[j] > 0)) continue;
         c->h_n += share[j] * was->h_n;
-        if (!(was->loaded > 0)) continue; // no round has computed the old patch yet
+        if (!(was->loaded > 0)) continue; // no mobility solve has computed the old patch's values yet
         c->a += share[j] * was->a;
         c->c2 += share[j] * was->c2;
         c->loaded += share[j] * was->loaded;
@@ -478,13 +478,13 @@ static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
     const kn_model *m = fit->model;
     fitted *f = &fit->probe[p];
     double force[3];
-    // in air, a plate: load the nodes that the plate will meet
+    // a plate in the air: load the nodes that the plate will touch first
     if (!f->touching && m->def.probe[p].shape == KN_PROBE_PLATE) {
         int count = load_plate(fit, state, p, 0);
         if (count > 0) load_plate(fit, state, p, 1.0 / count);
         return;
     }
-    // in air, any other tool: load the nearest node
+    // any other tool in the air: load the node nearest to the tool
     if (!f->touching) {
         int node = nearest_node(fit, state, f->tool_m);
         for (int k = 0; k < 3; k++) force[k] = -f->all.normal[k];
@@ -523,7 +523,7 @@ static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
     }
 }
 
-// Begin a round for the next probe that is near, in turn.
+// Begin a mobility solve (round) for the next probe, in turn, that touches the object or is near it.
 static void begin_round(kn_contact_fit *fit, const kn_state *state)
 {
     int probes = fit->model->def.probe_count, last = fit->round < 0 ? 0 : fit->round;
@@ -549,7 +549,7 @@ void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
     for (int i = 0; i < ITERATIONS && fit->round >= 0; i++) {
         double a;
         if (!kn_mobility_iterate(fit->mobility, &a)) continue;
-        // the round is over: use the new A and begin the next round
+        // the mobility solve is complete: use the new damping A and begin the next solve
         if (a > 0) {
             fit->probe[fit->round].all.a = a;
             share_mobility(fit, state, fit->round);

@@ -44,14 +44,15 @@ typedef struct kn_contact_fit kn_contact_fit;
 // Create a fit. `model` must outlive the fit. `device`: coupling of the client's device, which decides how long the
 // unit of a rigid tool stays valid. Return NULL if memory is short or the solver is not the implicit one.
 kn_contact_fit *kn_contact_fit_create(const kn_model *model, kn_coupling device);
-void kn_contact_fit_destroy(kn_contact_fit *fit); // NULL is fine
-void kn_contact_fit_reset(kn_contact_fit *fit);   // call when the object is reset
+void kn_contact_fit_destroy(kn_contact_fit *fit); // does nothing if `fit` is NULL
+void kn_contact_fit_reset(kn_contact_fit *fit);   // forget all contacts; call when the object is reset
 
-// Observe a step. Call after every kn_step with its input and output. Real-time safe.
+// Update the fit from the contact of one step. Call after every kn_step with the step's input and output. Real-time
+// safe.
 void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
 
-// Do two iterations of the mobility for the present contact, and group the pressed nodes into patches for the next
-// step. Call once per tick, after the forces and units have been sent. Real-time safe.
+// Do two iterations of the mobility solve (core/mobility.h) for the present contact, and group the pressed nodes into
+// patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
 // Store the units of probe p after the last step, physical fields only: unit[0 .. contact_count - 1]. contact_count is

@@ -4,18 +4,18 @@
 
 #define LEAK_S 0.050         // time constant with which the surface moves to the device while no message arrives
 #define LEAK_N_PER_S 16.0    // fastest change of force during this fade; a faster change would feel like a jump
-#define RETURN_M_PER_S 0.020 // speed at which the force returns: the power is at most |F| times this
-#define THERE_M 5e-6         // least depth that counts
+#define RETURN_M_PER_S 0.020 // speed of the surface while the force returns: the power is at most |F| times this speed
+#define THERE_M 5e-6         // least depth of the device in a surface that counts as contact
 // age at which a stale contact is dropped: ten times LEAK_S; an older contact only drags in free air
 #define FORGET_S 0.5
-#define FELT_N 0.02  // least force that is felt, below the resolution of the devices that this model is for
+#define FELT_N 0.02  // least force that the hand feels; it is below the resolution of desktop devices
 #define HOLD_S 0.003 // time without a pose of this client after which the force fades; the same as in the server
 #define FADE_S 0.017
 #define RAMP_S 0.200
-#define LAW_N 0.02           // smallest force of the law of c2
-#define LAW_STEP 1.189207115 // ratio of the law's forces, a quarter of an octave; the largest is 17 N
+#define LAW_N 0.02           // smallest force at which c2 is stored
+#define LAW_STEP 1.189207115 // ratio of successive forces at which c2 is stored, a quarter of an octave; largest 17 N
 #define FAR_M 0.1            // a contact farther than this from the client's own pose is refused
-#define POSE_GAP_S 0.0005    // least time between remembered poses
+#define POSE_GAP_S 0.0005    // least time between two stored poses
 #define SWEEPS 12            // Gauss-Seidel sweeps over several units; a single unit is solved at once
 
 // --- vectors --------------------------------------------------------------------------------------------------------
@@ -57,8 +57,8 @@ static double positive_or(double v, double otherwise) { return v > 0.0 ? v : oth
 
 // --- c2, the damping of the force-dependent damper, over the force --------------------------------------------------
 
-// Return the bin of a force in the law of c2. A message contains c2 at one force; c2 at other forces comes from earlier
-// messages.
+// Return the index of a force in the array of c2. A message contains c2 at one force; c2 at other forces comes from
+// earlier messages.
 static int bin_of(double force_n)
 {
     return (int)clip(floor(0.5 + log(fmax(force_n, LAW_N) / LAW_N) / log(LAW_STEP)), 0, KN_CONTACT_LAW - 1);
@@ -103,7 +103,7 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
         at_n *= LAW_STEP;
         at = p * at_n + law_m_s[i] / thick;
     }
-    // beyond the law: flow proportional to force
+    // beyond the largest stored force the flow is proportional to the force
     if (at < rate) below_n = below = 0.0;
     double force_n = below_n + (at_n - below_n) * fmax(0.0, rate - below) / (at - below);
     *flow_m_s = fmax(0.0, rate - p * force_n);
@@ -112,10 +112,10 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
 
 // --- the contact: a proxy and up to 8 units -------------------------------------------------------------------------
 
-// The load on the proxy about its position, and how the proxy gives way.
+// Force and torque on the proxy about its position, and the proxy's compliance.
 typedef struct load {
     double force_n[3], torque_n_m[3];
-    double g, soft; // G; compliance 1/(l^2 G) for turns, 0 if the proxy turns as the device does
+    double g, soft; // G = b_vc + dt k_vc; compliance 1/(l^2 G) for rotations, 0 if the proxy turns as the device does
 } load;
 
 // Add a share of a force, which acts at the arm arm_m, to the load.
@@ -193,7 +193,7 @@ static void advance(kn_contact_body *b, const double x[3], const double v[3], co
         all.torque_n_m[i] = l2 * b->k * (turn[i] - b->turn[i]);
     }
     for (int c = 0; c < b->count; c++) press(&all, 1.0, b->plane[c].force_n, b->plane[c].arm_m);
-    // Gauss-Seidel: take one unit out of the load, solve for it, put it back
+    // Gauss-Seidel: subtract one unit's force from the load, solve for this force, add the new force
     for (int sweep = 0; sweep < (b->count > 1 ? SWEEPS : 1); sweep++)
         for (int c = 0; c < b->count; c++) {
             kn_contact_plane *u = &b->plane[c];
@@ -201,7 +201,7 @@ static void advance(kn_contact_body *b, const double x[3], const double v[3], co
             meet(b, u, &all, dt);
             press(&all, 1.0, u->force_n, u->arm_m);
         }
-    // with these forces move surfaces and proxy
+    // move the surfaces and the proxy by these forces
     sum_up(b);
     for (int c = 0; c < b->count; c++) yield(&b->plane[c], dt);
     add(b->proxy_m, dt / all.g, all.force_n);
@@ -282,7 +282,7 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
     // the message has A = c1 + dt k1 for dt = server_period_s (contact_fit.c); c1 alone fits any step
     u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b);
     u->c2 = clip(from->c2_n_s_per_m, 10.0, 1e5);
-    // thick: ratio of this c2 to that of the law at the same force
+    // thick: ratio of the message's c2 to the stored law's c2 at the message's force
     u->thick = u->c2 / c2_of(b->law_m_s, clip(from->force_n, 0.0, 1e3));
     u->h_n = clip(from->h_n, -u->k1 * FAR_M, u->k1 * FAR_M);
     u->mu = clip(from->friction, 0.0, 3.0);
@@ -451,7 +451,7 @@ static double felt_n(const kn_contact_model *m) { return (1.0 - m->lost) * m->sh
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
     double before_n = felt_n(m), turn[3];
-    kn_contact_body ahead = *b; // one step further, so that surfaces that were not pressed yet count, too
+    kn_contact_body ahead = *b; // the contact one step later, so that surfaces that will be pressed next also count
     m->returning |= m->lost > 0.0;
     m->body = *b;
     m->share = 1.0;
@@ -473,7 +473,7 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     const kn_contact_pose *pose = &m->pose[at % KN_CONTACT_REPLAY];
     const bool other = m->taken > 0 && unit->generation != m->generation;
     kn_contact_body b;
-    double c2[KN_CONTACT_LAW]; // a copy, so that a refused message adds nothing
+    double c2[KN_CONTACT_LAW]; // a copy of m->c2, so that a message that is refused does not change the stored c2
     memcpy(c2, m->c2, sizeof c2);
     if (other) memset(c2, 0, sizeof c2);
     if (!set_up(m, at, c2, &b)) return KN_CONTACT_BAD;
@@ -592,7 +592,7 @@ static bool too_far(const kn_contact_model *m)
         most = t;
     }
     if (!n) return false;
-    // the path across the normal of the unit that presses most
+    // distance from the message's place, across the normal of the unit that presses most
     for (int i = 0; i < 3; i++) way[i] = x[i] - m->taken_m[i];
     add(way, -dot(n, way), n);
     if (norm(way) > 0.5 * m->def.radius_m) return true;

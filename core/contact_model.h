@@ -41,61 +41,70 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define KN_CONTACT_UNITS 8   // contacts of one tool
-#define KN_CONTACT_LAW 40    // number of forces, 0.02 to 17 N, for which c2 is remembered
-#define KN_CONTACT_REPLAY 64 // own poses that are remembered, at least 0.5 ms apart; an older message comes too late
+#define KN_CONTACT_UNITS 8 // largest number of contacts of one tool
+#define KN_CONTACT_LAW 40  // number of forces, 0.02 to 17 N, for which c2 is remembered
+// number of own poses stored, at least 0.5 ms apart; a message about an older pose is refused
+#define KN_CONTACT_REPLAY 64
 
-typedef struct kn_contact_unit { // contact_model_t; SI, scene frame
-    int64_t utime;               // server time; datagrams with one utime belong to one tick; older ones are ignored
-    int64_t session;             // the client's own session; a message of another session is refused
-    int64_t pose_seq;            // pose that the contact answers; the replay begins with the next pose
-    int32_t generation;          // changes when the object is replaced (reset, another scene)
-    int32_t flags;               // KN_FLAG_*; the model reads only the flags below
-    int32_t contact_index;       // 0 .. contact_count-1
-    int32_t contact_count;       // 0: nothing within reach
-    double proxy_m[3];           // along normal: the tool's position when the tool is on the surface; across normal:
-                                 // the point where the force acts when the tool is at friction_anchor_m
-    double normal[3];            // unit, out of the object
-    double force_n;              // F0 along normal, >= 0; 0: the unit is a plane ahead of the tool
-    double proxy_velocity_m_s;   // velocity of the surface along normal
-    double a_n_s_per_m;          // A, clipped to [0.1, 1e4]
-    double h_n;                  // H, clipped to the force of k1 at 0.1 m
-    double c2_n_s_per_m;         // clipped to [10, 1e5]
-    double k1_n_per_m;           // clipped to [0, 2 k_vc]
-    double k_vc_n_per_m;         // coupling that force_n came through; 0: rigid. A softer device renders less of H
-    double b_vc_n_s_per_m;
-    double friction;             // mu, clipped to [0, 3]
+typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; SI units, scene frame
+    // server time; datagrams with equal utime belong to one tick; older datagrams are ignored
+    int64_t utime;
+    int64_t session; // the client's own session; a message of another session is refused
+    // number of the client's pose that the contact belongs to; the replay begins with the next pose
+    int64_t pose_seq;
+    int32_t generation;        // changes when the object is replaced (reset, another scene)
+    int32_t flags;             // bits KN_FLAG_*; the model reads only the bits of KN_CONTACT_*
+    int32_t contact_index;     // index of this contact in its message, 0 .. contact_count - 1
+    int32_t contact_count;     // number of contacts in the message; 0: the object is not within the tool's reach
+    double proxy_m[3];         // along normal: the tool's position when the tool is on the surface; across normal:
+                               // the point where the force acts when the tool is at friction_anchor_m
+    double normal[3];          // unit normal of the surface, out of the object
+    double force_n;            // contact force F0 along normal, >= 0; 0: the tool does not touch the surface yet
+    double proxy_velocity_m_s; // velocity of the surface along normal
+    double a_n_s_per_m;        // damping A of the contact, clipped to [0.1, 1e4]
+    double h_n;                // force H of the spring k1, clipped to the force of k1 at 0.1 m
+    double c2_n_s_per_m;       // damping of the force-dependent damper, clipped to [10, 1e5]
+    double k1_n_per_m;         // stiffness of the spring, clipped to [0, 2 k_vc]
+    // Stiffness k_vc of the server's coupling when it computed force_n; 0: the tool is rigid. A device with a softer
+    // coupling renders less of H.
+    double k_vc_n_per_m;
+    double b_vc_n_s_per_m;       // damping of the server's coupling
+    double friction;             // coefficient of friction mu, clipped to [0, 3]
     double friction_anchor_m[3]; // across normal: the tool's position if the tool carried no force across; along
                                  // normal: chosen so that proxy_m - friction_anchor_m is the arm to the force
-    double valid_ms;             // clipped to [0, 100]
+    double valid_ms;             // time for which the message is valid, clipped to [0, 100]
 } kn_contact_unit;
 
 enum { // bits of kn_contact_unit.flags; the same numbers as in contact_force_t
     KN_CONTACT_ENGAGED = 1,
-    KN_CONTACT_RAMPING = 2, // ENGAGED or RAMPING: the server has the tool in its model
-    KN_CONTACT_LATCHED = 4,
-    KN_CONTACT_STOPPING = 1024 // LATCHED or STOPPING: zero force within 20 ms
+    KN_CONTACT_RAMPING = 2,    // ENGAGED or RAMPING is set: the server simulates the tool
+    KN_CONTACT_LATCHED = 4,    // the server has latched a fault
+    KN_CONTACT_STOPPING = 1024 // LATCHED or STOPPING is set: the client fades its force to zero within 20 ms
 };
 
 typedef struct kn_contact_model_def { // a field of 0 takes its default
-    int64_t session;
-    double radius_m;        // tool radius r; a message is valid within r/2 across the normal; default and maximum 10 mm
-    double stiffness_n_m;   // k_vc of this device, the stiffest that is rendered; default 600, a light desktop device's
-    double damping_n_s_m;   // b_vc of this device; default 1.5
-    double arm_m;           // l: turns are coupled by k_vc l^2 and b_vc l^2; default 0.03, as in the server
-    double force_scale;     // the hand's force / the object's, default 1; couplings are the object's, limits the hand's
-    double force_limit_n;   // limit of |force|; default 3.3
-    double force_rise_n;    // a message is valid until the force has risen by this; default 2
-    double server_period_s; // dt in A; default 1 ms
+    int64_t session;                  // the client's own session; messages of other sessions are refused
+    // tool radius r; a message is valid until the tool has moved r/2 across the normal; default and maximum 10 mm
+    double radius_m;
+    // largest coupling stiffness k_vc that this device renders; default 600, for a light desktop device
+    double stiffness_n_m;
+    double damping_n_s_m; // coupling damping b_vc of this device; default 1.5
+    double arm_m;         // arm l: rotations are coupled by k_vc l^2 and b_vc l^2; default 0.03, as in the server
+    // Ratio of the hand's force to the object's force, default 1. Couplings are those at the object, limits those at
+    // the hand.
+    double force_scale;
+    double force_limit_n;   // limit of |force| on the hand; default 3.3
+    double force_rise_n;    // a message is valid until the force has risen by this much; default 2
+    double server_period_s; // time step dt of the server, in A = c1 + dt k1; default 1 ms
 } kn_contact_model_def;
 
 typedef struct kn_contact_plane { // private: a unit as it is rendered
-    double normal[3], level_m;    // the surface is at normal . x + lever . turn = level_m
-    double arm_m[3], lever_m[3];  // from the proxy to the point where the force acts; arm x normal
-    double c1, k1, c2, mu;        // c2 at the present force
-    double give_m_n, t_n;         // compliance of the unit's own foundation; force along the normal
+    double normal[3], level_m;    // the surface is the set of x with normal . x + lever . turn = level_m
+    double arm_m[3], lever_m[3];  // arm: from the proxy to the point where the force acts; lever: arm x normal
+    double c1, k1, c2, mu;        // damping, stiffness, damping of the yielding damper at the present force, friction
+    double give_m_n, t_n;         // compliance of the unit's own foundation [m/N]; force along the normal [N]
     double thick;                 // factor from the law's c2 to this unit's c2
-    double h_n, shear_n[3];       // H along and across the normal
+    double h_n, shear_n[3];       // force of the spring k1 along the normal, and across the normal [N]
     double force_n[3];            // force on the tool
 } kn_contact_plane;
 
@@ -103,10 +112,10 @@ typedef struct kn_contact_body { // private: proxy and planes
     int count;
     bool rigid; // the proxy turns as the device does, whatever the torque
     double k, b, arm_m, proxy_m[3], force_n[3];
-    double from_wxyz[4];            // the device's orientation in the message's pose
-    double turn[3];                 // rotation of the proxy since that pose, a rotation vector
-    double torque_n_m[3];           // about the proxy
-    double law_m_s[KN_CONTACT_LAW]; // flow of c2, at forces a quarter of an octave apart
+    double from_wxyz[4];            // orientation of the device in the pose that the message answers
+    double turn[3];                 // rotation vector of the proxy since the pose that the message answers
+    double torque_n_m[3];           // torque of the contact on the tool about the proxy's position
+    double law_m_s[KN_CONTACT_LAW]; // flow rate of the damper c2 at forces that are a quarter of an octave apart
     kn_contact_plane plane[KN_CONTACT_UNITS];
 } kn_contact_body;
 
@@ -118,45 +127,50 @@ typedef struct kn_contact_pose {
 typedef struct kn_contact_model { // plain data, read-only for the caller; a copy is a snapshot
     kn_contact_model_def def;
     kn_contact_body body;
-    kn_contact_pose pose[KN_CONTACT_REPLAY]; // newest at (poses - 1) % KN_CONTACT_REPLAY
-    int64_t poses;
-    double now_s, posed_s;                  // sum of the render steps; time of the last pose, stored or not
-    kn_contact_unit unit[KN_CONTACT_UNITS]; // datagrams of the tick that is arriving
-    double c2[KN_CONTACT_LAW];              // c2 received at the forces of the law; 0: none yet
-    unsigned have;                          // bit i: unit[i] has arrived
-    int first;                              // index of the unit that arrived first
-    int64_t utime, taken_seq;               // newest datagram; pose of the message in use, -1: none
-    int32_t generation, flags;
+    kn_contact_pose pose[KN_CONTACT_REPLAY]; // own poses; the newest is at (poses - 1) % KN_CONTACT_REPLAY
+    int64_t poses;                           // number of poses stored since init
+    double now_s, posed_s;                   // sum of all render steps; time of the last pose, whether stored or not
+    kn_contact_unit unit[KN_CONTACT_UNITS];  // received datagrams of the server tick whose message is still incomplete
+    double c2[KN_CONTACT_LAW];               // last received c2 at each of the law's forces; 0: none received yet
+    unsigned have;                           // bit i is set: unit[i] has arrived
+    int first;                               // index of the datagram of the message that arrived first
+    // server time of the newest datagram; pose_seq of the message in use, -1: none
+    int64_t utime, taken_seq;
+    int32_t generation, flags;                    // fields of the message in use
     double valid_s, taken_s, taken_m[3], taken_n; // message in use: validity, time and place of its pose, |F0|
-    double stale_s;                               // time since the message became stale
-    bool returning;                               // the force rises again after an outage
-    double lost;                // faded share of the felt force, 0 .. 1, once the server has nothing within reach
-    double orientation_wxyz[4]; // the device's present orientation
-    double torque_n_m[3];       // torque on the hand about the tool's position, from the last render
-    double share;               // rendered share of the body's force: 1, or rising to 1
-    double gain;
+    double stale_s;                               // time since the message in use became stale
+    bool returning;                               // the force rises again after a time without valid messages
+    // Share of the felt force that has been faded out, 0 .. 1, since the server lost the contact.
+    double lost;
+    double orientation_wxyz[4];       // the device's present orientation
+    double torque_n_m[3];             // torque on the hand about the tool's position, from the last render
+    double share;                     // share of the contact force that is rendered: 1, or rising to 1 after an outage
+    double gain;                      // 0 .. 1: falls to 0 if the server releases the tool or the client's poses stop
     int64_t taken, refused, replayed; // counts since init: messages taken, datagrams refused, poses replayed
 } kn_contact_model;
 
 typedef enum kn_contact_take {
     KN_CONTACT_TAKEN,   // the message is complete and is rendered from now on
-    KN_CONTACT_WAITING, // other contacts of the tick are missing; all of them apply together or not at all
+    KN_CONTACT_WAITING, // datagrams of further contacts of the tick are missing; all contacts are used together
     KN_CONTACT_FOREIGN, // the message belongs to another session
-    KN_CONTACT_LATE,    // the message is not newer than the one in use, or its pose is forgotten
-    KN_CONTACT_BAD      // not a finite number, a normal that is not unit, a pose never sent, or a place far from it
+    KN_CONTACT_LATE,    // the message is not newer than the one in use, or its pose is no longer stored
+    // The message has a number that is not finite, a normal that is not a unit vector, a pose that was never sent, or a
+    // contact far from its pose.
+    KN_CONTACT_BAD
 } kn_contact_take;
 
 void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def);
 
-// Set the tool's orientation from now on, a unit quaternion as in probe_pose_t. Call before pose and render. A tool
+// Set the tool's present orientation, a unit quaternion as in probe_pose_t. Call before kn_contact_model_pose and
+// kn_contact_model_render. A tool
 // that does not turn (a plate) and a device of three axes need no call.
 void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4]);
 
-// Record a pose that is sent. Call before the tick's render. `seq` must increase from call to call. After 3 ms without
-// a pose the force fades; after 20 ms it is zero.
+// Record a pose that the client sends to the server. Call before kn_contact_model_render of the same tick. `seq` must
+// increase from call to call. After 3 ms without a pose the force fades; after 20 ms it is zero.
 void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3]);
 
-// Take one datagram. Nothing in it is trusted: every number is checked or clipped.
+// Process one received datagram. Every number of the datagram is checked or clipped. Return what became of it.
 kn_contact_take kn_contact_model_take(kn_contact_model *m, const kn_contact_unit *unit);
 
 // Advance the model by one step of dt_s (0.1 .. 10 ms) at the device's position and velocity, and store the force on

@@ -17,8 +17,8 @@
 // dough at rest feels like a wall, and in the same press it becomes a fluid.
 
 typedef struct kn_coupling {
-    double stiffness_n_m; // k_vc
-    double damping_n_s_m; // b_vc
+    double stiffness_n_m; // stiffness k_vc of the coupling
+    double damping_n_s_m; // damping b_vc of the coupling
 } kn_coupling;
 
 // Return the default coupling of a device. period_s is the period T of the device's loop, round_trip_s the time t_d
@@ -29,7 +29,8 @@ typedef struct kn_coupling {
 kn_coupling kn_coupling_default(double mass_kg, double damping_n_s_m, double period_s, double round_trip_s,
                                 kn_coupling most);
 
-// Return the two bounds of k_vc, N/m. Colgate's is 0 if b_vc exceeds the device's friction.
+// Return Colgate's bound (passive) or the bound with delay (stable) of the coupling stiffness k_vc, N/m. Colgate's
+// bound is 0 if b_vc (coupling_n_s_m) exceeds the device's friction (damping_n_s_m).
 double kn_coupling_colgate(double damping_n_s_m, double period_s, double coupling_n_s_m);
 double kn_coupling_delayed(double damping_n_s_m, double period_s, double round_trip_s, double coupling_n_s_m);
 

@@ -16,21 +16,21 @@ enum {
     GAS_LINE = 20,
     GAS_ITERATION = 2,
     TIE_LINE = 50,
-    TIE_ITERATION = 15, // per tied node of a composite
+    TIE_ITERATION = 15, // per tied node of a composite, for one iteration
     RIGID_LINE = 30,
     RIGID_ITERATION = 12,
-    NEWTON_LINE = 1700, // per lane when the law is solved edge by edge
-    LAW = 4,            // without Newton, the law takes a fourth of a linearisation
+    NEWTON_LINE = 1700, // per lane, for one linearisation whose law is solved edge by edge
+    LAW = 4,            // without Newton, evaluating the law takes a fourth (1/LAW) of a linearisation's time
     F64_TIMES = 2,
     SAMPLE_FIND = 100,
     SAMPLE_LINE = 120,
     SAMPLE_ITERATION = 35,
-    SAMPLE_LOOK = 100, // counted twice with a coupled tool
+    SAMPLE_LOOK = 100, // per sample, for one look at the contact; counted twice if the tool is coupled
     HOLD_LINE = 20,
     NODE_GUESS = 18
 };
 
-// Fewest iterations that make a linearisation worth its price.
+// Least number of iterations for which a linearisation is worth its time.
 #define LINE_ITERATIONS 4
 
 // Return the prices that depend on the lattice alone. `held`: a plate holds nodes in this step, so the rigid motions

@@ -17,33 +17,33 @@
 #include "core/contact.h"
 
 typedef struct kn_deadline {
-    int64_t most, spent;           // units of the step: limit and count; most 0: no deadline
-    int64_t line, iteration, look; // estimated units of each part in this step
-    int64_t law;                   // estimated units of evaluating the law once, a part of a line
-    int64_t line_most;             // limit of `spent` for the line that is being solved
-    bool hurried;                  // lines are cut short to make room for others
+    int64_t most, spent;           // units of work: limit of the step and count so far; `most` 0: no deadline
+    int64_t line, iteration, look; // estimated units of work of one linearisation, one iteration, one contact look
+    int64_t law;                   // estimated units of work of evaluating the law once, a part of a linearisation
+    int64_t line_most;             // limit of `spent` for the linearisation that is being solved
+    bool hurried;                  // linearisations are cut short to leave time for later ones
 } kn_deadline;
 
-// Estimate the units of each part of this step, and count the contact search, which is already done. `most`: limit of
-// the step.
+// Estimate the units of work of each part of this step, and count the contact search, which is already done. `most`:
+// limit of the step, in units of work.
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
-// Begin a line and count it with its look at the contact. Return false if the line and two iterations do not fit; the
-// first line always begins.
+// Begin a linearisation (line) and count its work and that of its look at the contact. Return false if the
+// linearisation and two iterations exceed the deadline. The first linearisation always begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
 // Return the units that kn_impact_guess takes when a plate strikes. Return 0 if no guess is needed, because `lines`
 // lines of `iterations` iterations each fit. Return 0, too, if a guess, a line and two iterations do not fit.
 int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
-// Limit the line that has begun to its share of the remaining units. `lines`: this line and those that may follow, each
-// of at most `iterations` iterations.
+// Limit the linearisation that has begun to its share of the remaining units of work. `lines`: number of linearisations
+// from this one on, each of at most `iterations` iterations.
 void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 
-// Count units in the present line and return true if there is room for them, else return false.
+// If the present linearisation has that many units of work left, count them and return true. Else return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
 
-// Return the units of the shortest step while nothing touches.
+// Return the units of work of the shortest step of a model while no tool touches the object.
 int64_t kn_deadline_least(const kn_model *model);
 
 #endif

@@ -26,9 +26,9 @@ const char *kn_device_check(const kn_device_def *d)
     double det = b[0][0] * (b[1][1] * b[2][2] - b[1][2] * b[2][1]) - b[0][1] * (b[1][0] * b[2][2] - b[1][2] * b[2][0]) +
                  b[0][2] * (b[1][0] * b[2][1] - b[1][1] * b[2][0]);
     for (int k = 0; k < 4; k++) q2 += d->rotation_wxyz[k] * d->rotation_wxyz[k];
-    if (det == 0.0) return "the basis is no permutation, expected 1, 2 and 3 in any order, some negative";
-    if (det < 0.0) return "the basis is left-handed, expected another sign";
-    if (!(fabs(q2 - 1.0) <= 1e-6)) return "the rotation is no unit quaternion, expected [w, x, y, z] of length 1";
+    if (det == 0.0) return "the basis is not a permutation, expected 1, 2 and 3 in any order, some negative";
+    if (det < 0.0) return "the basis is left-handed, expected one sign changed";
+    if (!(fabs(q2 - 1.0) <= 1e-6)) return "the rotation is not a unit quaternion, expected [w, x, y, z] of length 1";
     return NULL;
 }
 

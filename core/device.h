@@ -16,23 +16,24 @@
 #include "core/coupling.h"
 
 typedef struct kn_device_def {
-    char name[16];                       // name of the profile: touch, falcon, omega, unknown, bench
-    double mass_kg;                      // mass felt at the tip
-    double damping_n_s_m;                // viscous friction of its mechanics
-    double friction_n;                   // dry friction
-    double encoder_m;                    // step of a position as it is read; 0: exact
-    double workspace_m[3];               // extent along its own axes
-    double force_limit_n;                // limit of |force|: the scene's clamp
-    double stiffness_limit_n_m;          // stiffest clean wall according to its makers or users, at 1 kHz
-    int force_axes, torque_axes;         // number of actuated axes, 0 .. 3
+    char name[16];         // name of the profile: touch, falcon, omega, unknown, bench
+    double mass_kg;        // mass felt at the device's tip
+    double damping_n_s_m;  // viscous friction of the device's mechanics
+    double friction_n;     // dry friction of the device's mechanics
+    double encoder_m;      // resolution of a measured position; 0: exact
+    double workspace_m[3]; // extent of the workspace along the device's own axes
+    double force_limit_n;  // limit of |force| on the hand
+    // stiffest wall that the device renders without vibration at 1 kHz, as published
+    double stiffness_limit_n_m;
+    int force_axes, torque_axes;         // number of axes with a motor, for forces and for torques, 0 .. 3
     double round_trip_s;                 // expected time from sending a pose to receiving its force
-    kn_coupling hand;                    // coupling as the hand feels it: see core/coupling.h
-    double coupling_n_m, coupling_n_s_m; // coupling of a proxy in the scene
-    double force_scale;                  // the hand's force / the object's force
+    kn_coupling hand;                    // virtual coupling as the hand feels it: see core/coupling.h
+    double coupling_n_m, coupling_n_s_m; // virtual coupling of a proxy at the scale of the scene
+    double force_scale;                  // ratio of the hand's force to the object's force
     double basis[3];                     // scene axis k is device axis |basis[k]|, 1 .. 3; reversed if negative
     double position_m[3];                // the device's origin in the scene
-    double rotation_wxyz[4];             // R
-    double scale;                        // lengths in the scene / lengths of the device
+    double rotation_wxyz[4];             // rotation R from device to scene, a unit quaternion
+    double scale;                        // ratio of lengths in the scene to lengths of the device
 } kn_device_def;
 
 // Return NULL, or a message that says what is wrong with the basis or the rotation and what was expected.

@@ -5,7 +5,7 @@
 
 static const struct {
     const char *name, *expression;
-    bool plain; // true if kn_element_name returns this name
+    bool plain; // kn_element_name may return this name
 } names[] = {
     {"s", "", false},
     {"spring", "", true},
@@ -144,8 +144,8 @@ bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error
     e->root = read_parallel(&p);
     if (e->root >= 0 && *p.at)
         e->root = complain(&p, p.at,
-                           *p.at == ')' ? "nothing is open here, expected -, | or the end"
-                                        : "cannot go on here, expected -, | or the end",
+                           *p.at == ')' ? "no ( is open here, expected -, | or the end"
+                                        : "cannot continue here, expected -, | or the end",
                            0);
     return e->root >= 0;
 }
@@ -164,8 +164,8 @@ static int compare(const kn_element *e, int a, int b)
     return strcmp(one, two);
 }
 
-// Bring a group into normal form. Return the node that replaces the group: the group itself, or its one remaining
-// primitive.
+// Bring a group into normal form. Return the node that replaces the group: the group itself, or the one spring or
+// damper that remains of it.
 static int normalize(kn_element *e, int node)
 {
     kn_element_node *g = &e->node[node];

@@ -26,8 +26,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_ELEMENT_MAX 16   // springs and dampers of one element
-#define KN_ELEMENT_TEXT 256 // bytes of an expression with the NUL
+#define KN_ELEMENT_MAX 16   // largest number of springs and dampers of one element
+#define KN_ELEMENT_TEXT 256 // size of a buffer for an expression, NUL included [bytes]
 
 typedef enum kn_element_kind {
     KN_ELEMENT_SPRING,
@@ -38,15 +38,16 @@ typedef enum kn_element_kind {
 
 typedef struct kn_element_node {
     kn_element_kind kind;
-    int leaf;                            // SPRING, DAMPER: number of this primitive in order of appearance, from 0
-    int count;                           // SERIES, PARALLEL: number of children, >= 2; no child is of the same kind
-    unsigned char child[KN_ELEMENT_MAX]; // node numbers
+    int leaf; // SPRING, DAMPER: number of the spring or damper in the text, from 0
+    // SERIES, PARALLEL: number of children, >= 2; no child has the kind of its parent
+    int count;
+    unsigned char child[KN_ELEMENT_MAX]; // children, as indices in kn_element.node
 } kn_element_node;
 
 typedef struct kn_element {
     int leaves; // number of springs and dampers
-    int nodes;
-    int root;
+    int nodes;  // number of nodes of the tree
+    int root;   // index of the topmost node
     kn_element_node node[2 * KN_ELEMENT_MAX];
 } kn_element;
 
@@ -63,7 +64,7 @@ void kn_element_normalize(kn_element *e);
 // parameters.
 void kn_element_print(const kn_element *e, int node, bool numbered, char text[KN_ELEMENT_TEXT]);
 
-// Store the name of a primitive, such as "s2" or "d1". Return false beyond the last primitive.
+// Store the name of a spring or damper, such as "s2" or "d1". Return false if the element has no leaf of this number.
 bool kn_element_leaf_name(const kn_element *e, int leaf, char name[8]);
 
 // Return the number of springs or of dampers under a node.
@@ -72,24 +73,25 @@ int kn_element_count(const kn_element *e, int node, kn_element_kind kind);
 // Return the name of an element in normal form if it is one of the names above, else NULL.
 const char *kn_element_name(const kn_element *normal);
 
-// Return the verdict of the paper's rules on the tree under a node.
+// Return whether an element (the tree under a node) has the property, by the paper's rules: a part of the deformation
+// stays, a part of the deformation comes back, vibration decreases.
 bool kn_element_residual(const kn_element *e, int node);
 bool kn_element_bouncing(const kn_element *e, int node);
 bool kn_element_vibration_dies(const kn_element *e, int node);
 
 // Figure 2 of the paper, (a) to (k). The drawings are lost; only the paper's text about each is left.
 typedef enum kn_provenance {
-    KN_PROVENANCE_FORCED, // the only element of its size with the verdicts in the text
-    KN_PROVENANCE_PAIR, // one of two elements with these verdicts; the text gives the pair, the order is reconstructed
-    KN_PROVENANCE_GUESS // one of four elements with these verdicts, all of them the same one-port
+    KN_PROVENANCE_FORCED, // the only element of its size with the properties that the paper's text states
+    KN_PROVENANCE_PAIR,   // one of two elements with the stated properties; which of the two comes first is inferred
+    KN_PROVENANCE_GUESS   // one of four elements with the stated properties, all of them the same one-port
 } kn_provenance;
 
 typedef struct kn_catalogue_entry {
-    char letter;
-    const char *expression;        // normal form
-    bool residual, vibration_dies; // as the paper states them; all entries bounce
+    char letter;                   // letter of the drawing in figure 2, 'a' to 'k'
+    const char *expression;        // the element in normal form
+    bool residual, vibration_dies; // properties as the paper states them; all entries have the property `bouncing`
     kn_provenance provenance;
-    const char *because;
+    const char *because; // reason for the reconstruction, one sentence
 } kn_catalogue_entry;
 
 #define KN_CATALOGUE 11

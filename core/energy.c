@@ -85,8 +85,8 @@ static double gas(double j)
 
 typedef struct sum { // sums over a state, part by part
     kn_energy energy;
-    double volume_m3, rest_m3; // of all cells
-    int edge, node, cell;      // progress: the next edge, node, cell
+    double volume_m3, rest_m3; // present volume and rest volume of all cells
+    int edge, node, cell;      // next edge, node and cell to sum
 } sum;
 
 // Sum the next `count` edges, nodes and cells. Return true when none are left.
@@ -125,7 +125,7 @@ bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energ
 
 typedef struct moment {      // the energies at one copy of the state
     double work_j, either_j; // work done, and sum of its absolute values, since the last reset
-    double contact_j;        // the most that the contact layers may give back, J
+    double contact_j;        // largest energy that the contact layers may give back
     double stored_j;
 } moment;
 
@@ -133,9 +133,9 @@ struct kn_audit {
     lattice lattice;
     kn_state *copy;
     sum sum;
-    int at_once;          // edges summed per tick
-    bool summing, closed; // the copy is being summed; `first` and `last` hold a moment
-    int64_t ticks, steps; // since the last reset: ticks audited; steps of the state at the last audit
+    int at_once;          // number of edges summed per tick
+    bool summing, closed; // the copy of the state is being summed; `first` and `last` are valid
+    int64_t ticks, steps; // number of ticks audited since the last reset; state->tick at the last audited tick
     moment now, taken, first, last;
     double probe_work_j[KN_PROBES_MAX];
     bool attached[KN_PROBES_MAX];
@@ -197,7 +197,7 @@ static double in_contact(const kn_state *state)
     return most;
 }
 
-// Start a new account.
+// Start a new energy account: forget all work and stored energy.
 static void begin(kn_audit *a)
 {
     a->ticks = a->steps = 0;
@@ -213,7 +213,7 @@ static void judge(kn_audit *a)
 {
     kn_audit_news *news = &a->news;
     a->taken.stored_j = kn_energy_sum(&a->sum.energy);
-    // a diverged state has no energy: start anew
+    // the energy of a diverged state is not finite, so start a new account
     if (!isfinite(a->taken.stored_j)) {
         begin(a);
         return;

@@ -16,23 +16,25 @@
 // edge, at 1.5 and 12 us each.
 #include "core/state.h"
 
-#define KN_AUDIT_TICKS 1000
-#define KN_AUDIT_SHARE 0.01
+#define KN_AUDIT_TICKS 1000 // ticks between two copies of the state
+#define KN_AUDIT_SHARE 0.01 // tolerated creation of energy, as a share of the work done in either direction
 
-typedef struct kn_energy { // J; all 0 for the undeformed object at rest
+typedef struct kn_energy { // energy stored in the object, J; all 0 for the undeformed object at rest
     double kinetic, elastic, gas, height;
 } kn_energy;
 
 static inline double kn_energy_sum(const kn_energy *e) { return e->kinetic + e->elastic + e->gas + e->height; }
 
 typedef struct kn_audit_news {
-    kn_energy stored; // energy in the last copy
-    double work_j;    // work of all tools from the last reset to the last copy
-    double lost_j;    // energy dissipated between the last two copies; < 0: created
-    double balance_j; // energy dissipated since the first copy of this object, work minus storage; < 0: created
-    int64_t windows;  // number of windows (between two copies) judged since the audit was created
-    int64_t created;  // number of windows that created more energy than is tolerated
-    double most_j;    // most energy created in one of those windows
+    kn_energy stored; // energy stored in the last copy of the state
+    double work_j;    // work of all tools from the last reset to the last copy of the state
+    double lost_j;    // energy dissipated between the last two copies of the state; < 0: energy was created
+    // Energy dissipated since the first copy of this object's state: work minus increase of the stored energy; < 0:
+    // energy was created.
+    double balance_j;
+    int64_t windows; // number of intervals between two copies that were judged since the audit was created
+    int64_t created; // number of intervals in which more energy was created than is tolerated
+    double most_j;   // most energy created in one interval
 } kn_audit_news;
 
 typedef struct kn_audit kn_audit;
@@ -40,7 +42,7 @@ typedef struct kn_audit kn_audit;
 // Create an audit. `model` must outlive the audit. Return NULL if memory is short or the solver is not the implicit
 // one.
 kn_audit *kn_audit_create(const kn_model *model);
-void kn_audit_destroy(kn_audit *audit); // NULL is fine
+void kn_audit_destroy(kn_audit *audit); // does nothing if `audit` is NULL
 
 // Start again after the object has been replaced: its stored energy is not the work of any tool. Real-time safe.
 void kn_audit_restart(kn_audit *audit);
@@ -49,8 +51,8 @@ void kn_audit_restart(kn_audit *audit);
 // `next` audits. Real-time safe.
 void kn_audit_follow(kn_audit *next, const kn_audit *last);
 
-// Call after every tick, resets included. Real-time safe: copies the state once in KN_AUDIT_TICKS, else sums some
-// edges.
+// Continue the audit after a tick. Call after every tick, also after a tick that reset the object. Real-time safe:
+// copies the state once in KN_AUDIT_TICKS, else sums the energy of some edges.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 
 const kn_audit_news *kn_audit_read(const kn_audit *audit);

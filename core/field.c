@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define RIM 2         // cells around the surface
-#define SHARPEN 0.125 // largest correction of a coefficient, in cells: see field.h
+#define RIM 2         // number of cells between the surface's bounding box and the boundary of the grid
+#define SHARPEN 0.125 // largest correction of a spline coefficient, in cells: see field.h
 
 // --- distance to a triangle -----------------------------------------------------------------------------------------
 
@@ -319,7 +319,7 @@ void kn_field_drop(kn_field *f)
     free(f);
 }
 
-// --- looking up -----------------------------------------------------------------------------------------------------
+// --- evaluation -----------------------------------------------------------------------------------------------------
 
 // Evaluate the spline and its slope at u, in cells from the first point, within the grid.
 static double look_up(const kn_field *f, const double u[3], double slope[3])
@@ -353,7 +353,7 @@ static double look_up(const kn_field *f, const double u[3], double slope[3])
 double kn_field_distance(const kn_field *f, const double at[3], double gradient[3])
 {
     double u[3], over[3], beyond = 0;
-    // beyond the grid, look up the nearest point of its rim
+    // for a point outside the grid, evaluate the spline at the nearest point of the grid's boundary
     for (int k = 0; k < 3; k++) {
         double exact = (at[k] - f->low_m[k]) / f->cell_m;
         u[k] = fmin(fmax(exact, 0.75), f->n[k] - 1.75);
@@ -363,7 +363,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
     double distance = look_up(f, u, gradient), size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
     if (beyond == 0) return distance;
-    // take the distance from the surface point that is nearest to the rim
+    // then find the surface point nearest to that boundary point, and return the distance of `at` from it
     for (int k = 0; k < 3; k++) gradient[k] = distance * gradient[k] + over[k];
     size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
@@ -372,7 +372,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
 
 double kn_field_support(const kn_field *f, const double way[3])
 {
-    // take the smaller of box and ball, both centred in the box
+    // take the smaller extent: that of the bounding box or that of the bounding ball, which have one centre
     double middle = 0, box = 0;
     for (int k = 0; k < 3; k++) {
         double half = 0.5 * (f->box_m[1][k] - f->box_m[0][k]);

@@ -13,31 +13,32 @@
 //
 // The error is less than the side s of a cell anywhere, because a distance changes no faster than its place and the
 // spline's points are at most 0.87 s away in the mean. Where the surface has a radius of curvature r > 4 s, the error
-// is below s^3/(4 r^2). The grid is two cells wider than the surface. Beyond the grid, the distance is that to the
-// surface point which is nearest to the grid's rim.
+// is below s^3/(4 r^2). The grid is two cells wider than the surface. A point beyond the
+// grid gets the distance to one point of the surface: the one that is nearest to the grid's boundary.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_FIELD_POINTS_MAX (1 << 21)    // 8 MiB
-#define KN_FIELD_TRIANGLES_MAX (1 << 17) // building takes some seconds
+#define KN_FIELD_POINTS_MAX (1 << 21)    // largest number of grid points; they take 8 MiB
+#define KN_FIELD_TRIANGLES_MAX (1 << 17) // largest number of triangles; building the grid takes some seconds
 
 typedef struct kn_field {
-    int n[3];
-    double low_m[3], cell_m;
-    float *value;                     // [n[2]][n[1]][n[0]] coefficients, m
-    double box_m[2][3];               // box around the surface
-    double ball_m;                    // radius of the ball around the surface, centred in the box
-    double bound_m;                   // no point of the surface is farther from the origin
+    int n[3];                         // number of grid points along x, y, z
+    double low_m[3], cell_m;          // position of the first grid point; side of a cell
+    float *value;                     // [n[2]][n[1]][n[0]] coefficients of the spline, m
+    double box_m[2][3];               // lowest and highest corner of the box around the surface
+    double ball_m;                    // radius of the ball around the surface; its centre is that of the box
+    double bound_m;                   // largest distance of a point of the surface from the origin
     double fine_m;                    // radius of the largest ball inside the surface, to within a cell
-    int vertex_count, triangle_count; // for drawing
-    double (*x_m)[3];
-    int (*triangle)[3];
-    uint64_t hash; // hash of vertices and triangles
-    int holders;   // number of users, all in one thread
+    int vertex_count, triangle_count; // the surface itself, for drawing
+    double (*x_m)[3];                 // [vertex_count] positions
+    int (*triangle)[3];               // [triangle_count] vertices of each triangle
+    uint64_t hash;                    // hash of vertices and triangles
+    int holders;                      // number of pointers in use (reference count); all users are in one thread
 } kn_field;
 
-// Return the number of grid points for a surface of the extent extent_m.
+// Return the number of grid points that the field of a surface needs. `extent_m`: sides of the box around the surface,
+// `cell_m`: side of a cell.
 double kn_field_points(const double extent_m[3], double cell_m);
 
 // Build the grid of a closed surface whose triangles all run the same way round (scene/shell.h). An inside-out surface
@@ -53,7 +54,7 @@ double kn_field_distance(const kn_field *field, const double at[3], double gradi
 // extents of the box and the ball around the surface.
 double kn_field_support(const kn_field *field, const double way[3]);
 
-// Remove one holder; the last one frees the field. NULL is fine.
+// Release one reference to the field. The last release frees the field. Does nothing if `field` is NULL.
 void kn_field_drop(kn_field *field);
 
 #endif

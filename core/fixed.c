@@ -7,10 +7,11 @@ typedef struct kn_fixed_line line;
 
 // --- integers --------------------------------------------------------------------------------------------------------
 
-// v / 2^shift to the nearest, halves up.
+// Return v / 2^shift, rounded to the nearest integer; halves are rounded up.
 static int64_t round_shift(int64_t v, int shift) { return shift > 0 ? (v + ((int64_t)1 << (shift - 1))) >> shift : v; }
 
-// The branch is seldom taken: twice as fast as without one.
+// Return the nearest number of so many bits and raise the flag if it is not v. The branch is rarely taken and makes
+// this twice as fast as code without one.
 static inline int64_t saturate(int64_t v, int bits, uint32_t *flags, uint32_t flag)
 {
     const int64_t most = ((int64_t)1 << (bits - 1)) - 1;
@@ -21,7 +22,8 @@ static inline int64_t saturate(int64_t v, int bits, uint32_t *flags, uint32_t fl
 
 static int top_bit(uint64_t v) { return 63 - __builtin_clzll(v); } // v > 0
 
-static int32_t root(uint64_t v) // floor
+// Return the integer square root, rounded down: set bits from the top while the square stays within v.
+static int32_t root(uint64_t v)
 {
     uint64_t r = 0;
     for (int bit = 31; bit >= 0; bit--) {
@@ -31,6 +33,7 @@ static int32_t root(uint64_t v) // floor
     return (int32_t)r;
 }
 
+// A seed is 2^21/sqrt(2 i + 1), the value at the middle of the interval of its 9 leading bits.
 void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS])
 {
     memset(seed, 0, KN_FIXED_SEEDS * sizeof *seed);
@@ -38,7 +41,7 @@ void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS])
         seed[i] = root(((uint64_t)1 << 42) / (uint64_t)(2 * i + 1));
 }
 
-// A table's 9 leading bits, then Newton: r (3 - q r^2)/2.
+// Look up a seed by the 9 leading bits of q, then take one Newton step: r (3 - q r^2)/2.
 int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
 {
     *n = (35 - top_bit(q)) & ~1;
@@ -50,6 +53,7 @@ int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
 
 // --- an edge ---------------------------------------------------------------------------------------------------------
 
+// Return dl = e.(b - a), the change of an edge's length, where b and a are the displacements of its ends.
 static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const int32_t e[3], uint32_t *flags)
 {
     int64_t sum = 0;
@@ -57,12 +61,13 @@ static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const
     return (int32_t)saturate(round_shift(sum, KN_FIXED_E_FRACTION), KN_FIXED_U, flags, KN_FIXED_SAT_U);
 }
 
+// Return the tension t = g dl + t0 of an edge.
 static inline int32_t tension(int64_t dl, const line *at, int kv_shift, uint32_t *flags)
 {
     return (int32_t)saturate(round_shift(at->g * dl, kv_shift) + at->t0, KN_FIXED_T, flags, KN_FIXED_SAT_TENSION);
 }
 
-// The tension pulls i towards j.
+// Add the force of a tension to both ends: it pulls i towards j. Rounding once keeps the two forces exactly opposite.
 static inline void scatter(const int32_t e[3], int64_t t, int64_t *i, int64_t *j)
 {
     for (int k = 0; k < 3; k++) {
@@ -72,7 +77,8 @@ static inline void scatter(const int32_t e[3], int64_t t, int64_t *i, int64_t *j
     }
 }
 
-// EDGE: every edge's tension onto its two nodes.
+// EDGE: add every edge's tension to its two nodes. Flags are collected in a local, so that the loop does not write
+// memory for them.
 static void pull(kn_fixed *f)
 {
     const kn_fixed_edge *restrict edge = f->image->edge;
@@ -88,11 +94,13 @@ static void pull(kn_fixed *f)
     f->flags |= flags;
 }
 
+// Return the force H of an edge's spring k1, rounded to whole phi.
 static int32_t spring(kn_fixed *f, int edge)
 {
     return (int32_t)saturate(round_shift(f->h[edge], KN_FIXED_H_FRACTION), KN_FIXED_T, &f->flags, KN_FIXED_SAT_SPRING);
 }
 
+// Compute e of an edge at the middle of the tick, x + u/2.
 static void direction(kn_fixed *f, int edge)
 {
     const kn_fixed_edge *at = &f->image->edge[edge];
@@ -100,6 +108,7 @@ static void direction(kn_fixed *f, int edge)
     int64_t d[3], square = 0;
     for (int k = 0; k < 3; k++) {
         int i = 3 * at->i + k, j = 3 * at->j + k;
+        // Take twice the vector, so that u/2 loses no bit, and shift by one more.
         int64_t twice = 2 * (f->x[j] - f->x[i]) + f->u[j] - f->u[i];
         d[k] = saturate(round_shift(twice, shift + 1), KN_FIXED_D, &f->flags, KN_FIXED_SAT_DIRECTION);
         square += d[k] * d[k];
@@ -107,28 +116,31 @@ static void direction(kn_fixed *f, int edge)
     int n = 0;
     const int64_t r = square > 0 ? kn_fixed_rsqrt(f->seed, (uint64_t)square, &n) : 0;
     for (int k = 0; k < 3; k++) {
+        // Rounding can make the unit vector slightly longer than 1, so clamp its components.
         int64_t e = round_shift(d[k] * r, 18 - n / 2), one = 1 << KN_FIXED_E_FRACTION;
         f->line[edge].e[k] = (int32_t)(e > one ? one : e < -one ? -one : e);
     }
 }
 
-// R(|B| ia): the key's exponent and five bits choose the segment, eleven more the way along it.
+// Return R(|B| ia). The exponent and five bits of the key choose the segment; eleven more bits interpolate along it.
+// Both ends of the table clamp.
 static int32_t ratio(const kn_fixed_image *image, int64_t b, int32_t ia)
 {
     const uint64_t a = (uint64_t)(b < 0 ? -b : b);
     if (a == 0) return image->table[0];
     const int exponent = top_bit(a) - 17;
-    const uint64_t mantissa = exponent > 0 ? a >> exponent : a << -exponent; // 2^17 .. 2^18 - 1
+    const uint64_t mantissa = exponent > 0 ? a >> exponent : a << -exponent; // in the range 2^17 .. 2^18 - 1
     const uint64_t key = mantissa * (uint64_t)ia;
     const int top = top_bit(key), octave = top + exponent - image->config.octave;
-    const int64_t bits = (int64_t)(key << (40 - top) >> 24) & 0xffff; // below the leading one
+    const int64_t bits = (int64_t)(key << (40 - top) >> 24) & 0xffff; // the 16 bits below the key's leading bit
     if (octave < 0) return image->table[0];
     if (octave >= KN_FIXED_SEGMENTS / 32) return image->table[KN_FIXED_SEGMENTS];
     const int32_t *at = image->table + 32 * octave + (bits >> 11);
     return at[0] + (int32_t)round_shift((at[1] - at[0]) * (bits & 0x7ff), 11);
 }
 
-// SETUP: what K iterations hold on to, and the edge's share of D.
+// SETUP: compute the quantities that stay frozen for K iterations, e, g and t0, and add the edge's share of D to both
+// nodes.
 static void setup(kn_fixed *f, int edge)
 {
     const kn_fixed_image *image = f->image;
@@ -142,6 +154,7 @@ static void setup(kn_fixed *f, int edge)
     out->g = (int32_t)round_shift(at->kv * r, KN_FIXED_R_FRACTION);
     out->t0 = (int32_t)round_shift(h * r, KN_FIXED_R_FRACTION);
 
+    // The share of D: g |e|_1 |e_k|.
     int64_t size[3], sum = 0;
     for (int k = 0; k < 3; k++) sum += size[k] = out->e[k] < 0 ? -out->e[k] : out->e[k];
     const int64_t whole = round_shift(out->g * sum, KN_FIXED_E_FRACTION);
@@ -152,6 +165,7 @@ static void setup(kn_fixed *f, int edge)
     }
 }
 
+// COMMIT of an edge: its tension at the end of the tick to both nodes, and the flow of the damper into H.
 static void commit_edge(kn_fixed *f, int edge)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -167,7 +181,7 @@ static void commit_edge(kn_fixed *f, int edge)
 
 // --- a node ----------------------------------------------------------------------------------------------------------
 
-// INVERT: relax/D as mantissa and shift, so that z = r inverse / 2^shift.
+// INVERT: compute relax/D as mantissa and shift, so that z = r inverse / 2^shift. Without edges D is 0 and so is z.
 static void invert(kn_fixed *f, int component)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -176,6 +190,7 @@ static void invert(kn_fixed *f, int component)
     f->inverse[component] = 0;
     f->shift[component] = 0;
     if (d <= 0) return;
+    // 1/D is the square of 1/sqrt(D). The shift collects the exponents of D and kv.
     int n = 0;
     const int64_t r = kn_fixed_rsqrt(f->seed, (uint64_t)d, &n), mantissa = round_shift(r * r, 16);
     const int shift = 52 - n - config->kv_shift;
@@ -183,7 +198,7 @@ static void invert(kn_fixed *f, int component)
     f->shift[component] = (uint8_t)(shift < 0 ? 0 : shift);
 }
 
-// What acts on a component; its sum begins anew.
+// Return the force on a component and clear its sum for the next iteration.
 static int64_t take_residual(kn_fixed *f, int component)
 {
     int64_t r = saturate(f->force[component] + f->load[component], KN_FIXED_ACC, &f->flags, KN_FIXED_SAT_REACTION);
@@ -191,6 +206,7 @@ static int64_t take_residual(kn_fixed *f, int component)
     return r;
 }
 
+// One Jacobi step of a free component with Chebyshev's weight, equation (2).
 static void iterate_component(kn_fixed *f, int component, int32_t omega)
 {
     int64_t r = saturate(take_residual(f, component), KN_FIXED_T, &f->flags, KN_FIXED_SAT_RESIDUAL);
@@ -202,6 +218,7 @@ static void iterate_component(kn_fixed *f, int component, int32_t omega)
     f->u[component] = (int32_t)saturate(u, KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
 }
 
+// NODE: step every free component; the sums of held ones only are cleared.
 static void iterate(kn_fixed *f, int32_t omega)
 {
     for (int n = 0; n < f->image->config.node_count; n++) {
@@ -212,11 +229,12 @@ static void iterate(kn_fixed *f, int32_t omega)
     }
 }
 
+// COMMIT of the nodes: residual of the free components, reactions of the held ones, x += u.
 static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
 {
     for (int c = 0; c < 3 * f->image->config.node_count; c++) {
         int64_t r = take_residual(f, c), size = r < 0 ? -r : r;
-        f->force[c] = r; // of a held node: its reaction
+        f->force[c] = r; // if the node is held, r is its reaction
         if (!(f->held[c / 3] >> c % 3 & 1) && size > result->residual) result->residual = size;
         f->x[c] = saturate(f->x[c] + f->u[c], KN_FIXED_X, &f->flags, KN_FIXED_SAT_POSITION);
     }
@@ -224,6 +242,7 @@ static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
 
 // --- the tick --------------------------------------------------------------------------------------------------------
 
+// Apply one record: hold the node and prescribe its displacement, or add a load to it.
 static void take_bound(kn_fixed *f, const kn_fixed_bound *b)
 {
     const kn_fixed_node *node = &f->image->node[b->node];
@@ -237,6 +256,7 @@ static void take_bound(kn_fixed *f, const kn_fixed_bound *b)
     if (b->holds) f->held[b->node] = 7;
 }
 
+// Start a tick from the image's loads and held components, then apply the boundary list.
 static void begin(kn_fixed *f, const kn_fixed_bound *bound, int count)
 {
     const kn_fixed_image *image = f->image;
@@ -248,6 +268,7 @@ static void begin(kn_fixed *f, const kn_fixed_bound *bound, int count)
     for (int i = 0; i < count; i++) take_bound(f, &bound[i]);
 }
 
+// Compute one tick: O passes of K iterations, see the drawing in fixed.h.
 static void solve(kn_fixed *f)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -276,6 +297,7 @@ void kn_fixed_tick(kn_fixed *f, const kn_fixed_bound *bound, int count, int64_t 
 
 // --- memory ----------------------------------------------------------------------------------------------------------
 
+// Assign the arrays from base on. Return the bytes; with base NULL the pointers are meaningless.
 static size_t lay_out(kn_fixed *f, const kn_fixed_image *image, char *base)
 {
     const size_t nodes = (size_t)image->config.node_count, edges = (size_t)image->config.edge_count;
@@ -320,6 +342,7 @@ void kn_fixed_init(kn_fixed *f, const kn_fixed_image *image, void *memory)
 
 static bool within(int64_t v, int64_t least, int64_t most) { return v >= least && v <= most; }
 
+// Return NULL, or a text that names the first value outside its range.
 static const char *check_config(const kn_fixed_config *c)
 {
     if (!within(c->node_count, 1, KN_FIXED_NODES_MAX)) return "node_count outside 1..65535";
@@ -366,6 +389,7 @@ const char *kn_fixed_check(const kn_fixed_image *image)
 
 // --- checksum --------------------------------------------------------------------------------------------------------
 
+// Add the eight bytes of a word, lowest first, to a CRC.
 static uint32_t crc_word(uint32_t crc, int64_t word)
 {
     for (int byte = 0; byte < 8; byte++) {

@@ -1,24 +1,26 @@
 #ifndef KN_CORE_FIXED_H
 #define KN_CORE_FIXED_H
-// The lattice in integers: the twin of the circuit in hdl/rtl, to the bit. No inertia, no floating point, no divide.
+// The lattice in integers, the twin of the circuit in hdl/rtl, equal to the bit. No inertia, no floating point, no
+// division.
 //
-// Unknown of a tick is the displacement u of every node; the tension of edge i-j, with unit vector e, in force units is
+// The unknown of a tick is the displacement u of every node. The tension of edge i-j, with unit vector e, in force
+// units:
 //
-//     B = kv dl + H,     t = R(|B|/area) B,     dl = e.(u_j - u_i),     kv = A kappa w/dt,     H = k1 u_p area       (1)
+//     B = kv dl + H,     t = R(|B|/area) B,     dl = e.(u_j - u_i),     kv = A kappa w/dt,     H = k1 u_p area      (1)
 //
-// which is s = T(b) of law.h with R = T(b)/b from a table: viscoelastic, plastic and rheological are three tables. The
-// damper is never taken at the last force. Then H += beta (t - H), beta = k1 dt/A. Equilibrium sum t e + load = 0 is
-// sought in O passes, which freeze e and R at the last u, of K damped Jacobi steps accelerated by Chebyshev's
-// polynomials:
+// This is s = T(b) of law.h with R = T(b)/b from a table; the viscoelastic, plastic and rheological laws differ only in
+// their table. The damper is never evaluated at the force of the last tick. After the solve H += beta (t - H), with
+// beta = k1 dt/A. The equilibrium sum t e + load = 0 is solved in O passes. A pass freezes e and R at the last u and
+// takes K damped Jacobi steps, accelerated by Chebyshev's polynomials:
 //
-//     z = D^-1 r,     u <- u_ + omega (u + z - u_),     D_k = sum R kv |e_k| |e|_1                                   (2)
+//     z = D^-1 r,     u <- u_ + omega (u + z - u_),     D_k = sum R kv |e_k| |e|_1                                  (2)
 //
-// |e_k||e|_1 bounds each edge's block, so the spectrum of D^-1 M lies in 0..2 whatever the dampers do. e is that of the
-// middle of the tick, x + u/2: then e.(u_j - u_i) is the change of length to third order in u.
+// |e_k||e|_1 bounds each edge's block, so the spectrum of D^-1 M lies in 0..2 for any state of the dampers. e is taken
+// at the middle of the tick, x + u/2; then e.(u_j - u_i) is the change of length to third order in u.
 //
-// Every sum of forces is exact (a tension's two ends differ by their sign alone), every shift rounds to nearest (halves
-// up), whatever does not fit saturates and raises a flag, nothing wraps. So no order of edges, no number of lanes, no
-// machine changes a bit.
+// Every sum of forces is exact, since a tension's two ends differ only in sign. Every shift rounds to nearest (halves
+// up). A number that does not fit saturates and raises a flag; nothing wraps. The result therefore does not depend on
+// the order of the edges, the number of lanes or the machine, to the bit.
 //
 //                 +----- O times -------------------------------------------------+
 //     u of the    |  SETUP   per edge: e, B, R -> g = R kv, t0 = R H; sum D       |      COMMIT  per edge: t, H
@@ -29,8 +31,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Every number of the circuit: name, bits (s signed, u unsigned), fraction bits, of which unit. lambda: length, phi:
-// force; both powers of two, the host's choice (core/solver_fixed.h). C, Verilog and hdl/README.md have them from here.
+// Number formats of the circuit: name, bits (s signed, u unsigned), fraction bits, unit. lambda is the unit of length,
+// phi that of force; both are powers of two chosen by the host (core/solver_fixed.h). C, Verilog and hdl/README.md get
+// the formats from here.
 #define KN_FIXED_FORMATS(FORMAT)                                                                                       \
     FORMAT(X, s, 36, 0, "lambda", "position of a node")                                                                \
     FORMAT(U, s, 25, 0, "lambda", "displacement of a node in this tick; of an edge's ends against each other")         \
@@ -52,99 +55,103 @@ enum {
 #define KN_FORMAT(name, sign, bits, fraction, unit, what) KN_FIXED_##name = bits, KN_FIXED_##name##_FRACTION = fraction,
     KN_FIXED_FORMATS(KN_FORMAT)
 #undef KN_FORMAT
-    KN_FIXED_SEGMENTS = 512,     // of the table: 16 octaves of 32
-    KN_FIXED_ITERATIONS_MAX = 32, // K
-    KN_FIXED_PASSES_MAX = 15,    // O
+        KN_FIXED_SEGMENTS = 512,  // segments of the table of R: 16 octaves, 32 segments each
+    KN_FIXED_ITERATIONS_MAX = 32, // largest number K of iterations per pass
+    KN_FIXED_PASSES_MAX = 15,     // largest number O of passes per tick
     KN_FIXED_NODES_MAX = 65535,
-    KN_FIXED_LIST_MAX = 1023,    // boundary records of a tick
-    KN_FIXED_SEEDS = 512
+    KN_FIXED_LIST_MAX = 1023, // largest number of boundary records (kn_fixed_bound) in a tick
+    KN_FIXED_SEEDS = 512      // entries of the table of seeds for the reciprocal square root
 };
 
-// What did not fit since the flags were last cleared. RESIDUAL only costs convergence; each other one makes the tick
-// another than (1).
+// Flags of numbers that exceeded their format and were saturated since the flags were last cleared. RESIDUAL only slows
+// the convergence. After each other flag the tick does not solve equation (1).
 enum {
-    KN_FIXED_SAT_U = 1,        // faster than 2^24 lambda in a tick
-    KN_FIXED_SAT_TENSION = 2,  // an edge above 2^24 phi
-    KN_FIXED_SAT_SPRING = 4,   // H above 2^23 phi
-    KN_FIXED_SAT_POSITION = 8,
-    KN_FIXED_SAT_DIRECTION = 16, // an edge longer than 2^17 2^d_shift lambda
-    KN_FIXED_SAT_RESIDUAL = 32,
-    KN_FIXED_SAT_REACTION = 64, // a sum beyond 36 bits
+    KN_FIXED_SAT_U = 1,          // a node moved by more than 2^24 lambda in a tick
+    KN_FIXED_SAT_TENSION = 2,    // the tension of an edge exceeded 2^24 phi
+    KN_FIXED_SAT_SPRING = 4,     // the force H of a spring k1 exceeded 2^23 phi
+    KN_FIXED_SAT_POSITION = 8,   // the position of a node exceeded its 36 bits
+    KN_FIXED_SAT_DIRECTION = 16, // an edge became longer than 2^17 2^d_shift lambda
+    KN_FIXED_SAT_RESIDUAL = 32,  // the residual of a node exceeded 25 bits
+    KN_FIXED_SAT_REACTION = 64,  // the sum of forces on a node exceeded 36 bits
 };
 
 typedef struct kn_fixed_config {
     int32_t node_count, edge_count;
-    int32_t passes, iterations;   // O, K
-    int32_t d_shift;              // 0..18
-    int32_t kv_shift;             // 0..40
-    int32_t octave;               // of |B| ia, where the table begins; -64..63
-    int32_t beta, beta_shift;     // beta_shift 0..40
-    int32_t relax;
-    int32_t omega[KN_FIXED_ITERATIONS_MAX]; // of iteration 0: 1.0
+    int32_t passes, iterations;             // passes O per tick, iterations K per pass
+    int32_t d_shift;                        // exponent of the unit of edge vectors, format D; 0..18
+    int32_t kv_shift;                       // exponent of the unit of kv, format KV; 0..40
+    int32_t octave;                         // exponent of 2 of the key |B| ia at which the table of R begins; -64..63
+    int32_t beta, beta_shift;               // k1 dt/A and the exponent of its unit, format BETA; beta_shift 0..40
+    int32_t relax;                          // damping of the Jacobi step, format RELAX
+    int32_t omega[KN_FIXED_ITERATIONS_MAX]; // Chebyshev's weight of each iteration; 1.0 for iteration 0
 } kn_fixed_config;
 
 typedef struct kn_fixed_node {
-    int64_t x[3]; // at rest
-    int32_t load[3]; // phi, of every tick: weight
-    uint8_t held;    // bit k: component k never moves
+    int64_t x[3];    // rest position, lambda
+    int32_t load[3]; // load that acts in every tick, i.e. the weight, phi
+    uint8_t held;    // bit k is set: component k of the node never moves
 } kn_fixed_node;
 
 typedef struct kn_fixed_edge {
-    uint16_t i, j; // from i to j, i != j
-    int32_t kv, ia; // ia >= 1
+    uint16_t i, j;  // nodes at the two ends; the edge runs from i to j, i != j
+    int32_t kv, ia; // tension per change of length with a rigid damper; 1/stress area, >= 1
 } kn_fixed_edge;
 
-typedef struct kn_fixed_image { // what a circuit is loaded with; constant
+typedef struct kn_fixed_image { // data that a circuit is loaded with; constant
     kn_fixed_config config;
-    kn_fixed_node *node; // [node_count]
-    kn_fixed_edge *edge; // [edge_count]
-    int32_t table[KN_FIXED_SEGMENTS + 1]; // R at 2^(octave + i/32)(1 + (i mod 32)/32), whole octaves
+    kn_fixed_node *node;                  // [config.node_count]
+    kn_fixed_edge *edge;                  // [config.edge_count]
+    int32_t table[KN_FIXED_SEGMENTS + 1]; // R at the key 2^(octave + i/32) (1 + (i mod 32)/32), i/32 rounded down
 } kn_fixed_image;
 
-// One node under a tool in one tick: held and moved by value lambda, or free and pushed by value phi.
+// One node under a tool in one tick: either held and moved by value (lambda), or free and pushed by value (phi).
 typedef struct kn_fixed_bound {
-    uint16_t node; // at most once in a list
-    bool holds;    // components that the node's own `held` names stay where they are
-    int32_t value[3];
+    uint16_t node;    // number of the node; each node occurs at most once in a list
+    bool holds;       // true: held and moved, except for components in the node's own `held`, which never move
+    int32_t value[3]; // displacement in this tick (held), lambda, or load (free), phi
 } kn_fixed_bound;
 
 typedef struct kn_fixed_result {
-    int64_t residual; // phi: largest |r| on a component that is free
-    uint32_t flags;   // KN_FIXED_SAT_*, sticky
+    int64_t residual; // largest absolute residual of a free component, phi
+    uint32_t flags;   // bits KN_FIXED_SAT_* that were set since the flags were last cleared
 } kn_fixed_result;
 
-typedef struct kn_fixed { // one lattice that moves; arrays in the caller's memory
+typedef struct kn_fixed { // state of one lattice; arrays in the caller's memory
     const kn_fixed_image *image;
-    int64_t *x; // [node][3]  lambda
-    int32_t *u; // [node][3]  of the last tick
-    int64_t *h; // [edge]
-    // of a tick only
-    int32_t *last, *load, *inverse; // [node][3]
-    uint8_t *shift, *held;          // [node][3], [node]
-    int64_t *force;                 // [node][3]
-    struct kn_fixed_line { int32_t e[3], g, t0; } *line; // [edge]
+    int64_t *x; // [node][3] positions, lambda
+    int32_t *u; // [node][3] displacement in the last tick, lambda
+    int64_t *h; // [edge] force H of the spring k1, 2^-12 phi
+    // scratch memory of one tick
+    int32_t *last, *load, *inverse; // [node][3] u of the iteration before; load; mantissa of relax/D
+    uint8_t *shift, *held;          // [node][3] shift of `inverse`; [node] held components of this tick, as bits
+    int64_t *force;                 // [node][3] sum of forces
+    struct kn_fixed_line {
+        int32_t e[3], g, t0;
+    } * line; // [edge]
     uint32_t flags;
     int32_t seed[KN_FIXED_SEEDS];
 } kn_fixed;
 
-// Bytes that kn_fixed_init wants, 64-byte aligned. Init leaves the lattice at rest.
+// Return the bytes of memory that kn_fixed_init needs, 64-byte aligned. Init leaves the lattice at rest.
 size_t kn_fixed_bytes(const kn_fixed_image *image);
 void kn_fixed_init(kn_fixed *fixed, const kn_fixed_image *image, void *memory);
-void kn_fixed_rest(kn_fixed *fixed); // as new; flags too
+void kn_fixed_rest(kn_fixed *fixed); // restore the initial state and clear the flags
 
-// One tick. reaction[count][3], phi: what the lattice and its load do to each held node, components that its own `held`
-// names included; 0 of a record that only pushes. Real-time safe; at most O K + 2 O + 1 visits of every edge.
+// Take one tick. reaction[count][3], phi: force of the lattice and its load on each held node, including components
+// that its own `held` names; 0 for a record that only pushes. Real-time safe: at most O K + 2 O + 1 visits of every
+// edge.
 void kn_fixed_tick(kn_fixed *fixed, const kn_fixed_bound *bound, int count, int64_t (*reaction)[3],
                    kn_fixed_result *result);
 
-// NULL, or the first thing about an image that the circuit does not take.
+// Return NULL if the circuit accepts the image, else the first reason why not.
 const char *kn_fixed_check(const kn_fixed_image *image);
 
-// CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little endian words: what device and twin compare.
+// Return the CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little-endian words. The
+// device and this software twin compare their checksums.
 uint32_t kn_fixed_crc(const kn_fixed *fixed);
 
-// The leaf that takes a table of its own: 1/sqrt(q) = rsqrt 2^(n/2 - 34), n even, q in 1 .. 2^36 - 1, rsqrt in
-// 2^16 .. 2^17. Seeds: by the 9 leading bits of q 2^n, 128..511.
+// Return rsqrt, with 1/sqrt(q) = rsqrt 2^(n/2 - 34), n even, q in 1 .. 2^36 - 1, rsqrt in 2^16 .. 2^17. It needs a
+// table of seeds, indexed by the 9 leading bits of q 2^n, 128..511.
 void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS]);
 int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n);
 

@@ -9,9 +9,9 @@
 typedef struct patch {
     kn_sample *sample;
     int count, nodes;
-    double x[9][3];     // values of a field at the nodes
-    double add[9][3];   // values that are added to another field
-    double block[9][6]; // xx xy xz yy yz zz
+    double x[9][3];     // values of a field at the patch's nodes
+    double add[9][3];   // values to add to another field at the patch's nodes
+    double block[9][6]; // matrix blocks to add at the nodes: xx xy xz yy yz zz
 } patch;
 
 // Compare a few nodes only: samples of one face with the same corner nodes share all nodes.
@@ -94,7 +94,7 @@ static double end_of(double dt, const kn_sample *s, const double tool[3], double
     return s->depth_m - dt * (along - push);
 }
 
-#define LAYER_MOST 0.95 // share of a layer's thickness beyond which the pressure goes on as a straight line
+#define LAYER_MOST 0.95 // depth, as a share of the layer's thickness, above which the pressure is a straight line
 
 // Judge one sample at the end of the step, predicted from the present velocities: decide whether it presses, and
 // compute the tangent of its pressure and its stiffness sideways.
@@ -156,7 +156,7 @@ static void stiffen(double dt, const kn_sample *s, patch *p)
 // Compute force = dt K v. Return u . dt K v.
 static double answer(double dt, const kn_sample *s, const double v[3], const double u[3], double force[3])
 {
-    // the part along the normal first; then the isotropic part, if there is friction
+    // add the part along the normal, then the isotropic part if there is friction
     double more = dt * (s->line.slope_n_m - s->line.side_n_m) * kn_dot(s->normal, v), sum = more * kn_dot(s->normal, u);
     for (int k = 0; k < 3; k++) force[k] = more * s->normal[k];
     if (!(s->line.side_n_m > 0)) return sum;
@@ -169,7 +169,7 @@ static double answer(double dt, const kn_sample *s, const double v[3], const dou
 // Add dt J'KJ to the lower half of a. J maps the motion (v, w) of a body to v + w x arm at the sample.
 static void add_stiffness(double dt, const kn_sample *s, const double arm[3], double a[6][6])
 {
-    // column j: wrench of the sample's force for V_j = 1
+    // column j: force and torque of the sample if component j of the body's motion V is 1
     for (int j = 0; j < 6; j++) {
         double unit[6] = {0}, v[3], force[3], wrench[6] = {0};
         unit[j] = 1;

@@ -4,7 +4,8 @@
 #include "core/model.h"
 
 // Add (P - P0) dV/dx of every cell to f. Each cell has its own pressure, or all cells have one pressure, which follows
-// from their total volume. rest, x and f have 3 values per node, in the order of node ids; x is the displacement, m.
+// from their total volume. `rest` (rest positions), `x` (displacements, m) and
+// `f` (forces) have 3 values per node, in the order of node ids.
 // Needs model->cells. Real-time safe.
 void kn_gas_push(const kn_model *model, const double *rest, const double *x, double *f);
 

@@ -15,7 +15,7 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
 
 // Symmetric tensors are stored as vectors: xx yy zz yz xz xy.
 typedef struct share { // weighted sums over the edges of a node
-    double weight;     // V_e
+    double weight;     // sum of the edges' volumes V_e
     // normal equations of S, which depend on the directions at rest only: their Cholesky factor
     double fit[6][6];
     // right side of these equations, and sum of V_e r_e^2: both belong to the state that is read
@@ -26,11 +26,11 @@ typedef struct share { // weighted sums over the edges of a node
 struct kn_gauge {
     kn_springs springs;
     share *node;            // [node_count]
-    int *master;            // [node_count] node in the same place that stores the sums for this node
-    double stiffness[6][6]; // R <n n n n>
+    int *master;            // [node_count] node in the same place that stores the sums of each node
+    double stiffness[6][6]; // mean stiffness R <n n n n> of all edges
 };
 
-// Compute n n of an edge at rest.
+// Compute the tensor n n of an edge, where n is the edge's direction at rest.
 static void square_of(const kn_gauge *g, const kn_spring *e, double out[6])
 {
     static const int a[6] = {0, 1, 2, 1, 0, 0}, b[6] = {0, 1, 2, 2, 2, 1};

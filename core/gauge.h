@@ -17,20 +17,21 @@
 typedef enum kn_measure { KN_MEASURE_DISPLACEMENT, KN_MEASURE_STRESS, KN_MEASURE_RESIDUAL, KN_MEASURES } kn_measure;
 
 typedef struct kn_measure_name {
-    const char *name, *words, *unit; // unit "": a plain number, 0.1 is 10 %
+    const char *name, *words, *unit; // name in messages, words for users, unit; unit "": a plain number, 0.1 is 10 %
 } kn_measure_name;
 extern const kn_measure_name kn_measure_names[KN_MEASURES];
 
 typedef struct kn_gauge kn_gauge;
 
-kn_gauge *kn_gauge_create(const kn_model *model); // model must outlive it; NULL: memory is short
-void kn_gauge_destroy(kn_gauge *gauge);           // NULL is fine
-size_t kn_gauge_bytes(const kn_model *model);     // largest memory that a gauge takes
+kn_gauge *kn_gauge_create(const kn_model *model); // `model` must outlive the gauge; NULL: memory is short
+void kn_gauge_destroy(kn_gauge *gauge);           // does nothing if `gauge` is NULL
+size_t kn_gauge_bytes(const kn_model *model);     // largest memory that a gauge takes [bytes]
 
-// Store one measure of every node in value[node_count]. Nodes of a composite that lie in the same place have the same
-// stress and residual. Takes some 50 ns per edge and allocates nothing.
+// Store one measure (displacement, stress or residual strain) of every node in value[node_count]. Nodes of a composite
+// that lie in the same place have the same stress and residual. Takes some 50 ns per edge and allocates nothing.
 void kn_gauge_read(kn_gauge *gauge, const kn_state *state, kn_measure what, double *value);
-// Store several measures in one pass over the edges: value[what][node_count], NULL if not asked for.
+// Store several measures in one pass over the edges: value[measure][node_count]. A measure whose pointer is
+// NULL is skipped.
 void kn_gauge_read_all(kn_gauge *gauge, const kn_state *state, double *const value[KN_MEASURES]);
 
 #endif

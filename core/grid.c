@@ -21,7 +21,7 @@ void kn_grid_lay(kn_grid *g, int axis, int vectors)
 
 static void choose_axes(kn_grid *g)
 {
-    int best = 0; // if equal, x is preferred, then y, so that the layout is the same on every machine
+    int best = 0; // if two axes are equally good, x is preferred, then y: the layout is equal on every machine
     for (int a = 1; a < 3; a++)
         if (padded(g->n, a) < padded(g->n, best)) best = a;
     kn_grid_lay(g, best, (g->n[best] + KN_LANES - 1) / KN_LANES);

@@ -41,29 +41,30 @@
 #define KN_FORWARD 13 // number of forward edges of a node
 
 typedef struct kn_grid {
-    int n[3];         // nodes along x, y, z, >= 1
+    int n[3];         // number of nodes along x, y, z, >= 1
     double spacing_m; // side h of a cell
-    bool flat;        // one layer across y, in plane stress
+    bool flat;        // the object is one layer of nodes in the x-z plane, in plane stress
     double depth_m;   // extent of a cell along y: thickness of a flat object, else h
-    double diagonal;  // e: stiffness of a diagonal / that of a side, 0 .. 1
-    int axis[3];      // world axis (0 x, 1 y, 2 z) that a (along the row), b (rows), c (planes) run along
-    int len[3];       // n along a, b, c
-    int vectors;      // K, vectors per row
-    int rows;         // len[1] * len[2]
-    int nodes;        // n[0] * n[1] * n[2]
-    double kappa_m;   // stiffness k of an inner side / E of the material
-    double gamma;     // stress area of an edge / (kappa L0)
+    double diagonal;  // ratio e of a diagonal's stiffness to a side's, 0 .. 1
+    // World axes (0 x, 1 y, 2 z) of the grid's own axes: a runs along a row, b from row to row, c from plane to plane.
+    int axis[3];
+    int len[3];     // number of nodes along the grid's axes a, b, c
+    int vectors;    // number K of vectors per row
+    int rows;       // number of rows, len[1] * len[2]
+    int nodes;      // number of nodes, n[0] * n[1] * n[2]
+    double kappa_m; // ratio of an inner side's stiffness k to Young's modulus E of the material [m]
+    double gamma;   // ratio of an edge's stress area to kappa L0
 } kn_grid;
 
 // One edge of the lattice in a plain list (for RK4, tests, drawing).
 typedef struct kn_edge {
     int i, j;      // node ids; the edge runs from i to j
-    int slot;      // index of its strain in the field [row][13][K][16]
-    double weight; // share of an inner side, times e for a diagonal: scales k1, c1, c2 and the stress area alike
-    double rest_m; // L0
+    int slot;      // index of the edge's strain in the field [row][13][K][16]
+    double weight; // stiffness relative to an inner side: factor of k1, c1, c2 and the stress area
+    double rest_m; // rest length L0
 } kn_edge;
 
-// Offset from a node to the far end of each forward edge, in nodes along a, b, c.
+// Offset from a node to the far end of each of its forward edges, in nodes along the grid's axes a, b, c.
 extern const int kn_grid_forward[KN_FORWARD][3];
 
 // Choose the row axis and fill in the derived numbers. n[] >= 1; spacing_m > 0. thickness_m > 0 makes a flat object

@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+// seed for the first call of kn_hash_bytes; later calls may take the last hash as their seed
 #define KN_HASH_SEED 0x9e3779b97f4a7c15u
 
 uint64_t kn_hash_bytes(uint64_t seed, const void *bytes, size_t size);

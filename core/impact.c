@@ -64,17 +64,18 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 {
     if (!(model->law.s1_pa > 0)) return false;
     double power = kn_impact_power(model);
-    // soon after a blow, a tenth of the power is a blow too
+    // soon after an impact, a tenth of the power already counts as an impact
     double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
     return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
 }
 
-typedef struct punch { // a plate that comes down
+typedef struct punch { // a plate that strikes the object from above
     double down_m_s, middle_m[2], half_m[2], top_m, a_m, h_m;
     float rest; // share of the plate's velocity below which the object does not flow
 } punch;
 
-// Measure the blow of one plate from the nodes that it holds. Return false if the plate does not come down fast enough.
+// Measure the impact of one plate from the nodes that it holds. Return false if the plate does not come down fast
+// enough.
 static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact *contact, int probe, punch *plate)
 {
     // sum the change of velocity, the bounds and the height of the held nodes
@@ -106,7 +107,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     // leave out the slow parts, whose strain rate stays below KN_IMPACT_REST times the rate at which edges flow
     plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
     return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
-           change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // mostly downwards
+           change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // the plate moves mostly downwards
 }
 
 // Evaluate the guessed field of velocities at one rest position. The formulas and letters are those of impact.h.

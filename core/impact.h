@@ -1,6 +1,7 @@
 #ifndef KN_CORE_IMPACT_H
 #define KN_CORE_IMPACT_H
-// Blows: steps in which the forces change too much for one linearisation of the law. A line is one linearisation.
+// Impacts (blows): steps in which the forces change too much for one linearisation of the law. A line is one
+// linearisation.
 //
 //     s |        ___----      The step starts from the line at the present state of the edges. An edge at rest has a
 //       |   __.--             slope some hundred times that of a flowing edge. So a block that is struck answers with
@@ -22,27 +23,32 @@
 // all that time, at five times the cost.
 #include "core/contact.h"
 
-#define KN_IMPACT_PASSES 6
-#define KN_IMPACT_POWER 3.0  // r.z (kernel.h) per node at the start of a step; below 1 in a gentle press
-#define KN_IMPACT_RATE 16.0  // change of a held node's velocity; below 6 in a gentle press
-#define KN_IMPACT_PRESS 0.08 // change of a sphere's pressure; below 0.04 in a gentle press
-#define KN_IMPACT_WAY 0.03   // path of a held node / length of a compressed edge; below 0.01 in a gentle press
+// A step is an impact if it exceeds POWER, RATE, PRESS or WAY.
+#define KN_IMPACT_PASSES 6   // largest number of linearisations of the law in the step of an impact
+#define KN_IMPACT_POWER 3.0  // limit of r.z (kernel.h) per node at the start of a step; below 1 in a gentle press
+#define KN_IMPACT_RATE 16.0  // limit of the change of a held node's velocity; below 6 in a gentle press
+#define KN_IMPACT_PRESS 0.08 // limit of the change of a sphere's pressure; below 0.04 in a gentle press
+// Limit of the path of a held node in one step, relative to the length of a compressed edge; below 0.01 in a gentle
+// press.
+#define KN_IMPACT_WAY 0.03
 #define KN_IMPACT_RECENT 0.9 // share of the limit to which the largest residual fades in a tenth of a second
-#define KN_IMPACT_AFTER 0.1  // share of KN_IMPACT_POWER that is a blow just after a blow
+#define KN_IMPACT_AFTER 0.1  // factor of KN_IMPACT_POWER for a tenth of a second after an impact
 
-// Return the number of lines that every step of a model needs; 1 if the law bends little. Let r be the ratio of secant
-// to tangent, at most 1 + s |d ln c2/ds|. A line that is half tangent and half secant leaves (r - 1)/(r + 1) of an
-// error. r is 8 for dough, and the line of the next step corrects the remaining error. r is some hundreds for a ramp,
-// which yields suddenly at p1. A step of 10 ms or more also needs several lines. (No hand waits that long.)
+// Return the number of linearisations that every step of a model needs; 1 if the law is nearly straight. Let r be the
+// ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A linearisation that is half tangent and half secant
+// leaves (r - 1)/(r + 1) of an error. r is 8 for dough, and the linearisation of the next step corrects the remaining
+// error. r is some hundreds for a ramp, which yields suddenly at p1. A step of 10 ms or more needs several
+// linearisations, too.
 int kn_impact_lines(const kn_model *model);
-#define KN_IMPACT_BEND 32.0
+#define KN_IMPACT_BEND 32.0 // s |d ln c2/ds| at p1 above which every step needs several linearisations
+// steps of this length or longer need several linearisations, unless the law is straight [s]
 #define KN_IMPACT_LONG_S 0.01
 
-// Return the limit of r.z, W; infinite for a straight law.
+// Return the limit of r.z [W] above which a step of the model is an impact; infinite for a straight law.
 double kn_impact_power(const kn_model *model);
 
-// Return true if the step is a blow. `contact`: as found for this step; `rz`: r.z of the first linearisation. A
-// straight law has no blows. All functions here are real-time safe.
+// Return true if the step is an impact. `contact`: as found for this step; `rz`: r.z of the first linearisation. With a
+// straight law no step is an impact. All functions here are real-time safe.
 bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz);
 
 // If a deadline leaves time for only one or two lines, the first line must be good. A plate may speed up its nodes by
@@ -63,8 +69,8 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 #define KN_IMPACT_BLOW 100.0
 #define KN_IMPACT_REST 5.0
 
-// Add this velocity field to the guess for every plate that strikes so fast, and mark every row as moved. The guess
-// must already contain the velocities of the held nodes. Return true if there was such a plate.
+// For every plate that strikes fast, add the velocity field under a punch (above) to the solver's guess, and mark every
+// row as moved. The guess must already contain the velocities of the held nodes. Return true if a plate strikes fast.
 bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact);
 
 #endif

@@ -17,9 +17,9 @@ typedef struct tables {
     // (the node's share for shift 0)
     real *lane_near[3];
     real *lane_near_root[3];
-    real *lane_here[3];                                    // 1 where the edge exists, else 0
+    real *lane_here[3];                                    // [K][16] 1 where the edge exists, else 0
     real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
-    real diagonal, diagonal_root;                          // stiffness of a diagonal / that of a side, and its root
+    real diagonal, diagonal_root;                          // ratio of a diagonal's stiffness to a side's, and its root
     // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
     int cell_count;
     real cell_inverse_h, cell_push, cell_rate, cell_root;
@@ -224,7 +224,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
     }
     bars_direct(&t->law, x16);
     lanes wanted = x16->rate;
-    // if the guess differs from the last velocity, the edges' growth follows from the guess
+    // if the guessed velocity differs from the last velocity, compute the edges' growth rate from the guess
     if (x->moved || again) {
         lanes dg[3];
         for (int c = 0; c < 3; c++)
@@ -310,7 +310,7 @@ LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
 LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
                               bool again)
 {
-    // mass on the diagonal of every block
+    // add mass over dt to the diagonal of every block
     lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
     for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
     for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
@@ -561,7 +561,7 @@ LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double a
                     lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
                     r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
                     lanes_store(f.r + o, r[i]);
-                    lanes_store(f.q + o, zero); // ready for the next product
+                    lanes_store(f.q + o, zero); // clear q for the next product A d
                 }
                 plane = lanes_add(plane, multiply_block(p, r, z));
                 for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);

@@ -18,25 +18,27 @@
 // Solver vectors in the scratch part of a state, in the model's precision. When edge is called, r and P must be zero or
 // contain only contact terms. When apply is called, q must be zero.
 typedef struct kn_work {
-    void *guess;        // 3   velocity sought; starts as the last velocity, with prescribed components overwritten
-    void *r;            // 3   residual force, N
-    void *q;            // 3   A d
-    void *d;            // 3   search direction
-    void *z;            // 3   preconditioned residual
-    void *p;            // 6   xx xy xz yy yz zz: accumulated blocks, then their inverses
-    void *g;            // per edge, sqrt(kappa W ds/dw) n: grid [row][13][x y z][stride], net [edge][x y z]; a grid in
-                        // f64 keeps kappa W ds/dw / length^2 instead, [row][13][stride]
-    void *free;         // 3   1 free, 0 prescribed
-    void *whole;        // 6   composite only, else NULL: accumulated blocks of held rows, as in p before the inverses
-    void *cell;         // with pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8, net
-                        // 12), or of the whole object, 3
-    uint8_t *row_held;  // [rows] 1: a component in the row is prescribed
-    uint8_t *row_moved; // [rows] 1: a prescribed velocity in the row differs from the last one: evaluate the law twice
+    // The number that opens each comment is the number of components per node.
+    void *guess;       // 3   velocity sought; starts as the last velocity, with prescribed components overwritten
+    void *r;           // 3   residual force of each node, N
+    void *q;           // 3   product A d of the step's matrix and the search direction
+    void *d;           // 3   search direction of the conjugate gradients
+    void *z;           // 3   preconditioned residual P r
+    void *p;           // 6   xx xy xz yy yz zz of the matrix's diagonal blocks while they are summed, then of P
+    void *g;           // per edge, sqrt(kappa W ds/dw) n: grid [row][13][x y z][stride], net [edge][x y z]; a grid in
+                       // f64 keeps kappa W ds/dw / length^2 instead, [row][13][stride]
+    void *free;        // 3   1 where a component is free, 0 where it is prescribed
+    void *whole;       // 6   composite only, else NULL: diagonal blocks of held rows, before they are inverted in p
+    void *cell;        // with pressure, else NULL: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 (flat 8, net
+                       // 12), or of the whole object, 3
+    uint8_t *row_held; // [rows] 1: at least one component of the row's nodes is prescribed
+    // [rows] 1: a prescribed velocity in the row differs from that of the last step, so the law is evaluated twice
+    uint8_t *row_moved;
 } kn_work;
 
 typedef struct kn_kernels {
-    const char *name; // "avx512 f32"
-    size_t real_size;
+    const char *name; // instruction set and precision, e.g. "avx512 f32"
+    size_t real_size; // size of a float or a double [bytes]
     size_t (*tables_size)(const kn_model *model);
     void (*tables_build)(const kn_model *model, void *tables);
     // Linearise the law, fill r, g, P and z, and return r.z. `again`: linearise once more around the guess, without
@@ -48,7 +50,7 @@ typedef struct kn_kernels {
     void (*integrate)(const kn_model *model, kn_state *state);
 } kn_kernels;
 
-// Choose model->isa and model->kernels by the model's def. Return false if this processor lacks the requested
+// Choose model->isa and model->kernels by the model's definition. Return false if this processor lacks the requested
 // instruction set.
 bool kn_kernels_choose(kn_model *model);
 
@@ -61,7 +63,7 @@ extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_k
 extern const kn_kernels kn_kernels_net_base_f32, kn_kernels_net_base_f64, kn_kernels_net_avx2_f32,
     kn_kernels_net_avx2_f64, kn_kernels_net_avx512_f32, kn_kernels_net_avx512_f64;
 
-// Return the number of reals of g per edge.
+// Return the number of reals that kn_work.g holds per edge.
 static inline int kn_work_edge(const kn_model *m)
 {
     return m->def.mesh || m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1;

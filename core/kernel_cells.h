@@ -14,8 +14,8 @@
 // the world axes are. At rest every number is a small whole number, J is exactly 1, and nothing pushes.
 
 typedef struct cells {
-    lanes slope[8][3]; // dJ/dX of each corner, times 36 (flat: 2)
-    lanes j;           // V/V0
+    lanes slope[8][3]; // derivative of J = V/V0 by each corner's position, times 36 (flat cells: times 2)
+    lanes j;           // J = V/V0, volume relative to the volume at rest
 } cells;
 
 // List the rows of a cell's corners. Return false if the cell would lie outside the lattice.
@@ -25,13 +25,13 @@ LANES_INLINE bool cell_rows(const tables *t, int row, int b, int c, int to[4])
     return (t->rows == 1 || b + 1 < t->rows) && (t->planes == 1 || c + 1 < t->planes);
 }
 
-// Load a component of a field at one of the two ends of a cell on a row.
+// Load a component of a field at end 0 or 1 of sixteen cells along a row.
 LANES_INLINE lanes cell_end(int K, const real *field, int row, int component, int k, int end)
 {
     return end ? near(K, field, row, component, k, 1) : lanes_load(field + at(K, row, 3, component, k));
 }
 
-// Add values to the two ends of sixteen cells on a row. With one vector per row, one store is enough. With more
+// Add values to the two ends of sixteen cells along a row. With one vector per row, one store is enough. With more
 // vectors, two stores are needed.
 LANES_INLINE void add_ends(int K, real *field, int row, int C, int component, int k, lanes own, lanes far)
 {
@@ -77,7 +77,7 @@ LANES_INLINE void add_face(lanes slope[8][3], lanes corner[8][3], int axis, int 
     add_cross(slope[p3], end, high, left);
 }
 
-// Compute slopes and J of solid cells from the positions of their corners.
+// Compute J = V/V0 of solid cells and its derivatives (slopes) from the positions of their corners.
 LANES_INLINE void block_shape(cells *x, lanes corner[8][3])
 {
     for (int i = 0; i < 8; i++)
@@ -115,7 +115,7 @@ LANES_INLINE void cell_shape(const tables *t, const fields *f, const int to[4], 
 {
     const int dims = flat ? 2 : 3;
     lanes corner[8][3], inverse = lanes_set(t->cell_inverse_h);
-    // corners relative to the first one, in spacings
+    // positions of the corners relative to the first corner, in spacings
     for (int c = 0; c < dims; c++) {
         lanes first = lanes_load(f->x + at(f->K, to[0], 3, t->cell_axis[c], k));
         corner[0][c] = lanes_set(0);
@@ -138,7 +138,7 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     const int dims = flat ? 2 : 3;
     cells x;
     cell_shape(t, f, to, k, flat, &x);
-    // rate: how fast J changes at the guess
+    // rate: dJ/dt at the guessed velocities
     lanes rate = lanes_set(0);
     for (int i = 0; i < 1 << dims; i++)
         for (int c = 0; c < dims; c++)
@@ -150,7 +150,7 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     over = lanes_fnma(lanes_mul(lanes_set(t->cell_rate), rate), lanes_mul(i1, i1), over);
     lanes push = lanes_mul(lanes_mul(lanes_set(t->cell_push), here), over);
     lanes root = lanes_mul(lanes_mul(lanes_set(t->cell_root), here), i1);
-    // forces, g and blocks, row by row of the cell's corners
+    // add forces and diagonal blocks and store g, for one row of the cell's corners after another
     for (int r = 0; r < 1 << (dims - 1); r++) {
         lanes g[2][3];
         for (int c = 0; c < dims; c++) {
@@ -243,11 +243,11 @@ static double object_shape(const kn_model *model, kn_state *state)
     return sum;
 }
 
-// Return kept . field: how fast the volume changes at a field of velocities.
+// Return the rate of change of the volume at a field of velocities: the scalar product of dV/dx (`kept`) and `field`.
 static double object_rate(const kn_model *model, const real *kept, const real *field)
 {
     const tables *t = model->tables;
-    const size_t reals = (size_t)t->rows * 3 * model->stride; // in one plane
+    const size_t reals = (size_t)t->rows * 3 * model->stride; // number of reals in one plane of the field
     double sum = 0;
     for (int c = 0; c < t->planes; c++, kept += reals, field += reals) {
         lanes plane = lanes_set(0);
@@ -308,7 +308,7 @@ static void pressure_add(const kn_model *model, kn_state *state)
     else cells_pass(model, state, K, false, false);
 }
 
-// Add the cells' part to q. Return its share of d.q.
+// Add the gas pressure's part of the product A d to q. Return the pressure's part of d.q.
 static double pressure_product(const kn_model *model, kn_state *state)
 {
     int K = model->grid.vectors;
@@ -334,7 +334,7 @@ static void build_cells(tables *t, const kn_model *model)
     t->cell_axis[0] = g->axis[0];
     t->cell_axis[1] = g->axis[upright ? 2 : 1];
     t->cell_axis[2] = g->axis[2];
-    // the row at b + 1; with one row in a plane it is the one at c + 1
+    // distances in rows from the cell's first row to its others; with one row per plane the next row is that at c + 1
     t->cell_to[1] = 1;
     t->cell_to[2] = g->len[1];
     t->cell_to[3] = g->len[1] + 1;

@@ -34,7 +34,7 @@ enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 // The three shifts along a row must be unrolled, so that they are constants. gcc leaves the loop rolled, which makes
 // the edge pass 18 % slower.
 #define PRAGMA(x) _Pragma(#x)
-// Do not unroll where it only costs compile time.
+// Do not unroll loops in the base and checked builds: they need not be fast, and unrolling takes compile time.
 #if KN_KERNEL_BASE || KN_KERNEL_CHECKED
 #define UNROLL(n)
 #elif defined(__clang__)
@@ -45,14 +45,16 @@ enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 
 // Constants of the law in the model's precision. They are equal for every instruction set.
 typedef struct law_tables {
-    // y is counted from the middle of its segment, 0 in f32. First member: it is 64-byte aligned with the block.
+    // Middle of each segment of the law's table, from which y is counted; 0 in f32. It is the first member, so it is
+    // aligned to 64 bytes like the block.
     real middle[KN_LAW_SEGMENTS];
     real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
     kn_law_kind kind;            // KN_LAW_TABLE in f64 stands for the fine table
-    real a, k1, keep, gain;      // A; k1; u <- keep u + gain s
+    real a, k1, keep, gain;      // A; k1; factors of the strain's update u <- keep u + gain s
     real dt, half_dt, shortest2; // shortest2: squared length below which n is not scaled up any more, m^2
-    real inverse_b0, b0, yh, rest, flow, root_rest, root_flow; // the law's straight ends: slopes and their roots
-    // z_in, z_out; A/dt; room below which a stroke counts as used up
+    // the law's two straight ends: where they end (b0, yh), their slopes, and the roots of their slopes
+    real inverse_b0, b0, yh, rest, flow, root_rest, root_flow;
+    // stops z_in, z_out of the damper; A/dt; remaining strain below which the stroke counts as used up
     real inwards, outwards, stop_per_strain, stroke_ends;
     real gamma;
     int shift;
@@ -147,11 +149,11 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     inside = lanes_sub(inside, lanes_table(t->middle, i));
 #endif
     lanes p = polynomial(DEGREE, t->stress, inside, i);
-    // outside this range the law is one of two straight lines; max and min make the kinks exact
+    // outside [1, yh] the law is one of two straight lines; max and min make the kinks at both ends exact
     p = lanes_max(lanes_mul(lanes_set(t->flow), y), lanes_min(lanes_mul(lanes_set(t->rest), y), p));
     p = lanes_mul(p, lanes_set(t->b0));
     *s = lanes_less(b, zero, lanes_sub(zero, p), p);
-    // sqrt(slope): polynomial inside, constants at both ends
+    // root of the slope: a polynomial for y in [1, yh], constants outside
     lanes c = polynomial(SLOPE_DEGREE, t->slope[how], inside, i);
     c = lanes_less(yh, y, lanes_set(t->root_flow), c);
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
@@ -166,7 +168,7 @@ LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind
     } else if (kind == KN_LAW_TABLE) {
         law_table(t, how, b, s, root);
     } else {
-        *s = lanes_mul(b, lanes_set(t->rest)); // factor 1 for a Voigt element without damper
+        *s = lanes_mul(b, lanes_set(t->rest)); // the factor is 1 for a Voigt element without damper
         *root = lanes_set(t->root_rest);
     }
 }
@@ -199,10 +201,11 @@ LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
 
 // Geometry of sixteen edges. Differences are far end minus near end.
 typedef struct bars {
-    lanes rest[3], shift[3], dv[3]; // rest vector, m; its change, m; difference of the last velocities, m/s
-    lanes n[3];                     // unit vectors
-    lanes length2, inverse, rate;   // squared length; 1/length; growth rate in the last step
-    lanes scale;                    // 1/(gamma L0)
+    // vector at rest, m; change of this vector since, m; difference of the last velocities of the two ends, m/s
+    lanes rest[3], shift[3], dv[3];
+    lanes n[3];                   // unit vectors from the near to the far end
+    lanes length2, inverse, rate; // squared length; 1/length; growth rate of the length in the last step
+    lanes scale;                  // factor 1/(gamma L0) from length to strain
 } bars;
 
 // Compute n, length2, inverse and rate from rest, shift and dv.
@@ -258,7 +261,7 @@ LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bar
         u = lanes_mul(u, lanes_load(here));
         lanes_store(strain, u);
     }
-    // now the stress sought at the end of this step
+    // now the stress at the end of this step
     lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
     if (stroke) {
         law_of(model, t, kind, how, sought, stress, root);

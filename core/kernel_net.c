@@ -9,10 +9,10 @@ typedef struct tables {
     int (*ends)[2]; // [edges] lower node, upper node
     int *first;     // [nodes + 1] first edge with this lower node
     real *rest;     // [batches][3][16] rest vector, m; the padding repeats that of the first edge
-    real *scale;    // [batches][16] 1/(gamma L0), 1/m
-    real *area;     // gamma kappa weight L0: stress to force, m^2; 0 in the padding
-    real *root;     // sqrt(kappa weight A)
-    real *here;     // 1 where there is an edge, 0 in the padding
+    real *scale;    // [batches][16] factor 1/(gamma L0) from length to strain, 1/m
+    real *area;     // [batches][16] gamma kappa weight L0: factor from stress to force, m^2; 0 in the padding
+    real *root;     // [batches][16] sqrt(kappa weight A): turns sqrt(ds/db) into sqrt(force per rate)
+    real *here;     // [batches][16] 1 where there is an edge, 0 in the padding
     real *mass_dt;  // [nodes] m/dt, kg/s
     real *weight;   // [nodes] downward force, N
     // cells (0 without pressure): corners; sides from the first corner at rest; 1/V0; P0; 1/6 or half the thickness
@@ -21,7 +21,7 @@ typedef struct tables {
     int (*corner)[4];
     real *side, *inverse_volume;
     real outside, sixth;
-    double volume; // of the whole object
+    double volume; // volume of the whole object at rest
 } tables;
 
 static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
@@ -115,7 +115,7 @@ static void tables_build(const kn_model *m, void *block)
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-// Compute far end minus near end of a 3-component field, for sixteen edges.
+// Compute the difference of a 3-component field between the far and the near end of sixteen edges.
 LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lanes out[3])
 {
     _Alignas(64) real gap[3][KN_LANES] = {{0}};
@@ -213,7 +213,7 @@ static double finish_node(const kn_state *state, const tables *t, int node, bool
     real *r = (real *)work->r + 3 * node, *z = (real *)work->z + 3 * node, *p = (real *)work->p + 6 * node;
     for (int k = 0; k < 3; k++) p[diagonal[k]] += t->mass_dt[node];
     r[2] -= t->weight[node];
-    // inertia, when the guess differs from the last velocity
+    // add the inertia force if the guessed velocity differs from the last velocity
     if (work->row_moved[node] || again)
         for (int k = 0; k < 3; k++) r[k] += t->mass_dt[node] * (v[k] - guess[k]);
     // cut the prescribed components out of the block, so that its inverse acts on the free ones only
@@ -314,7 +314,7 @@ static double update(const kn_model *model, kn_state *state, double alpha)
     for (int i = 0; i < 3 * t->nodes; i++) {
         guess[i] += a * d[i];
         r[i] -= a * q[i];
-        q[i] = 0; // ready for the next product
+        q[i] = 0; // clear q for the next product A d
     }
     for (int i = 0; i < t->nodes; i++) sum += (double)multiply_block(p + 6 * i, r + 3 * i, z + 3 * i);
     return sum;

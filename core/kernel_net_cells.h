@@ -5,7 +5,7 @@
 
 typedef struct element { // one cell in its present shape
     real slope[4][3];    // dV/dx of its corners, m^2
-    real j;              // V/V0
+    real j;              // J = V/V0, volume relative to the volume at rest
 } element;
 
 // Set a corner's slope to factor (a x b) and subtract it from the first corner's. `factor`: 1/6, or half the thickness
@@ -19,10 +19,10 @@ LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real 
     }
 }
 
-// Compute slopes and J of one cell.
+// Compute J = V/V0 of one cell and its derivatives (slopes) by the corners' positions.
 LANES_INLINE element element_of(const tables *t, const real *displacement, int cell)
 {
-    // third side of a flat element: triangles turn from x to z
+    // third side of a flat element, along -y, because its corners 0, 1, 2 turn from x to z
     static const real across[3] = {0, -1, 0};
     const int *corner = t->corner[cell];
     real side[3][3];
@@ -88,7 +88,7 @@ static void object_add(const kn_work *work, const tables *t, const real *displac
         for (int i = 0; i <= t->sides; i++)
             for (int k = 0; k < 3; k++) kept[3 * t->corner[c][i] + k] += x.slope[i][k];
     }
-    // rate: how fast the volume changes at the guess
+    // rate: dV/dt at the guessed velocities
     for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * guess[i]);
     gas(t, (real)(volume / t->volume), (real)(rate / t->volume), &over, &slope);
     real root = (real)sqrt((double)(t->law.dt * t->outside * slope) / t->volume);

@@ -98,12 +98,13 @@ LANES_INLINE native base_less(native a, native b, native x, native y)
     native_mask m = a < b;
     return (native)((m & (native_mask)x) | (~m & (native_mask)y));
 }
-#define N_MIN(a, b) base_less(a, b, a, b) // like minps: the second operand if one is NaN
+// like the instruction minps: the result is the second operand if either is NaN
+#define N_MIN(a, b) base_less(a, b, a, b)
 #define N_MAX(a, b) base_less(b, a, a, b)
 #define N_LESS(a, b, x, y) base_less(a, b, x, y)
 #endif
 
-// Lanes of a native vector.
+// Number of lanes of a native vector.
 #define W (KN_LANES / PARTS)
 
 // The parts are members, not an array, and are never looped over. gcc keeps an array of vectors in memory unless it
@@ -245,7 +246,7 @@ typedef __m512i index_native;
 #elif KN_KERNEL_AVX2 && KN_KERNEL_F32
 typedef __m256i index_native;
 #define SEGMENT(i) _mm256_srl_epi32(_mm256_sub_epi32(_mm256_castps_si256(y.p##i), _mm256_set1_epi32(TABLE_ONE)), by),
-// bit 3 of the index, moved to the sign, chooses the half
+// bit 3 of the index, moved to the sign bit, chooses the half of the table
 #define LOOK(i)                                                                                                        \
     _mm256_blendv_ps(_mm256_permutevar8x32_ps(_mm256_load_ps(table), s.p##i),                                          \
                      _mm256_permutevar8x32_ps(_mm256_load_ps(table + 8), s.p##i),                                      \
@@ -291,7 +292,7 @@ LANES_INLINE lanes lanes_table(const real *table, segment s)
 }
 #endif
 
-// Compute 1/sqrt(a), a > 0.
+// lanes_inverse_root returns 1/sqrt(a) of every lane, for a > 0.
 #if KN_KERNEL_F32
 LANES_INLINE lanes lanes_inverse_root(lanes a) { return lanes_div(lanes_set(1), lanes_sqrt(a)); }
 #else
@@ -321,7 +322,7 @@ LANES_INLINE native base_guess(native a)
 LANES_INLINE lanes lanes_inverse_root(lanes a)
 {
     lanes root = {EACH(GUESS)};
-    // off = 1 - a root^2; root += root (off/2 + 3/8 off^2 + 5/16 off^3)
+    // error off = 1 - a root^2; correction root += root (off/2 + 3/8 off^2 + 5/16 off^3)
     for (int i = 0; i < 2; i++) {
         lanes off = lanes_fnma(a, lanes_mul(root, root), lanes_set(1));
         lanes series = lanes_fma(off, lanes_fma(off, lanes_set(5.0 / 16), lanes_set(3.0 / 8)), lanes_set(0.5));

@@ -21,7 +21,7 @@ static unsigned bits_of(float f)
     return bits;
 }
 
-#define ONE_BITS 0x3f800000u // bits(1.0f)
+#define ONE_BITS 0x3f800000u // bits of the float 1.0f
 
 // Evaluate the table as the kernels do. Used to measure the table's error and to start Newton's method.
 static double table_stress(const kn_law *law, double b)
@@ -49,7 +49,7 @@ double kn_law_stress(const kn_law *law, double b_pa)
         for (int i = 0; i < 60; i++) {
             double r = law->a_pa_s / kn_material_c2(&law->mat, s);
             double f = log(s * (1.0 + r) / b);
-            if (fabs(f) <= 4e-16) break; // two roundings of the logarithm's argument
+            if (fabs(f) <= 4e-16) break; // f is as small as the rounding errors of the logarithm's argument
             // narrow the bracket, then take Newton's step or, if it leaves the bracket, bisect
             if (f > 0) hi = s;
             else lo = s;

@@ -37,31 +37,31 @@
 #define KN_LAW_FINE 13 // degree of the polynomials in f64
 
 typedef enum kn_law_kind {
-    KN_LAW_VOIGT,  // no damper, or a damper that cannot move: s = A w + k1 u, u from the length; no state per edge
+    KN_LAW_VOIGT,  // no damper, or a damper that cannot move: s = A w + k1 u with u from the length; no state per edge
     KN_LAW_LINEAR, // constant c2: s = b / (1 + A/c2)
     KN_LAW_TABLE,  // force-dependent c2 through the table
-    KN_LAW_EXACT   // force-dependent c2, exact to rounding: in F64, and for laws too wide for the table
+    KN_LAW_EXACT   // force-dependent c2, exact to rounding: in F64, or if the law's range is too wide for the table
 } kn_law_kind;
 
 // Linearisation of the law around the solver's guess.
 typedef enum kn_linearization {
-    KN_LINEARIZATION_BLEND,  // mean of secant and tangent: accurate, no chatter up to a few thousand nodes
-    KN_LINEARIZATION_SECANT, // s/b: never chatters, a little less accurate
-    KN_LINEARIZATION_TANGENT // chatters from about 2 500 nodes
+    KN_LINEARIZATION_BLEND,  // mean of secant and tangent: accurate, and no chatter up to a few thousand nodes
+    KN_LINEARIZATION_SECANT, // slope s/b: the force never chatters, but is a little less accurate
+    KN_LINEARIZATION_TANGENT // slope ds/db: the force chatters if the lattice has about 2 500 nodes or more
 } kn_linearization;
 
 typedef struct kn_law {
     kn_material mat;
     kn_law_kind kind;
     double dt_s;
-    double a_pa_s;  // A
-    bool stroke;    // the damper has stops and can move between them
-    double in, out; // gamma z_in, gamma z_out: residual strains, see kn_material_stroke
+    double a_pa_s;  // A = c1 + dt k1
+    bool stroke;    // the damper has end stops and can move between them
+    double in, out; // gamma z_in and gamma z_out: residual strains at the damper's stops, see kn_material_stroke
     // The two straight ends, where tangent and secant agree. For a linear law both are the same.
     double slope_rest;   // ds/db for |b| <= b0
     double slope_flow;   // ds/db for |b| >= bh
-    double s0_pa, b0_pa; // end of the resting branch (p0 of the material; a small stress when p0 = 0)
-    double s1_pa, bh_pa; // start of the flowing branch (p1)
+    double s0_pa, b0_pa; // s and b at the end of the resting branch (s = p0 of the material; a small stress if p0 = 0)
+    double s1_pa, bh_pa; // s and b at the start of the flowing branch (s = p1 of the material)
     // Table in y = |b|/b0. The segment of y in [1, yh] is (bits(y) - bits(1)) >> shift of an IEEE f32.
     int shift;
     float cubic[4][KN_LAW_SEGMENTS];    // s/b0 = c0 + y (c1 + y (c2 + y c3))
@@ -71,7 +71,7 @@ typedef struct kn_law {
     // Table for KN_LAW_EXACT in f64. It is in x = y - middle of the segment, so that a high degree loses no digits.
     double middle[KN_LAW_SEGMENTS], fine[KN_LAW_FINE + 1][KN_LAW_SEGMENTS];
     double fine_slope[3][4][KN_LAW_SEGMENTS]; // [kn_linearization]
-    double fine_error;                        // like table_error
+    double fine_error;                        // largest relative error of the f64 table, like table_error
 } kn_law;
 
 // Build the law for one step length. exact = true asks for KN_LAW_EXACT if the damper depends on force. If the range of
@@ -93,7 +93,7 @@ double kn_law_stress(const kn_law *law, double b_pa);
 #define KN_LAW_STROKE_ENDS 1e-9
 double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwards, double outwards);
 
-// Return ds/db at stress s; ds/dw is A times this.
+// Return the slope ds/db of the law at stress s. The slope ds/dw is A ds/db.
 double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how);
 
 #endif

@@ -33,24 +33,24 @@
 
 typedef enum kn_damper {
     KN_DAMPER_NONE,        // 1/c2 = 0: the damper is rigid, no deformation stays
-    KN_DAMPER_CONSTANT,    // c2 constant
+    KN_DAMPER_CONSTANT,    // c2 does not depend on the stress
     KN_DAMPER_EXPONENTIAL, // c2(s) = alpha exp(-beta clamp(|s|, p0, p1)): stiff at rest, flowing under load
     KN_DAMPER_RAMP         // c2(s) = c_max - (c_max - c_min) (clamp(|s|, p0, p1) - p0)/(p1 - p0)
 } kn_damper;
 
 typedef struct kn_material {
-    double k1_pa;   // >= 0
-    double c1_pa_s; // >= 0; k1 and c1 not both 0
+    double k1_pa;   // modulus of the spring, >= 0
+    double c1_pa_s; // modulus of the dashpot, >= 0; k1 and c1 must not both be 0
     kn_damper damper;
-    double c2_pa_s;     // CONSTANT: > 0
-    double alpha_pa_s;  // EXPONENTIAL: > 0
-    double beta_per_pa; // EXPONENTIAL: >= 0 (shear thinning)
-    double p0_pa;       // EXPONENTIAL, RAMP: 0 <= p0 < p1
-    double p1_pa;
-    double c_max_pa_s; // RAMP: >= c_min; a damper that thickens under load could flow slower under more load
-    double c_min_pa_s; // RAMP: > 0
-    double ratio;      // a0, share of the Voigt part in an edge as made, a_min .. a_max; unused without a stroke
-    double stroke[2];  // a_min, a_max in 0..1; {0, 0}: no stops
+    double c2_pa_s;     // CONSTANT: modulus c2 of the damper, > 0
+    double alpha_pa_s;  // EXPONENTIAL: c2 at zero stress if p0 is 0, > 0
+    double beta_per_pa; // EXPONENTIAL: fall of ln c2 per stress, >= 0 (shear thinning)
+    double p0_pa;       // EXPONENTIAL, RAMP: stress up to which c2 is constant, 0 <= p0 < p1
+    double p1_pa;       // EXPONENTIAL, RAMP: stress from which c2 is constant again
+    double c_max_pa_s;  // RAMP: c2 up to p0; >= c_min, since a damper that thickens could flow slower under more load
+    double c_min_pa_s;  // RAMP: c2 from p1 on, > 0
+    double ratio;       // a0, share of the Voigt part in a new edge's length, a_min .. a_max; unused without a stroke
+    double stroke[2];   // bounds a_min, a_max of the ratio a, in 0 .. 1; {0, 0}: the damper has no stops
 } kn_material;
 
 // Return c2 at a stress of either sign, Pa s. INFINITY for KN_DAMPER_NONE.

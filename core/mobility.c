@@ -5,22 +5,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SLOWER 30   // S of mobility.h
-#define COLD 60     // iterations of a probe's first round
-#define WARM 12     // iterations of every other round
-#define ENOUGH 1e-4 // residual, relative to the pattern, at which a round ends; the error of Y is the square of this
+#define SLOWER 30 // factor S by which the inertia is reduced, see mobility.h
+#define COLD 60   // number of iterations of a probe's first solve
+#define WARM 12   // number of iterations of every later solve, which starts from the last solution
+// residual relative to the load at which a solve ends; the error of Y is the square of this residual
+#define ENOUGH 1e-4
 
 struct kn_mobility {
     const kn_model *model;
     // the object at rest; its scratch holds matrix and vectors, its field `change` holds the pattern
     kn_state *rest;
-    void *field[KN_PROBES_MAX]; // solution z of the last round
+    void *field[KN_PROBES_MAX]; // solution z of each probe's last solve
     bool warm[KN_PROBES_MAX];
     int probe, left;
     double rz, beta, enough;
 };
 
-// Return the bytes of a field with the given number of components.
+// Return the size of a field with the given number of components [bytes].
 static size_t bytes_of(const kn_model *m, int components)
 {
     return kn_model_field(m, components) * m->kernels->real_size;

@@ -16,10 +16,10 @@
 
 typedef struct kn_mobility kn_mobility;
 
-// Create a mobility. It allocates all its memory here, including a state of the model. Return NULL if memory is short
-// or the solver is not the implicit one.
+// Create a mobility solver. It allocates all its memory here, including a state of the model. Return NULL if memory is
+// short or the solver is not the implicit one.
 kn_mobility *kn_mobility_create(const kn_model *model);
-void kn_mobility_destroy(kn_mobility *m); // NULL is fine
+void kn_mobility_destroy(kn_mobility *m); // does nothing if `m` is NULL
 
 // Run a round for probe `p`: call begin, then load for every force of the pattern (`offset`: the node's model->offset),
 // then start. Then call iterate until it returns true. These and the functions below are real-time safe.
@@ -27,11 +27,12 @@ void kn_mobility_begin(kn_mobility *m, int p);
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3]);
 void kn_mobility_start(kn_mobility *m);
 
-// Do one iteration, about 20 ns per node. Return true when the round is over. Then *a_n_s_per_m is the new impedance,
-// or 0 if the round failed.
+// Do one iteration of the solve, about 20 ns per node. Return true when the solve (the round) is complete. Then
+// *a_n_s_per_m is the new impedance, or 0 if the solve failed.
 bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m);
 
-// Return force_n times the velocity of a node under the whole pattern of 1 N, from the last good round of probe p.
+// Return the scalar product of force_n and the velocity of a node under the whole pattern of 1 N. The velocity is that
+// of the last successful solve for probe p.
 double kn_mobility_rate(const kn_mobility *m, int p, size_t offset, const double force_n[3]);
 
 #endif

@@ -15,11 +15,11 @@
 
 // Longest step with gas, s. In a longer step, a press reduces a cell's volume too much at once.
 #define GAS_STEP_MOST_S 0.03
-#define NODES_MAX (1 << 22) // 4 M nodes: 3 GB of state; every index is far from overflow
+#define NODES_MAX (1 << 22) // largest number of nodes: their state takes 3 GB, and no index overflows
 
 kn_model_def kn_model_def_default(void)
 {
-    const double gf_cm2 = 98.0665; // Pa
+    const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
     return (kn_model_def){
         // the first paper's dough, per cm of specimen height
         .material = {.k1_pa = 470 * gf_cm2,
@@ -61,7 +61,7 @@ static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
         return "a probe's friction, adhesion and grip must not be negative";
     if (!is_real(p->coupling_n_m) || !is_real(p->coupling_n_s_m)) return "a probe's coupling must not be negative";
     const bool more = p->friction > 0 || p->adhesion_pa > 0 || p->grip_n > 0 || p->coupling_n_m > 0;
-    if (plate && more) return "a plate sticks as it is: friction, adhesion, grip and coupling need another shape";
+    if (plate && more) return "a plate always sticks: friction, adhesion, grip and coupling need another shape";
     if (p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
         return "adhesion would stretch the foundation by more than a fifth of a spacing: needs a stiffer foundation";
     if (def->solver.kind != KN_SOLVER_IMPLICIT && more)
@@ -106,7 +106,8 @@ static const char *check_mesh(const kn_model_def *def)
     const bool flat = def->mesh->dimension == 2;
     if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
     for (int p = 0; flat && p < def->probe_count; p++)
-        if (def->probe[p].shape != KN_PROBE_PLATE) return "a tool needs a solid object, a flat one takes plates";
+        if (def->probe[p].shape != KN_PROBE_PLATE)
+            return "a tool needs a solid object; a flat object takes only plates";
     return NULL;
 }
 
@@ -267,7 +268,7 @@ static const char *check_stiffness(const kn_model *m)
         if (foundation * h * h * dt > FOUNDATION_MOST * body)
             return "the tool's foundation is more than 500 times as stiff as the object under it";
         if (def->solver.precision == KN_PRECISION_F32 && gas > GAS_MOST_F32 * foundation * h)
-            return "f32 rounds the gas inside by more than the tool's soft foundation presses: needs precision: f64";
+            return "in f32 the gas inside rounds by more than the tool's soft foundation presses: needs precision: f64";
     }
     return NULL;
 }
@@ -325,7 +326,8 @@ static bool check_flattest(const kn_model *m, char *error, size_t size)
     if (m->def.solver.dt_s <= most_s) return true;
     if (size > 0)
         snprintf(error, size,
-                 "element %ld is %.2g m low, which a hand at 1 cm/s goes in one step: dt must be at most %.3g s here",
+                 "element %ld is only %.2g m high, and a hand at 1 cm/s moves that far in one step: dt must be at most "
+                 "%.3g s here",
                  m->def.mesh->tag[element], low_m, 0.99 * most_s);
     return false;
 }

@@ -11,49 +11,54 @@
 #include <stdint.h>
 
 #define KN_PROBES_MAX 4
-#define KN_NAME_MAX 24 // bytes, with the NUL: KNEAD_CONTACT_<name> must fit LCM's 63-byte channel names
+// Size of a probe's name, NUL included [bytes]. KNEAD_CONTACT_<name> must fit LCM's 63-byte channel names.
+#define KN_NAME_MAX 24
 
 typedef enum kn_structure {
-    KN_STRUCTURE_DIAGONALS, // sides, face and body diagonals
-    KN_STRUCTURE_AXIS       // sides only: a block cannot keep its shape; exact for a single bar
+    KN_STRUCTURE_DIAGONALS, // edges are the sides, face diagonals and body diagonals of the cells
+    // edges are the sides of the cells only: a block cannot keep its shape; exact for a single bar
+    KN_STRUCTURE_AXIS
 } kn_structure;
 
 typedef enum kn_support {
     KN_SUPPORT_BONDED,       // the base is glued to the table
-    KN_SUPPORT_FRICTIONLESS, // the base stays in its plane and slides freely (held in tension too)
-    KN_SUPPORT_NONE,         // free body
-    KN_SUPPORT_FRICTION      // lies on a table that only pushes, with friction: the object can be lifted off
+    KN_SUPPORT_FRICTIONLESS, // the base slides freely in its plane and cannot be lifted off
+    KN_SUPPORT_NONE,         // the object is a free body
+    KN_SUPPORT_FRICTION      // the object lies on a table with friction and can be lifted off
 } kn_support;
 
 typedef enum kn_skin_form { // skin of a block between its nodes, for every tool but a plate: see contact.h
-    KN_SKIN_SPLINE,         // quadratic
-    KN_SKIN_BILINEAR        // as good for wide tools: radius of two spacings and more
+    KN_SKIN_SPLINE,         // quadratic B-spline with the nodes as control points
+    KN_SKIN_BILINEAR        // bilinear between the nodes; as good as the spline if the tool's radius is >= 2 spacings
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
-    KN_PROBE_PLATE,  // level rectangle, sticks to the top nodes it touches and lets go in tension
-    KN_PROBE_SPHERE, // rigid ball, a disc on a flat block. This and the shapes below (shape.h) use foundation contact
+    KN_PROBE_PLATE,  // level rectangle that holds the top nodes it touches and releases nodes that pull
+    KN_PROBE_SPHERE, // rigid ball, a disc on a flat block; all shapes except PLATE use foundation contact (contact.h)
     KN_PROBE_CAPSULE,
     KN_PROBE_BOX,
     KN_PROBE_CROSS,
     KN_PROBE_CYLINDER,
     KN_PROBE_UNION,
-    KN_PROBE_MESH // one part, from a surface file
+    KN_PROBE_MESH // closed surface from a file
 } kn_probe_shape;
 
 typedef struct kn_probe_def {
     char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
     kn_probe_shape shape;
-    double size_m[3];             // PLATE: extent along x and y; BOX: x, y, z; CROSS: arm length, arm width, height
-    double radius_m;              // SPHERE, CAPSULE, CYLINDER: >= spacing (refused below), >= 1.5 spacing advised
-    double length_m;              // CAPSULE, CYLINDER: along its axis, z
-    double edge_m;                // BOX, CROSS, CYLINDER: radius of its edges; 0: sharp
-    const struct kn_shape *parts; // UNION, MESH: the parts in the tool frame; not owned, must outlive the model
-    double foundation_n_m3;       // contact stiffness per area; 0 = default (2.5e7, see contact.h)
-    double friction;              // Coulomb's mu of the contact while it slides; 0: frictionless
-    double adhesion_pa;           // tension that the contact carries before it lets go; 0: none
-    double grip_n;                // force up to which `grip` ties the contact to the tool; 0: no grip
-    double coupling_n_m;   // virtual coupling between pose and tool; 0: the tool follows its pose rigidly (tool.h)
+    double size_m[3]; // PLATE: extent along x and y; BOX: along x, y, z; CROSS: arm length, arm width, height
+    // SPHERE, CAPSULE, CYLINDER: radius, at least the lattice's spacing, better 1.5 spacings
+    double radius_m;
+    double length_m; // CAPSULE, CYLINDER: length along the tool's axis z
+    double edge_m;   // BOX, CROSS, CYLINDER: radius of the rounded edges; 0: sharp edges
+    // UNION, MESH: shape of the parts in the tool frame; not owned, must outlive the model
+    const struct kn_shape *parts;
+    double foundation_n_m3; // contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double friction;        // coefficient of sliding friction between tool and object; 0: frictionless
+    double adhesion_pa;     // tension that the contact carries before the tool releases the skin; 0: no adhesion
+    double grip_n;          // force up to which a closed grip ties the touched skin to the tool; 0: no grip
+    // stiffness of the virtual coupling between pose and tool; 0: the tool follows rigidly (tool.h)
+    double coupling_n_m;
     double coupling_n_s_m; // damping of the virtual coupling
     // Range of the tool's centre along x and y; all 0: anywhere. The scene computes kn_model_def.fine from it; no step
     // reads it.
@@ -71,18 +76,20 @@ typedef struct kn_solver_def {
     kn_precision precision; // RK4 and FIXED are always F64: FIXED keeps its integers in them
     kn_linearization linearization;
     kn_isa isa;
-    double dt_s;        // step, s
-    int iterations;     // CG iterations that every step gets
-    int iterations_max; // hard cap, reached only while the residual is above the tolerance
-    double tolerance;   // preconditioned residual, relative to the largest of the recent steps; 0 = never extend
-    int passes;         // linearisations per step; 1 in real time, 3-5 with SECANT for a converged reference
-    double mass_scale;  // >= 1; gives RK4 a stable step; stated in the scene, never chosen silently
+    double dt_s;        // time step
+    int iterations;     // conjugate gradient iterations that every step does
+    int iterations_max; // largest number of iterations; reached only while the residual is above the tolerance
+    // A step does more than `iterations` only while its preconditioned residual, relative to the largest of the last
+    // second, exceeds the tolerance; 0: never.
+    double tolerance;
+    int passes;        // linearisations of the law per step: 1 in real time, 3-5 with SECANT for a converged reference
+    double mass_scale; // factor of the inertia, >= 1, for a longer stable step of RK4; only the scene can set it
 } kn_solver_def;
 
 // The part of a kn_solver_def that may change from step to step. It sets how much time a step takes and how exact the
 // step is. No memory layout depends on it.
 typedef struct kn_effort {
-    int iterations, iterations_max; // iterations 0: take all values from the model
+    int iterations, iterations_max; // as in kn_solver_def; iterations 0: take all values from the model
     double tolerance;
     int passes;
     kn_linearization linearization;
@@ -93,34 +100,35 @@ typedef struct kn_model_def {
     double density_kg_m3;     // > 0
     double gravity_m_s2;      // downwards, >= 0
     const kn_simplices *mesh; // checked, in the scene's frame; not owned, must outlive the model. NULL: a block
-    int nodes[3];             // block: nodes along x, y, z
-    double spacing_m;         // block: side of a cell; mesh: mean edge
-    double thickness_m;       // > 0: a flat object in the x-z plane, nodes[1] = 1, in plane stress; else 0
+    int nodes[3];             // block: number of nodes along x, y, z
+    double spacing_m;         // block: side of a cell; mesh: mean length of an edge
+    double thickness_m;       // thickness of a flat object (x-z plane, nodes[1] = 1, plane stress); 0: not flat
     kn_structure structure;
-    double diagonal_stiffness; // stiffness of a diagonal / that of a side, in (0, 1]; ignored without diagonals
-    int fine[2][3]; // block: first and last corner, in cells, of the box that keeps the spacing; cells outside the box
-                    // are twice as wide (composite.h). All even; all 0: one lattice everywhere
+    double diagonal_stiffness; // ratio of a diagonal's stiffness to a side's, in (0, 1]; ignored without diagonals
+    // Block: first and last corner, in cells, of the box of fine cells. Cells outside the box are twice as wide
+    // (composite.h). All six numbers are even; all 0: the whole block has fine cells.
+    int fine[2][3];
     kn_pressure pressure;
-    double inside_pressure_pa; // absolute, at rest; > 0 with pressure
-    kn_skin_form skin;         // of a block; the skin of a mesh is its triangles
+    double inside_pressure_pa; // absolute gas pressure inside the object at rest; > 0 with pressure
+    kn_skin_form skin;         // skin of a block; the skin of a mesh is its triangles
     kn_support support;
-    double support_friction; // FRICTION: Coulomb's mu on the table, >= 0
-    int probe_count;         // 0 .. KN_PROBES_MAX
+    double support_friction; // FRICTION: coefficient of friction on the table, >= 0
+    int probe_count;         // number of probes, 0 .. KN_PROBES_MAX
     kn_probe_def probe[KN_PROBES_MAX];
     kn_solver_def solver;
 } kn_model_def;
 
 typedef struct kn_net_moduli { // elastic constants of a net that is scaled to E = 1
-    double young[3];           // along x, y, z; y is 0 for a flat net
-    double poisson;            // mean of the axes
-    double shear;              // mean of the planes; E/2(1 + nu) if it were isotropic
+    double young[3];           // Young's modulus along x, y, z; 0 along y for a flat net
+    double poisson;            // Poisson's ratio, mean over the axes
+    double shear;              // shear modulus, mean over the planes; E/2(1 + nu) if the net were isotropic
 } kn_net_moduli;
 
 #define KN_FACES_MAX 32
 typedef struct kn_face { // one flat side of the block as a grid of nodes, for contact and drawing
-    int origin;          // node id of grid point (0,0)
-    int step[2];         // node id step along u and v; u x v points outwards
-    int len[2];          // nodes along u and v
+    int origin;          // node id of the face's first corner
+    int step[2];         // increment of the node id along the face's directions u and v; u x v points outwards
+    int len[2];          // number of nodes along u and v
     double spacing_m;
 } kn_face;
 
@@ -130,45 +138,46 @@ struct kn_shape;
 
 typedef struct kn_model {
     kn_model_def def;
-    kn_grid grid;                   // grid of a block; of a composite: as if the whole block were fine
+    kn_grid grid;                   // grid of a block; for a composite, the grid as if the whole block were fine
     struct kn_composite *composite; // NULL if the model is not a composite
     kn_law law;
     // The lattice for solver, contact and drawing. A field of C components is [row][C][stride].
     int node_count;
     int row_count;
-    size_t stride;        // reals of one component in a row: whole vectors, or 1 in a net, whose rows are nodes
-    size_t edge_reals;    // reals in a field of one real per edge, padding included
-    size_t *offset;       // [nodes] offset of a node's x component in a 3-component field; y, z follow a stride apart
+    size_t stride;     // number of reals of one component in a row; 1 in a net, where each row is one node
+    size_t edge_reals; // number of reals in a field of one real per edge, padding included
+    // [nodes] offset of a node's x component in a 3-component field. y and z follow one and two strides later.
+    size_t *offset;
     double (*rest_m)[3];  // [nodes] undeformed position: right-handed, z up
     double *node_mass_kg; // [nodes]
-    uint8_t *support;     // [nodes] bit k set: the support holds component k
+    uint8_t *support;     // [nodes] bit k is set: the support holds component k of the node
     int top_count;        // number of nodes that a plate can hold
-    int *top;             // [top_count] ids of those nodes
+    int *top;             // [top_count] ids of the nodes that a plate can hold
     double *top_share;    // [top_count] share of a load that is spread evenly over the top; sums to 1
-    double size_m;        // longest extent
-    double kappa_m;       // stiffness k of an edge with weight 1, divided by E of the material
-    kn_net_moduli moduli; // net only, else 0
-    double creep_error;   // net only: relative error that the fit of gamma left
-    double gamma;         // stress area of an edge / (kappa weight L0)
+    double size_m;        // longest extent of the undeformed object
+    double kappa_m;       // ratio of the stiffness of an edge with weight 1 to E of the material
+    kn_net_moduli moduli; // net: measured elastic constants; else 0
+    double creep_error;   // net: relative error of the creep test that the fit of gamma left
+    double gamma;         // ratio of an edge's stress area to kappa weight L0
     const struct kn_kernels *kernels;
     kn_isa isa;                 // instruction set in use, never AUTO
     void *tables;               // constants of the kernels in the model's precision, one block
     int skin_count;             // number of triangles of a net's outside, else 0
     int (*skin)[3];             // [skin_count] triangles of nodes, counter-clockwise from outside
     int face_count;             // faces that a probe can touch: top, four sides; base if support is NONE or FRICTION
-    int outside_count;          // all faces; those that a probe cannot touch come last
+    int outside_count;          // number of all faces; faces that a probe cannot touch come last
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
     struct kn_shape *shape;     // [probe_count] shape of every probe but plates
     int base_count;             // number of nodes of the outside that the table can push: see outside.h
-    int *base;                  // [base_count] ids of those nodes
-    double *base_area_m2;       // [base_count] area of the outside that each of them stands for
-    kn_edge *edges;             // of a net, or under RK4 and FIXED; else NULL
+    int *base;                  // [base_count] ids of the nodes that the table can push
+    double *base_area_m2;       // [base_count] area of the outside that each of the base nodes stands for
+    kn_edge *edges;             // [edge_count] list of edges of a net, or for RK4 and FIXED; else NULL
     int edge_count;
-    kn_cell *cells;      // with pressure, of a net or under RK4; else NULL
+    kn_cell *cells;      // [cell_count] list of gas cells of a net, or for RK4; NULL otherwise and without pressure
     double *cell_volume; // [cell_count] volume at rest, m^3
     int cell_count;
-    struct kn_fixed_model *fixed; // FIXED only, else NULL: solver_fixed.h
-    double rk4_limit_s;           // RK4 only: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
+    struct kn_fixed_model *fixed; // FIXED: image of the model in integers (solver_fixed.h); else NULL
+    double rk4_limit_s;           // RK4: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
     size_t state_bytes;           // size of one kn_state with its arrays
 } kn_model;
 
@@ -182,12 +191,12 @@ void kn_model_def_extent(const kn_model_def *def, double extent_m[3]);
 // Build a model. Return NULL and store one sentence in error if it cannot be built; if RK4's step is unstable, the
 // sentence names its limit. Allocates once.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
-void kn_model_destroy(kn_model *model); // NULL is fine
+void kn_model_destroy(kn_model *model); // does nothing if `model` is NULL
 
 // Return true if this processor can run the kernels of an instruction set.
 bool kn_isa_supported(kn_isa isa);
 
-double kn_model_mass(const kn_model *model); // kg, without mass_scale
+double kn_model_mass(const kn_model *model); // mass of the object without the factor mass_scale [kg]
 
 // Return the number of reals in a field of that many components, padding included.
 static inline size_t kn_model_field(const kn_model *model, int components)

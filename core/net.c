@@ -18,7 +18,8 @@ typedef struct side { // side of one element, or the sum of merged sides
     double kappa_m;
 } side;
 
-// Sort by ends, then by element, so that sums do not depend on how qsort orders equal keys.
+// Compare two sides for qsort: by their end nodes, then by element, so that sums do not depend on the order of equal
+// keys.
 static int by_ends(const void *a, const void *b)
 {
     const side *x = a, *y = b;
@@ -158,7 +159,7 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
 // List the top's nodes with their shares, by the horizontal area of their facets.
 static void build_top(kn_model *m, const facet *facets, int count)
 {
-    double *share = m->top_share, sum = 0; // indexed by node until the top is listed
+    double *share = m->top_share, sum = 0; // shares are indexed by node until the list of top nodes is made
     for (int f = 0; f < count; f++) {
         double area[3];
         facet_area(m, &facets[f], area);
@@ -265,7 +266,7 @@ static int by_distance(const void *a, const void *b)
     return (x->element > y->element) - (x->element < y->element);
 }
 
-// Sort the elements by distance from the middle.
+// Compare two elements for qsort by their distance from the middle of the mesh.
 static near *from_middle(const kn_simplices *s)
 {
     near *order = malloc((size_t)s->element_count * sizeof *order);
@@ -286,7 +287,8 @@ static near *from_middle(const kn_simplices *s)
 static kn_simplices *middle_of(const kn_simplices *s)
 {
     near *order = from_middle(s);
-    int *number = calloc((size_t)s->node_count, sizeof *number); // new number of a node, from 1; 0: not taken
+    // number of each node in the specimen, from 1; 0: not in the specimen
+    int *number = calloc((size_t)s->node_count, sizeof *number);
     kn_simplices *part = kn_simplices_create(s->dimension, CREEP_NODES_MAX, s->element_count);
     if (order && number && part) {
         part->node_count = part->element_count = 0;

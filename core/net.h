@@ -22,7 +22,7 @@ bool kn_model_nodes(kn_model *model, int nodes, int top);
 bool kn_model_cells(kn_model *model, int cells);
 uint8_t kn_support_mask(kn_support support);
 
-// Fill in the model's nodes, edges, skin and top from def.mesh. Return NULL, or what is wrong.
+// Fill in the model's nodes, edges, skin and top from def.mesh. Return NULL, or a sentence that says what is wrong.
 const char *kn_net_build(kn_model *model);
 
 #endif

@@ -67,10 +67,10 @@ typedef struct line {
 typedef struct stage {
     const kn_network *net;
     double h;
-    double base[KN_ELEMENT_MAX];  // x at the start of the stage
+    double base[KN_ELEMENT_MAX];  // strain x of each part at the start of the stage
     double guess[KN_ELEMENT_MAX]; // stress at which the damper is linearised
     double stress[KN_ELEMENT_MAX];
-    double taken[KN_ELEMENT_MAX]; // D
+    double taken[KN_ELEMENT_MAX]; // strain D that each part takes up in the stage
     int8_t at_stop[KN_ELEMENT_MAX];
     line at[NODES];
 } stage;
@@ -126,7 +126,7 @@ static void hand_down(stage *g, int node, double s)
         double share = s;
         if (n->kind == KN_ELEMENT_PARALLEL) {
             if (child.slope == 0 && rigid < 0) {
-                rigid = n->child[i]; // carries the rest of the stress
+                rigid = n->child[i]; // the rigid member carries the stress that the other members do not carry
                 continue;
             }
             share = child.slope == 0 ? 0 : (taken - child.offset) / child.slope;
@@ -170,7 +170,7 @@ static bool solve(stage *g, const demand *want, double *root_stress)
         line all = compose(g, e->root);
         double s = want->strain ? (want->taken - all.offset) / all.slope
                                 : (want->fixed - want->gives * all.offset) / (1 + want->gives * all.slope);
-        if (want->strain && all.slope == 0) s = 0; // rigid, and the prescribed strain does not move it
+        if (want->strain && all.slope == 0) s = 0; // the element is rigid, and the prescribed strain does not move it
         if (!isfinite(s)) return false;
         hand_down(g, e->root, s);
         double change = 0, size = 0;
@@ -183,14 +183,14 @@ static bool solve(stage *g, const demand *want, double *root_stress)
             g->guess[k] = next;
         }
         *root_stress = s;
-        if (change <= 1e-12 * size || g->h == 0) return true; // at h = 0 there is nothing to iterate
+        if (change <= 1e-12 * size || g->h == 0) return true; // h = 0: the dampers are rigid, so the stage is linear
     }
     return false;
 }
 
 // ---- stops
 
-#define ARRIVED 1e-12 // share of the specimen's height
+#define ARRIVED 1e-12 // strain from a stop at which a damper counts as at the stop
 
 // Return the share of a step after which the first damper would pass a stop, or after which the stress of a damper at a
 // stop changes sign. 1: neither happens.

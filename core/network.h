@@ -29,11 +29,12 @@
 #include <stdint.h>
 
 typedef struct kn_part {
-    double modulus;                   // > 0; spring: k, Pa. damper: c at zero stress, Pa s
+    double modulus;                   // > 0. Spring: stiffness k, Pa. Damper: damping c at zero stress, Pa s
     double beta_per_pa, p0_pa, p1_pa; // damper: as in core/material.h; beta 0: constant
-    double c_min_pa_s;                // damper: 0, or the end of a ramp from modulus, with beta 0
-    bool stroke;                      // damper: it has stops
-    double stop[2];                   // least x <= 0, largest x >= 0; x > 0 is compressed
+    // damper: 0, or damping at the end of a ramp that begins at `modulus`, with beta 0
+    double c_min_pa_s;
+    bool stroke;    // damper: its strain is limited by two stops
+    double stop[2]; // damper: least strain <= 0, largest strain >= 0; > 0 is compression
 } kn_part;
 
 typedef struct kn_network {
@@ -49,19 +50,19 @@ typedef enum kn_drive_kind {
 
 typedef struct kn_drive {
     kn_drive_kind kind;
-    double value; // Pa, or strain
+    double value; // stress [Pa], or strain
     double start_s, rate_per_s, amplitude, omega;
 } kn_drive;
 
 typedef struct kn_network_state { // a plain value: a copy is a snapshot; all zero is a specimen at rest
     double time_s;
-    double strain, stress_pa;           // between the two ends, at time_s
-    double part_strain[KN_ELEMENT_MAX]; // x
-    double part_stress[KN_ELEMENT_MAX]; // at the end of the last stage; Newton starts from it
-    int8_t at_stop[KN_ELEMENT_MAX];     // 1: fully compressed, -1: fully drawn, 0: between the stops
-    double largest;                     // largest strain of a part so far; errors are relative to it
-    double step_s;                      // step length that the error allowed last
-    long steps, rejected;
+    double strain, stress_pa;           // strain and stress between the two ends at time_s
+    double part_strain[KN_ELEMENT_MAX]; // strain x of each part
+    double part_stress[KN_ELEMENT_MAX]; // stress of each part at the end of the last stage; Newton starts from it
+    int8_t at_stop[KN_ELEMENT_MAX];     // damper at a stop: 1 fully compressed, -1 fully drawn, 0 between the stops
+    double largest;                     // largest strain of a part so far; the tolerance is relative to this strain
+    double step_s;                      // step length that the error of the last step allows
+    long steps, rejected;               // number of steps taken, and of steps repeated with a shorter length
 } kn_network_state;
 
 // Return the element of a scene's material: (s1|d1)-d2 without the parts that are zero or rigid.
@@ -76,7 +77,7 @@ const char *kn_network_check(const kn_network *net, int *leaf);
 
 bool kn_part_thins(const kn_part *part); // true if the part is a damper that depends on the stress
 
-// Return c of a damper at a stress of either sign, Pa s, or k of a spring.
+// Return the damping c of a damper at a stress of either sign, Pa s, or the stiffness k of a spring, Pa.
 double kn_part_modulus(const kn_network *net, int leaf, double stress_pa);
 
 // Let a new drive take over at state->time_s. Parts that can give way at once do so. Afterwards, strain and stress are

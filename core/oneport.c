@@ -12,7 +12,7 @@
 enum { TERMS = KN_ELEMENT_MAX + 1, DUALS = KN_ELEMENT_MAX + 1 };
 
 typedef struct poly {
-    int degree; // -1: zero
+    int degree; // degree of the polynomial; -1: the polynomial is zero
     uint64_t c[TERMS][DUALS];
 } poly;
 

@@ -27,19 +27,20 @@
 #include "core/element.h"
 
 typedef struct kn_oneport {
-    bool fluid;             // Z(0) = 0
-    bool elastic;           // at once: Z(infinity) finite
-    int relaxation;         // n, number of relaxation times: poles of Z
-    int retardation;        // number of creep times: zeros of Z except the one at 0
+    bool fluid;             // Z(0) = 0: the element flows under a lasting load
+    bool elastic;           // Z(infinity) is finite: a step of strain meets a spring
+    int relaxation;         // number n of relaxation times, i.e. of poles of Z
+    int retardation;        // number of creep times, i.e. of zeros of Z except the one at 0
     int degree_n, degree_d; // degrees of numerator and denominator without common factor
-    int parameters; // number of parameters that can be found from the ends: rank of the Jacobian of Z's coefficients by
-                    // the parameters, at fixed arbitrary values, in integers modulo a prime, so without rounding
+    // Number of parameters that can be determined from the two ends. It is the rank of the Jacobian of Z's coefficients
+    // by the parameters, at fixed arbitrary values, in integers modulo a prime, so without rounding.
+    int parameters;
 } kn_oneport;
 
 // Return the one-port of an element. Parameters that cannot be told apart (s-s) count once.
 kn_oneport kn_oneport_of(const kn_element *e);
 
-bool kn_oneport_equal(const kn_oneport *a, const kn_oneport *b); // true if both have the same class
+bool kn_oneport_equal(const kn_oneport *a, const kn_oneport *b); // true if both belong to the same class
 
 // Print a canonical element of the class in normal form: Maxwell units side by side, or Voigt units in a row. It has as
 // many parts as the class has parameters, at most KN_ELEMENT_MAX primitives.

@@ -12,7 +12,8 @@ bool kn_outside_build(kn_model *model);
 // Return NULL, or the reason why a lattice of the given spacing is too coarse for the shape of a probe.
 const char *kn_outside_unfit(const kn_probe_def *probe, double spacing_m);
 
-// Add the shape of a probe; a plate adds nothing. Return false if the shape would get more than KN_PARTS_MAX parts.
+// Add the parts of a probe's shape to `shape`; a plate adds nothing. Return false if the shape would get more than
+// KN_PARTS_MAX parts.
 bool kn_outside_shape(const kn_probe_def *probe, kn_shape *shape);
 
 // Return the area at rest of a triangle of skin nodes, m^2.

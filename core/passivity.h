@@ -26,28 +26,29 @@
 #include <stdint.h>
 
 typedef struct kn_passivity_def { // a field of 0 takes its default
-    double mass_kg;               // of the device, > 0
-    double period_s;              // T, default 1 ms
-    double round_trip_s;          // t_d, >= 0
+    double mass_kg;               // mass of the device, > 0
+    double period_s;              // sampling period T, default 1 ms
+    double round_trip_s;          // time t_d from sending a pose to receiving its force, >= 0
     double velocity_hz;           // cut-off frequency of velocity_m_s, default 100 Hz
-    double coupling_n_m;          // k_vc at the hand, > 0
-    double force_limit_n;         // of the device, > 0
-    double encoder_m;             // q, default 0: positions are exact. If a real encoder's q is left out, light touches
-                                  // chatter: they are damped for energy that was never given
-    double reserve_j;             // default 1 mJ
-    double damping_max_n_s_m;     // a_max, default as above
+    double coupling_n_m;          // stiffness k_vc of the virtual coupling at the hand, > 0
+    double force_limit_n;         // largest |force| of the device, > 0
+    // Step q of the encoder, default 0: positions are exact. If a real encoder's q is left out, light touches chatter,
+    // because the controller damps for energy that was never given.
+    double encoder_m;
+    double reserve_j;         // energy allowed in addition to the stored energy, default 1 mJ
+    double damping_max_n_s_m; // largest damping a_max, default as above
 } kn_passivity_def;
 
 typedef struct kn_passivity {         // read-only for the caller
     kn_passivity_def def;             // defaults filled in
     double credit_j;                  // energy that may be given to the hand; below 0: a debt
-    double given_j;                   // net energy given to the hand since init; negative if the hand put in more
-    double forgiven_j;                // sum of the debts forgiven in air
-    int64_t acted;                    // number of periods with damping
-    double damping_n_s_m;             // damping in this period
-    double position_m[3], force_n[3]; // position at the last sample, force held since then
-    double before_n[3];               // force held before that
-    bool running;                     // there was a sample
+    double given_j;                   // net energy given to the hand since init; < 0: the hand has put in more
+    double forgiven_j;                // sum of the energy debts that faded while no force was wanted
+    int64_t acted;                    // number of periods in which the controller added damping
+    double damping_n_s_m;             // damping a that the controller adds in this period
+    double position_m[3], force_n[3]; // position at the last sample, and force held since the last sample
+    double before_n[3];               // force held in the period before the last sample
+    bool running;                     // at least one sample has been observed
 } kn_passivity;
 
 void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def);

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GROUPS_MAX 32 // most groups in a round; nodes beyond them join the last one
+#define GROUPS_MAX 32 // largest number of groups per grouping; the nodes of further groups join the last group
 
-typedef struct group {                      // nodes that are connected
+typedef struct group {                      // a set of connected pressed nodes
     double force_n, from_n[KN_PATCHES_MAX]; // from_n[j]: part of the force on nodes of old patch j
     int number;
 } group;
@@ -14,10 +14,10 @@ struct kn_patches {
     const kn_model *model;
     int *first, *near;   // neighbours of node i: near[first[i] .. first[i + 1] - 1]
     double *force_n;     // force on each node in this round; 0: not pressed
-    int *pressed, *line; // nodes of this round; stack of nodes to visit
-    int8_t *member;      // group of a node
+    int *pressed, *line; // pressed nodes of this grouping; stack of nodes to visit
+    int8_t *member;      // group of each node
     int8_t *number[KN_PROBES_MAX];
-    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes that have a number
+    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes of each probe that belong to a patch; their number
     int count, probe, groups;
     group group[GROUPS_MAX];
 };

@@ -16,20 +16,20 @@
 typedef struct kn_patches kn_patches;
 
 kn_patches *kn_patches_create(const kn_model *model); // NULL: memory is short, or the object has no skin
-void kn_patches_destroy(kn_patches *patches);         // NULL is fine
-void kn_patches_reset(kn_patches *patches);           // afterwards no tool has a patch
+void kn_patches_destroy(kn_patches *patches);         // does nothing if `patches` is NULL
+void kn_patches_reset(kn_patches *patches);           // forget all patches of all tools
 
-// Group the nodes under probe `p`. One round is: call begin, then press for every node that carries load, then end.
+// Group the nodes under probe `p` (a round): call begin once, press for every node that carries load, then end.
 // These and the functions below are real-time safe.
 void kn_patches_begin(kn_patches *patches, int p);
 void kn_patches_press(kn_patches *patches, int node, double force_n);
 
-// End the round. Bit i of the result: number i is in use. share[i][j]: the share of the old patch j that patch i has
-// taken over. Only those nodes of j that are still pressed count, by their present load. The share is 0 if j was not in
-// use.
+// End the grouping. Bit i of the result is set if patch number i is in use. share[i][j]: the share of the old patch j
+// that patch i has taken over. Only those nodes of j that are still pressed count, by their present load. The share is
+// 0 if j was not in use.
 unsigned kn_patches_end(kn_patches *patches, double share[KN_PATCHES_MAX][KN_PATCHES_MAX]);
 
-// Return the number that a node had at the end of the last round of p, -1: none.
+// Return the number of the patch that a node belongs to since the last kn_patches_end for probe p, -1: none.
 int kn_patches_at(const kn_patches *patches, int p, int node);
 
 // Return the neighbours of a node, pressed or not, and store their count.

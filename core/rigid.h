@@ -12,7 +12,8 @@
 // Return true if the model uses the rigid motions: only contact and gravity hold the object. A step in which a plate
 // holds nodes does not use them.
 bool kn_rigid_wanted(const kn_model *model);
-size_t kn_rigid_bytes(const kn_model *model); // bytes of scratch->rigid.arm, 0 if not wanted
+// memory of scratch->rigid.arm [bytes], 0 if the model does not use the rigid motions
+size_t kn_rigid_bytes(const kn_model *model);
 
 // Prepare R and the factor of R'AR for the present positions and pressing samples.
 void kn_rigid_begin(const kn_model *model, const kn_state *state, kn_scratch *scratch);

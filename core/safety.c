@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-static const int guard_window = 20; // ticks in which three guard hits are a fault
+static const int guard_window = 20; // number of ticks within which three guard hits are a fault
 // share of brake_m_s below which braking ends, so that noise does not toggle it
 static const double brake_release = 0.9;
-static const double ramp_up_ms = 200.0; // of the device's watchdog
+static const double ramp_up_ms = 200.0; // time in which the device's watchdog raises its factor from 0 to 1
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
@@ -51,11 +51,11 @@ const char *kn_fault_remedy(kn_fault fault)
     static const char *const remedies[] = {
         "nothing to do",
         "lift the tool clear of the object while poses flow",
-        "a new session or an operator's recover, then lift the tool clear of the object",
+        "start a new session or send recover, then lift the tool clear of the object",
         "reset the object, then lift the tool clear of it",
-        "an operator's recover, then lift the tool clear of the object",
-        "start the server again",
-        "lift the tool clear of the object while poses flow; if it comes back, take a lower quality or fewer nodes",
+        "send recover, then lift the tool clear of the object",
+        "restart the server",
+        "lift the tool clear of the object while poses flow; if the fault returns, take a lower quality or fewer nodes",
     };
     return (unsigned)fault < sizeof remedies / sizeof *remedies ? remedies[fault] : "restart the server";
 }
@@ -84,7 +84,7 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
     // a second hit that points against the first, or a third hit in the window, is chatter; a
     // huge step is no physics at all
     bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
-    bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // true for NaN
+    bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // also true if `asked` is NaN
     if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
     // let through as much of the step as is allowed; a further hit within the same ms counts as the same hit
     approach(force_n, asked_n, allowed_n);
@@ -256,7 +256,7 @@ static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
     } else if (rendering(s)) {
         s->gain += 1.0 / l->ramp_up_ms; // one ms per tick, whatever has elapsed: the hand did not feel a skipped tick
     }
-    // 1/17 and 1/200 do not add up to exactly 1
+    // sums of 1/17 or 1/200 do not reach exactly 0 or 1, so round the gain there
     if (s->gain < 1e-9) s->gain = 0.0;
     if (s->gain > 1.0 - 1e-9) s->gain = 1.0;
     s->gain_drop = fmax(0.0, before - s->gain);

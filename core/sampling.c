@@ -48,7 +48,7 @@ typedef struct search {
     const kn_shape *shape;
     const kn_tool_step *tool;
     const double *at_m;      // position of the tool
-    const double (*turn)[3]; // NULL: level
+    const double (*turn)[3]; // rotation of the tool; NULL: none
     double relief_m;
     double margin_m; // a sample farther away cannot touch in this step
     double foundation_n_m3;
@@ -202,7 +202,7 @@ static bool patch_point(const kn_model *model, const patch *p, double tu, double
     return true;
 }
 
-#define PER_PATCH_MAX 4 // samples along a side of a patch
+#define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
 
 // Compute the weights of `per` samples along one side of a patch. Bit j of the result: sample j is on the block.
 static unsigned side_weights(const kn_model *model, int per, int i, int n, double w[PER_PATCH_MAX][3])
@@ -403,7 +403,7 @@ typedef struct nearest {
     const double *at_m;
     double turn[3][3];
     double distance_m;
-    bool under; // the skin at the nearest point faces away from the tool
+    bool under; // the skin at the nearest point faces away from the tool, i.e. the tool is below the skin
 } nearest;
 
 // Update the nearest point with a point of the skin.

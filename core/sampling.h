@@ -10,10 +10,11 @@ int kn_sampling_max(const kn_model *model);
 // order of their keys.
 void kn_sampling_find(const kn_model *model, const kn_state *state, int p, kn_contact *contact);
 
-// List the samples of the table.
+// List the samples at which the table (plane z = 0) may push the object.
 void kn_sampling_table(const kn_model *model, const kn_state *state, kn_contact *contact);
 
-// Return the distance for kn_clearance (step.h), for any shape but a plate. `turn`: rotation matrix of the tool.
+// Return the distance of the skin from probe p at a pose, as kn_clearance (step.h) does, for any shape but a plate.
+// `turn`: rotation matrix of the tool.
 double kn_sampling_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3],
                              const double turn[3][3]);
 

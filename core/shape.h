@@ -31,20 +31,20 @@ struct kn_field;
 typedef struct kn_solid {
     kn_solid_kind kind;
     double half_m[3];       // BOX: half extents, without the rounding
-    double radius_m;        // radius of a ball, about an axis, or of rounded edges
+    double radius_m;        // radius of the ball, of the capsule or cylinder, or of a box's rounded edges
     double length_m;        // CAPSULE, CYLINDER: length along z
     double at_m[3];         // origin of the part in the tool frame
-    bool turned;            // the part is turned
-    double turn[3][3];      // rotation from part to tool
-    struct kn_field *field; // FIELD only, see field.h
+    bool turned;            // the part is rotated against the tool frame
+    double turn[3][3];      // rotation from the part's frame to the tool frame
+    struct kn_field *field; // FIELD: grid of distances, see field.h
 } kn_solid;
 
 typedef struct kn_shape {
     int part_count;
-    bool plain; // one part at the origin, not turned
+    bool plain; // the shape is one part at the origin that is not rotated
     kn_solid part[KN_PARTS_MAX];
-    double bound_m; // no point of the shape is farther from the origin
-    double fine_m;  // smallest half width: the lattice must be finer
+    double bound_m; // largest distance of a point of the shape from the origin
+    double fine_m;  // smallest half width of the shape; the lattice's spacing must be smaller
 } kn_shape;
 
 // Make a part at the origin, not turned.
@@ -65,7 +65,8 @@ double kn_shape_distance(const kn_shape *shape, const double at[3], double gradi
 // it is an upper bound (kn_field_support). Real-time safe.
 double kn_shape_support(const kn_shape *shape, const double way[3]);
 
-// Keep: add a holder to the shape's fields, for another copy of the shape. Drop: remove the holder when a copy ends.
+// kn_shape_keep adds a reference to each of the shape's fields; call when the shape is copied. kn_shape_drop releases
+// the references; call when a copy is no longer used.
 void kn_shape_keep(const kn_shape *shape);
 void kn_shape_drop(const kn_shape *shape);
 

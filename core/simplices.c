@@ -82,7 +82,7 @@ static void box_of(const kn_simplices *s, double low[3], double high[3])
 
 typedef struct checker {
     const kn_simplices *s;
-    int *owner; // an element that has the node, -1: none
+    int *owner; // one element that each node belongs to; -1: none
     int blame;
     char *error;
     size_t size;
@@ -172,7 +172,7 @@ static bool check_shapes(checker *c)
                      KN_SIMPLICES_QUALITY_MIN);
     }
     if (mean >= KN_SIMPLICES_QUALITY_MEAN) return true;
-    return fault(c, -1, "elements are flat or drawn out throughout (mean quality %.2g of 1), expected at least %g",
+    return fault(c, -1, "elements are flat or elongated on average (mean quality %.2g of 1), expected at least %g",
                  mean, KN_SIMPLICES_QUALITY_MEAN);
 }
 
@@ -253,7 +253,7 @@ static bool check_places(checker *c, record *r)
             if (other < 0) continue;
             int a = c->owner[i], b = c->owner[other];
             if (a > b) a = c->owner[other], b = c->owner[i];
-            return fault(c, b, "elements %ld and %ld have different nodes in one place, expected one", s->tag[a],
+            return fault(c, b, "elements %ld and %ld have different nodes at one place, expected one node", s->tag[a],
                          s->tag[b]);
         }
     return true;

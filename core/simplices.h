@@ -18,23 +18,28 @@
 typedef struct kn_simplices {
     int dimension; // 2: triangles in the x-z plane (y = 0), 3: tetrahedra
     int node_count;
-    double (*x_m)[3];
+    double (*x_m)[3]; // [node_count] positions of the nodes
     int element_count;
-    int (*element)[4]; // node numbers from 0; a triangle's 4th is -1
+    int (*element)[4]; // [element_count] nodes of each element, counted from 0; the fourth of a triangle is -1
     long *tag;         // [element_count] number of the element in its file, for error messages
 } kn_simplices;
 
 // Allocate zeroed room for that many nodes and elements. Return NULL if memory is short. kn_simplices_destroy frees the
-// struct with its arrays; NULL is fine.
+// struct with its arrays, and does nothing if `s` is NULL.
 kn_simplices *kn_simplices_create(int dimension, int node_count, int element_count);
 void kn_simplices_destroy(kn_simplices *s);
 
-#define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times the nodes that any processor steps in a millisecond
+#define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times as many nodes as any processor steps in a millisecond
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
-#define KN_SIMPLICES_QUALITY_MIN 0.01  // below: degenerate, a thousandth of the volume that its edges could hold
-#define KN_SIMPLICES_QUALITY_MEAN 0.25 // below: a net answers some directions too late, see knead stability: aspect
-#define KN_SIMPLICES_COINCIDENT 1e-9   // share of the box's diagonal: closer nodes are one node written twice
-#define KN_SIMPLICES_EXTENT_MAX_M 10.0 // larger: the unit was probably forgotten
+// Least quality of an element. An element of lower quality is degenerate: it has a thousandth of the volume that its
+// edges could enclose.
+#define KN_SIMPLICES_QUALITY_MIN 0.01
+// Least mean quality of a mesh. The net of a mesh of lower quality responds too late in some directions, see
+// `knead stability`, family aspect.
+#define KN_SIMPLICES_QUALITY_MEAN 0.25
+// Nodes closer than this share of the bounding box's diagonal count as one node that was written twice.
+#define KN_SIMPLICES_COINCIDENT 1e-9
+#define KN_SIMPLICES_EXTENT_MAX_M 10.0 // largest extent; in a larger mesh the unit was probably forgotten
 
 // Check whether a lattice can be made of the mesh. If not, return false and store one clause that names element
 // numbers. The clause describes the first of these problems:
@@ -46,15 +51,15 @@ void kn_simplices_destroy(kn_simplices *s);
 bool kn_simplices_check(const kn_simplices *s, char *error, size_t size);
 bool kn_simplices_blame(const kn_simplices *s, int *blame, char *error, size_t size);
 
-// Move the mesh into the scene's frame: lowest point at z = 0, box centred over the origin.
+// Move the mesh into the scene's frame: lowest point at z = 0, bounding box centred over the origin.
 void kn_simplices_place(kn_simplices *s);
 
 typedef struct kn_simplices_measures {
-    int edges;
-    double volume; // m^3; area of the triangles, m^2, in two dimensions
+    int edges;     // number of edges
+    double volume; // volume, m^3; in two dimensions the area of the triangles, m^2
     double edge_min_m, edge_mean_m, edge_max_m;
     double quality_min, quality_mean;
-    int worst;                  // element of quality_min
+    int worst;                  // index of the element that has the quality quality_min
     double low_m[3], high_m[3]; // corners of the box around the mesh
 } kn_simplices_measures;
 

@@ -14,7 +14,7 @@ static inline void kn_six_factor(double a[6][6])
         }
 }
 
-// Solve with the factor; b becomes the solution.
+// Solve a x = b with the Cholesky factor of the matrix a. b becomes the solution x.
 static inline void kn_six_solve(const double factor[6][6], double b[6])
 {
     for (int i = 0; i < 6; i++) {

@@ -17,13 +17,13 @@
 typedef enum kn_snapshot_fit {
     KN_SNAPSHOT_FITS,
     KN_SNAPSHOT_LAYOUT,   // written by another version of this module
-    KN_SNAPSHOT_LATTICE,  // other nodes, edges or precision
-    KN_SNAPSHOT_MATERIAL, // the same nodes with another material, structure, support, gas or step
-    KN_SNAPSHOT_SHORT,    // too few or too many bytes
-    KN_SNAPSHOT_VALUE     // a value out of its range
+    KN_SNAPSHOT_LATTICE,  // nodes, edges or precision differ from the model's
+    KN_SNAPSHOT_MATERIAL, // nodes agree, but material, structure, support, gas or step differ from the model's
+    KN_SNAPSHOT_SHORT,    // the snapshot has too few or too many bytes
+    KN_SNAPSHOT_VALUE     // a value is outside its range
 } kn_snapshot_fit;
 
-const char *kn_snapshot_fit_name(kn_snapshot_fit fit); // "another lattice"
+const char *kn_snapshot_fit_name(kn_snapshot_fit fit); // text for users, e.g. "another lattice"
 
 // Return the hash of the kind of lattice, as described above; equal on every machine.
 uint64_t kn_model_hash(const kn_model *model);

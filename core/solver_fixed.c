@@ -8,29 +8,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST_M_S 2.0  // displacement of a step that 25 bits hold
-#define PHI_N 0x1p-17 // at most
+#define MOST_M_S 2.0  // largest velocity whose displacement in a step fits 25 bits
+#define PHI_N 0x1p-17 // largest phi
 #define PHI_LEAST_N 0x1p-21
 #define OCTAVES (KN_FIXED_SEGMENTS / 32)
 
 // --- the image ------------------------------------------------------------------------------------------------------
 
-static double power_of_two_below(double v)
-{
-    return exp2(floor(log2(v)));
-}
+static double power_of_two_below(double v) { return exp2(floor(log2(v))); }
 
-// Stress area and tension per change of length of an edge whose damper is rigid.
-static double area_of(const kn_model *m, const kn_edge *e)
-{
-    return m->gamma * m->kappa_m * e->weight * e->rest_m;
-}
+// Stress area of an edge, and its tension per change of length while its damper is rigid.
+static double area_of(const kn_model *m, const kn_edge *e) { return m->gamma * m->kappa_m * e->weight * e->rest_m; }
 static double stiffness_of(const kn_model *m, const kn_edge *e)
 {
     return m->law.a_pa_s / m->law.dt_s * m->kappa_m * e->weight;
 }
 
-typedef struct range { // over all edges
+typedef struct range { // smallest and largest values over all edges
     double stiffest_n_m, least_area_m2, longest_m;
 } range;
 
@@ -45,21 +39,24 @@ static range range_of(const kn_model *m)
     return r;
 }
 
+// Choose lambda and phi as solver_fixed.h says.
 static void choose_units(const kn_model *m, kn_fixed_model *f, const range *r)
 {
     f->lambda_m = power_of_two_below(MOST_M_S * m->law.dt_s / (1 << (KN_FIXED_U - 1)));
+    // One lambda must change the tension of the stiffest edge by phi/16 at least.
     double soft = 16 * r->stiffest_n_m * f->lambda_m;
     f->phi_n = fmax(PHI_LEAST_N, fmin(PHI_N, soft > 0 ? power_of_two_below(soft) : PHI_N));
 }
 
-// The largest shift, or the least one, that keeps a value within its bits.
+// Return the largest shift with which the value fits so many bits, within 0..40.
 static int shift_within(double value, int bits)
 {
     int shift = (int)floor(log2(((1 << bits) - 1) / value));
     return shift < 0 ? 0 : shift > 40 ? 40 : shift;
 }
 
-// Interval 2/kappa .. 2, kappa by what so many iterations can do; see fixed.h (2).
+// Choose Chebyshev's weights for eigenvalues in 2/kappa .. 2. kappa is as large as this number of iterations can
+// handle; see fixed.h (2). relax scales the interval to be centred on 1.
 static void choose_polynomial(kn_fixed_config *c)
 {
     const double kappa = 2.0 + 1.0 * c->iterations * c->iterations;
@@ -79,7 +76,7 @@ static void choose_config(const kn_model *m, kn_fixed_model *f, const range *r)
     c->edge_count = m->edge_count;
     c->passes = m->def.solver.passes;
     c->iterations = m->def.solver.iterations;
-    double d = 4 * r->longest_m / f->lambda_m / (1 << (KN_FIXED_D - 1)); // room to stretch fourfold
+    double d = 4 * r->longest_m / f->lambda_m / (1 << (KN_FIXED_D - 1)); // room for edges to stretch fourfold
     c->d_shift = d > 1 ? (int)ceil(log2(d)) : 0;
     c->kv_shift = shift_within(r->stiffest_n_m * f->lambda_m / f->phi_n, KN_FIXED_KV);
     double beta = m->law.mat.k1_pa * m->law.dt_s / m->law.a_pa_s * (1 << KN_FIXED_H_FRACTION);
@@ -88,11 +85,9 @@ static void choose_config(const kn_model *m, kn_fixed_model *f, const range *r)
     choose_polynomial(c);
 }
 
-static int64_t to_units(double value, double unit)
-{
-    return llround(value / unit);
-}
+static int64_t to_units(double value, double unit) { return llround(value / unit); }
 
+// Rest positions, weights and supports in integers.
 static void fill_nodes(const kn_model *m, kn_fixed_model *f)
 {
     for (int n = 0; n < m->node_count; n++) {
@@ -103,6 +98,7 @@ static void fill_nodes(const kn_model *m, kn_fixed_model *f)
     }
 }
 
+// Ends, stiffness and reciprocal area of each edge in integers. ia is at least 1, since a key of 0 has no exponent.
 static void fill_edges(const kn_model *m, kn_fixed_model *f, const range *r)
 {
     const kn_fixed_config *c = &f->image.config;
@@ -118,10 +114,11 @@ static void fill_edges(const kn_model *m, kn_fixed_model *f, const range *r)
     }
 }
 
-// The flowing branch begins in the last octave but one; below the first, R is what it is there.
+// Fill the table of R. The flowing branch of the law begins in the last octave but one. Below the first octave R is
+// clamped to its first value.
 static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
 {
-    const double key = ((1 << KN_FIXED_IA) - 1) * r->least_area_m2 / f->phi_n; // of 1 Pa
+    const double key = ((1 << KN_FIXED_IA) - 1) * r->least_area_m2 / f->phi_n; // the key of 1 Pa
     const double most = m->law.bh_pa > 0 && isfinite(m->law.bh_pa) ? m->law.bh_pa : 1;
     f->image.config.octave = (int32_t)floor(log2(most * key)) + 2 - OCTAVES;
     for (int i = 0; i <= KN_FIXED_SEGMENTS; i++) {
@@ -130,9 +127,9 @@ static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
     }
 }
 
-// --- what it leaves unsolved ----------------------------------------------------------------------------------------
+// --- the error of the solve ------------------------------------------------------------------------------------------
 
-// What a patch of the top, one node and its neighbours, gives back in the last tick of a trial.
+// Press a patch of the top, one node and its neighbours, and return its force in the last tick of the trial.
 static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, int count, void *memory,
                     int64_t (*reaction)[3])
 {
@@ -145,10 +142,12 @@ static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, in
     return force;
 }
 
+// Collect the nodes next to the middle of the top, held and moved down at 1 cm/s. Return their number.
 static int patch_of_top(const kn_model *m, const kn_fixed_model *f, kn_fixed_bound *bound)
 {
     int middle = 0, count = 0;
     double nearest = INFINITY;
+    // Find the node of the top nearest to the axis, then its neighbours.
     for (int t = 0; t < m->top_count; t++) {
         const double *x = m->rest_m[m->top[t]];
         if (hypot(x[0], x[1]) < nearest) nearest = hypot(x[0], x[1]), middle = m->top[t];
@@ -163,10 +162,11 @@ static int patch_of_top(const kn_model *m, const kn_fixed_model *f, kn_fixed_bou
     return count;
 }
 
-// False: no memory.
+// Compare the force of the trial with that of six passes of 32 iterations. Return false if memory is short.
 static bool measure_error(const kn_model *m, kn_fixed_model *f)
 {
     const size_t top = (size_t)m->top_count + 1;
+    // The reference has the same image with far more passes and iterations.
     kn_fixed_image much = f->image;
     much.config.passes = 6;
     much.config.iterations = KN_FIXED_ITERATIONS_MAX;
@@ -187,31 +187,35 @@ static bool measure_error(const kn_model *m, kn_fixed_model *f)
     return fits;
 }
 
-// --- what it cannot be ----------------------------------------------------------------------------------------------
+// --- models that are refused -----------------------------------------------------------------------------------------
 
-// Forces of the step's begin chatter where they are too stiff for what the object resists a step's motion with: of
-// jelly from 43 to 69 times an edge's for a ball's foundation, from 3.6 to 5.8 times for gas.
+// Forces taken at the beginning of a step chatter if they are too stiff for the object's resistance to the motion of a
+// step. With jelly this sets in between 43 and 69 times the resistance of an edge for a ball's foundation, and between
+// 3.6 and 5.8 times for gas.
 #define FOUNDATION_MOST 16
 #define GAS_MOST 2.5
 
+// Return NULL, or the reason why loads at the beginning of the step would chatter.
 static const char *too_stiff(const kn_model *m)
 {
     const kn_model_def *d = &m->def;
     const double h = d->spacing_m, dt = d->solver.dt_s;
     const double edge = m->kappa_m * m->law.a_pa_s * (m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_flow);
     if (d->pressure != KN_PRESSURE_NONE && d->inside_pressure_pa * h * dt > GAS_MOST * edge)
-        return "fixed takes gas at the step's begin, which is stiffer here than the object is viscous: needs the "
-               "implicit solver";
+        return "fixed takes the gas from the start of the step, and here the gas is stiffer than the object is "
+               "viscous: needs the implicit solver";
     for (int p = 0; p < d->probe_count; p++)
         if (d->probe[p].shape != KN_PROBE_PLATE &&
             kn_probe_foundation(&d->probe[p]) * h * h * dt > FOUNDATION_MOST * edge)
-            return "fixed takes a tool's depth at the step's begin, and its foundation is stiffer than the object is "
-                   "viscous: needs a softer one, or the implicit solver";
+            return "fixed takes a tool's depth from the start of the step, and its foundation is stiffer than the "
+                   "object is viscous: needs a softer one, or the implicit solver";
     return NULL;
 }
 
+// Check the model before the image is built.
 static const char *unfit(const kn_model *m)
 {
+    // Limits of the formats, and parts of the model that the integers lack.
     const kn_solver_def *s = &m->def.solver;
     if (m->node_count > KN_FIXED_NODES_MAX) return "fixed numbers nodes with 16 bits: 65535 at most";
     if (m->law.stroke) return "fixed has no end stops of the damper: needs a material without a stroke";
@@ -221,6 +225,7 @@ static const char *unfit(const kn_model *m)
     return too_stiff(m);
 }
 
+// Check the image after it is built.
 static const char *misfit(const kn_fixed_model *f, const range *r, char *text, size_t size)
 {
     const kn_fixed_config *c = &f->image.config;
@@ -262,7 +267,8 @@ const char *kn_fixed_build(kn_model *model, char *text, size_t size)
     if ((wrong = misfit(f, &r, text, size))) return wrong;
     if (!measure_error(model, f)) return "not enough memory for the model";
     if (!(f->error > KN_FIXED_ERROR_MOST)) return NULL;
-    snprintf(text, size, "fixed leaves %.0f %% of a press's force unsolved with %d passes of %d iterations: needs more",
+    snprintf(text, size,
+             "fixed leaves %.0f %% of the force of a press unsolved with %d passes of %d iterations: needs more",
              100 * f->error, f->image.config.passes, f->image.config.iterations);
     return text;
 }
@@ -278,16 +284,17 @@ void kn_fixed_destroy(kn_fixed_model *fixed)
 
 // --- the step -------------------------------------------------------------------------------------------------------
 
-typedef struct work { // of a step, in the scratch
+typedef struct work { // data of a step, in the scratch
     kn_fixed engine;
-    double (*load_n)[3];    // [node] of tools, top and gas
-    double *moved_m;        // [node][3] with gas, else NULL
-    int32_t *place;         // [node] in the list, -1: not
-    kn_fixed_bound *bound;  // [node] at most
-    int64_t (*reaction)[3]; // [node]
+    double (*load_n)[3];    // [node] loads from tools, top and gas
+    double *moved_m;        // [node][3] displacements, for the gas; NULL without gas
+    int32_t *place;         // [node] index of the node's record in `bound`, -1: none
+    kn_fixed_bound *bound;  // boundary list of the tick, at most one record per node
+    int64_t (*reaction)[3]; // reaction of each record in `bound`
     kn_fixed_watch watch;
 } work;
 
+// Assign the arrays of a step from base on. Return the bytes; with base NULL nothing is written there.
 static size_t lay_out(const kn_model *m, char *base)
 {
     const size_t nodes = (size_t)m->node_count;
@@ -306,14 +313,8 @@ static size_t lay_out(const kn_model *m, char *base)
     return a.used;
 }
 
-size_t kn_fixed_scratch(const kn_model *model)
-{
-    return lay_out(model, NULL);
-}
-void kn_fixed_scratch_init(const kn_model *model, void *scratch)
-{
-    lay_out(model, scratch);
-}
+size_t kn_fixed_scratch(const kn_model *model) { return lay_out(model, NULL); }
+void kn_fixed_scratch_init(const kn_model *model, void *scratch) { lay_out(model, scratch); }
 
 void kn_fixed_watch_by(kn_state *state, kn_fixed_watch watch)
 {
@@ -335,6 +336,7 @@ void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
     for (int e = 0; e < m->edge_count; e++) engine->h[e] = llround(strain[m->edges[e].slot] * f->spring[e]);
 }
 
+// Convert the engine's integers back to the state; the inverse of kn_fixed_read.
 static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engine)
 {
     const kn_fixed_model *f = m->fixed;
@@ -350,7 +352,7 @@ static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engi
         strain[m->edges[e].slot] = f->spring[e] > 0 ? (double)engine->h[e] / f->spring[e] : 0;
 }
 
-// The record of a node in the list, a new one that pushes with nothing if there is none.
+// Return the record of a node in the list. Add one that pushes with nothing if there is none.
 static kn_fixed_bound *record(work *w, int *count, int node)
 {
     if (w->place[node] < 0) {
@@ -361,6 +363,8 @@ static kn_fixed_bound *record(work *w, int *count, int node)
     return &w->bound[w->place[node]];
 }
 
+// The nodes under plates are held and move with the plate. The clamp at twice the largest velocity keeps the number in
+// 32 bits; the engine still flags it as saturated.
 static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, int *count)
 {
     for (int i = 0; i < contact->hold_count; i++) {
@@ -374,6 +378,7 @@ static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, in
     }
 }
 
+// Spread the load of the top and the force of every pressing sample over their nodes.
 static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n, work *w, int *count)
 {
     for (int t = 0; top_load_n != 0 && t < m->top_count; t++) {
@@ -391,7 +396,8 @@ static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n
     }
 }
 
-// At the places of now: gas is a spring far softer than what edges at rest resist a step's motion with.
+// Add the forces of gas at the present positions. Gas is a spring far softer than the resistance of edges at rest to
+// the motion of a step. It loads every node, so every node gets a record.
 static void push_gas(const kn_model *m, work *w, int *count)
 {
     const kn_fixed_image *image = &m->fixed->image;
@@ -403,6 +409,7 @@ static void push_gas(const kn_model *m, work *w, int *count)
     kn_gas_push(m, m->rest_m[0], w->moved_m, w->load_n[0]);
 }
 
+// Convert loads to phi. Each fits the circuit's 25 bits.
 static void quantize_loads(const kn_model *m, work *w, int count)
 {
     const double most = (1 << (KN_FIXED_T - 1)) - 1;
@@ -413,6 +420,7 @@ static void quantize_loads(const kn_model *m, work *w, int count)
     }
 }
 
+// Give each hold its force and the output its residual, relative to the largest force of a tool.
 static void read_forces(const kn_model *m, kn_contact *contact, const work *w, const kn_fixed_result *result,
                         kn_output *output)
 {
@@ -421,7 +429,7 @@ static void read_forces(const kn_model *m, kn_contact *contact, const work *w, c
         kn_hold *hold = &contact->hold[i];
         for (int k = 0; k < 3; k++) {
             hold->force_n[k] = m->fixed->phi_n * (double)w->reaction[w->place[hold->node]][k];
-            hold->force_n[k] += w->load_n[hold->node][k]; // which a record that holds does not carry
+            hold->force_n[k] += w->load_n[hold->node][k]; // a record that holds carries no load
             largest = fmax(largest, fabs(hold->force_n[k]));
         }
     }
@@ -439,12 +447,15 @@ void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *inpu
     kn_fixed_result result;
     int count = 0;
     memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
+    // Convert the state to integers; the flags are those of this step only.
     w->engine.flags = 0;
     kn_fixed_read(model, state, &w->engine);
+    // Build the boundary list: held nodes, pushed nodes, gas.
     hold_nodes(model, &s->contact, w, &count);
     push_nodes(model, &s->contact, input->top_load_n, w, &count);
     if (w->moved_m) push_gas(model, w, &count);
     quantize_loads(model, w, count);
+    // Tell the watch before the tick, so that a circuit computes at the same time.
     if (w->watch.begin) w->watch.begin(w->watch.self, w->bound, count);
     kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
     if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);

@@ -18,11 +18,12 @@
 
 // Constraints and forces on the nodes during one step. The arrays belong to the caller and are indexed by node id.
 typedef struct kn_boundary {
-    const uint8_t *fixed;            // [nodes] bit k set: component k follows velocity_m_s instead of the forces
-    const double (*velocity_m_s)[3]; // [nodes] velocity of fixed components, constant over the step; others are ignored
+    const uint8_t *fixed;            // [nodes] bit k is set: component k follows velocity_m_s instead of the forces
+    const double (*velocity_m_s)[3]; // [nodes] velocity of the fixed components, constant over the step
     const double (*force_n)[3];      // [nodes] load and contact forces, constant over the step; NULL = none
-    double (*reaction_n)[3]; // [nodes] out: mean force over the step that holds fixed components, 0 elsewhere; it
-                             // includes m dv/dt when velocity_m_s changes. A probe feels minus the sum.
+    // [nodes] result: mean force over the step that holds the fixed components, 0 for other components. It includes
+    // m dv/dt when velocity_m_s changes. A probe feels minus the sum of these forces.
+    double (*reaction_n)[3];
 } kn_boundary;
 
 // Return the largest stable step at rest, s: 2.785 / fastest rate of the lattice. The fastest rate is the largest

@@ -107,7 +107,7 @@ static kn_state *allocate(const kn_model *m, size_t bytes, bool kept)
 {
     kn_state *state = aligned_alloc(64, bytes);
     if (!state) return NULL;
-    memset(state, 0, bytes); // touches every page now, so that no tick causes a page fault
+    memset(state, 0, bytes); // this writes to every memory page now, so that no tick causes a page fault
     layout(m, (char *)state, kept);
     return state;
 }

@@ -6,29 +6,29 @@
 
 // A probe as the lattice sees it.
 typedef struct kn_probe_state {
-    double position_m[3];   // position of the model's probe (it follows the pose, see tool.h)
-    double velocity_m_s[3]; // over the last step
+    double position_m[3];   // position of the simulated tool, which follows the pose (tool.h)
+    double velocity_m_s[3]; // mean velocity of the tool over the last step
     double work_j;          // work of the probe on the object since it was attached
     int32_t attached;       // 0: the probe is lifted out of the model and touches nothing
-    int32_t contacts;       // nodes (plate) or samples (other shapes) that carried load in the last step
+    int32_t contacts;       // number of nodes (plate) or samples (other shapes) that carried load in the last step
 } kn_probe_state;
 
 // Additional state of a tool that turns or is coupled. Hashed for such tools only.
 typedef struct kn_tool_state {
-    double orientation_wxyz[4]; // orientation of the model's tool, unit
-    double turn_rad_s[3];       // over the last step
-    double relief_m;            // present shrinkage of a tool that was attached inside the object; it grows back slowly
-    double grip_n;              // force up to which `grip` holds on; 0: no grip; < 0: the grip was torn loose
+    double orientation_wxyz[4]; // orientation of the simulated tool, a unit quaternion
+    double turn_rad_s[3];       // mean angular velocity of the tool over the last step
+    double relief_m;            // present shrinkage of a tool that was attached inside the object and grows back slowly
+    double grip_n;              // force up to which the tool grips the skin; 0: no grip; < 0: the grip was torn loose
 } kn_tool_state;
 
 // An anchor: the memory of sticking contact at one sample, which is a point of the skin under one tool.
 typedef struct kn_anchor {
-    uint64_t key;        // key of the sample, see sampling.c; ascending
+    uint64_t key;        // key of the sample (sampling.c); anchors are stored in ascending order of their keys
     double stretch_m[3]; // elastic slip of the skin against the tool since it stuck
     int64_t flags;       // KN_ANCHOR_*
 } kn_anchor;
-#define KN_ANCHOR_SLIPS 1 // slid on the cone in the last step
-#define KN_ANCHOR_BONDS 2 // touched in the last step: adhesion may hold it
+#define KN_ANCHOR_SLIPS 1 // the sample slid in the last step, with its force on Coulomb's cone
+#define KN_ANCHOR_BONDS 2 // the sample touched the tool in the last step, so adhesion may hold it
 
 // Fields that are saved and hashed, in this order: name, components. Node fields have 3, edge fields 13 reals per lane.
 #define KN_STATE_FIELDS(X)                                                                                             \
@@ -37,36 +37,37 @@ typedef struct kn_anchor {
     X(change, 3)          /* m/s, change of the velocity in the last step */                                           \
     X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
 
-#define KN_SECANT_REST 500 // steps on the secant after chatter
+#define KN_SECANT_REST 500 // number of steps that use the secant linearisation after chatter was detected
 
 typedef struct kn_state {
-    int64_t tick; // steps since reset; not hashed, so that an untouched object has the same hash at every tick
+    int64_t tick; // number of steps since reset; not hashed, so an untouched object has one hash at all ticks
     kn_probe_state probe[KN_PROBES_MAX];
-    // chatter watch: sign changes of the force's increment in the last 64 steps (bits), steps left on the secant
-    uint64_t chatter_bits;
-    double last_force_n, last_delta_n;
-    double residual_scale; // largest preconditioned residual norm of the recent steps, decaying over 1 s
-    int64_t secant_steps;
-    int32_t bad; // 1 after a non-finite force or displacement: kn_step then does nothing until reset
-    int32_t anchor_count;
+    uint64_t chatter_bits;             // bit i is set: the increment of the contact force changed its sign i steps ago
+    double last_force_n, last_delta_n; // contact force of the last step, and its increment
+    // largest norm of the preconditioned residual in the recent steps, decaying over 1 s
+    double residual_scale;
+    int64_t secant_steps; // number of steps that will still use the secant linearisation
+    // 1 after a non-finite force or displacement: kn_step then does nothing until kn_state_reset
+    int32_t bad;
+    int32_t anchor_count; // number of anchors in use
     kn_tool_state tool[KN_PROBES_MAX];
 #define KN_FIELD(name, components) void *name; // float or double, as the model's precision says
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
     uint8_t *held;     // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
     kn_anchor *anchor; // [samples of the contact] if the model has contact that sticks, else NULL
-    void *scratch;     // solver vectors; not saved, not hashed; NULL in a state from kn_state_keep
+    void *scratch;     // the solver's temporary vectors; not saved or hashed; NULL in a state from kn_state_keep
     size_t bytes;      // size of the arena that starts at this struct
 } kn_state;
 
-size_t kn_state_size(const kn_model *model);      // bytes of a state with its arena; stored by kn_model_build
-kn_state *kn_state_create(const kn_model *model); // already reset; NULL: memory is short
+size_t kn_state_size(const kn_model *model);      // memory of a state with its arena [bytes]
+kn_state *kn_state_create(const kn_model *model); // a new state, already reset; NULL: memory is short
 // Allocate a state without solver scratch, all 0. It can be copied, read, written and hashed, but not stepped or reset.
 // It is a tenth of the size. Return NULL if memory is short.
 kn_state *kn_state_keep(const kn_model *model);
-size_t kn_state_kept(const kn_model *model);                 // bytes of a state without scratch
-void kn_state_destroy(kn_state *state);                      // NULL is fine
-void kn_state_reset(const kn_model *model, kn_state *state); // object at rest, undeformed
+size_t kn_state_kept(const kn_model *model);                 // memory of a state without scratch [bytes]
+void kn_state_destroy(kn_state *state);                      // does nothing if `state` is NULL
+void kn_state_reset(const kn_model *model, kn_state *state); // set the object undeformed and at rest
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
 
 // Return a 64-bit hash of all saved fields except the tick. Equal for all compilers, optimisation levels and

@@ -46,8 +46,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 
 // Chatter watch. If the contact force rises and falls alternately, the linearisation chatters. Half a second of secant
 // steps stops the chatter.
-#define CHATTER_SHARE 24   // sign changes in the last 64 steps
-#define CHATTER_SIZE 0.005 // share of the force; smaller changes are rounding
+#define CHATTER_SHARE 24   // number of sign changes of the force's increment in 64 steps that counts as chatter
+#define CHATTER_SIZE 0.005 // changes below this share of the force are ignored as rounding
 
 // Count the sign changes of the force's increment. Switch to the secant when there are too many.
 static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)

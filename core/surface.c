@@ -12,8 +12,8 @@
 //       +-> 0---1
 //         u
 typedef struct side {
-    int a, u, v; // axes
-    int at;      // index of the side's nodes along a
+    int a, u, v; // axes: a is normal to the side, u and v are along the side
+    int at;      // index of the side's nodes along axis a
 } side;
 
 // Describe one of the six sides. Its two axes are in the order that makes u x v point outwards.
@@ -24,7 +24,7 @@ static side side_of(const kn_grid *g, int number)
     return (side){a, v, u, 0};
 }
 
-// Return a node of a side.
+// Return the id of a side's node at the indices along u and v.
 static int side_node(const kn_grid *g, const side *s, int iu, int iv)
 {
     int ixyz[3];
@@ -79,10 +79,11 @@ kn_surface *kn_surface_create(const kn_model *model)
 {
     kn_grid g = model->grid;
     bool block = model->skin_count == 0;
-    if (g.flat) g.n[1] = 2; // front and back of its one layer
+    if (g.flat) g.n[1] = 2; // a flat object is drawn with a front and a back layer
     size_t nodes = (size_t)model->node_count * (g.flat ? 2 : 1);
     kn_surface *s = calloc(1, sizeof *s);
-    int *vertex = calloc(nodes, sizeof *vertex); // vertex of each node; 0: the node is inside
+    // vertex number of each node; 0: the node is inside the object, so it has no vertex
+    int *vertex = calloc(nodes, sizeof *vertex);
     if (!s || !vertex) goto fail;
     // count the triangles first, then list them as node ids
     s->triangle_count = model->composite ? composite_triangles(model, NULL)

@@ -7,14 +7,14 @@
 typedef struct kn_surface {
     int vertex_count;
     int triangle_count;
-    int *node;        // [vertex_count] node id of each vertex
-    double *across_m; // [vertex_count] offset from the node to the vertex, along y
+    int *node;        // [vertex_count] id of the node that each vertex moves with
+    double *across_m; // [vertex_count] offset along y from the node to its vertex
     int *triangle;    // [triangle_count][3] vertex numbers, counter-clockwise from outside
 } kn_surface;
 
 kn_surface *kn_surface_create(const kn_model *model); // NULL: memory is short
 void kn_surface_destroy(kn_surface *surface);
-// Store the rest position of a vertex, m.
+// Store the position of a vertex of the undeformed object, m.
 void kn_surface_rest(const kn_surface *s, const kn_model *model, int vertex, double x_m[3]);
 // Store the present positions of all vertices in xyz[vertex_count][3], m. Real-time safe.
 void kn_surface_positions(const kn_surface *s, const kn_model *model, const kn_state *state, float *xyz);

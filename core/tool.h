@@ -18,18 +18,19 @@
 #include "core/step.h"
 
 #define KN_FOLLOW_S 0.020      // time in which a rigid tool catches up with its pose
-#define KN_COUPLING_ARM_M 0.03 // l: half a palm; turns a coupling's N/m into N m/rad
+#define KN_COUPLING_ARM_M 0.03 // arm l, half a palm: the rotational stiffness of a coupling is l^2 times its stiffness
 #define KN_RELIEF_M_S 0.020    // speed at which a tool that was attached inside the object grows back
 
 typedef struct kn_tool_step { // one tool in one step
-    bool coupled;
-    bool turned;
-    double turn[3][3];   // present rotation, tool to frame, if turned
-    double velocity[6];  // v, w
-    double growth_m_s;   // growth of a relieved tool, outwards everywhere
-    double give[2];      // dt k + b, for motion and for turns: the coupling's part of the matrix
-    double drive[6];     // force and torque of the coupling at V = 0
-    double factor[6][6]; // Cholesky factor, lower, of coupling and contact
+    bool coupled;             // a virtual coupling ties the tool to its pose
+    bool turned;              // the tool's orientation matters
+    double turn[3][3];        // present rotation from tool to scene, if `turned`
+    double velocity[6];       // velocity v and angular velocity w of the tool
+    double growth_m_s;        // speed at which the surface of a shrunk tool grows back, along its outward normal
+    // dt k + b of the coupling, for translation and for rotation: its part of the 6 x 6 matrix
+    double give[2];
+    double drive[6];     // force and torque of the coupling while the tool is at rest (V = 0)
+    double factor[6][6]; // lower Cholesky factor of the 6 x 6 matrix of coupling and contact
 } kn_tool_step;
 
 // Store the rotation matrix of an orientation; all 0: identity.

@@ -38,10 +38,10 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
 
 typedef struct piece {          // a sample or a held node, in the scene's frame
     double arm_m[3], normal[3]; // vector from the tool's position; direction in which the object pushes there
-    double force_n[3];          // force on the tool
-    double pressing_n;          // part of the force along the normal
+    double force_n[3];          // force of the piece on the tool
+    double pressing_n;          // part of the piece's force along the normal
     double area_m2;
-    const kn_sample *sample; // NULL: a held node
+    const kn_sample *sample; // the sample; NULL if the piece is a held node
 } piece;
 
 // Compute the skin's velocity relative to the tool, tangential part only.
@@ -135,7 +135,7 @@ static void into_tool(const double turn[3][3], double scale, double v[3])
     for (int k = 0; k < 3; k++) v[k] = scale * own[k];
 }
 
-typedef struct span { // a range of cells, first .. last
+typedef struct span { // a range first .. last of cells of the pressure map, along one axis
     int first, last;
     double share[CELLS];
 } span;

@@ -23,21 +23,22 @@
 // For a smooth contact this is |contact_force_n|. Pressure is negative where adhesion, or friction on a flank, pulls.
 #include "core/state.h"
 
-#define KN_TOUCH_CELLS 8
+#define KN_TOUCH_CELLS 8 // number of cells of the pressure map along each side of the face
 
-typedef struct kn_touch {        // all 0: nothing touches
-    double area_m2;              // area of undeformed skin that carries force
-    double centre_m[3];          // centre of pressure: a mean point of the skin, not of the face
-    double normal[3];            // n: unit, mean of the contact weighted by force, out of the object
-    double peak_pressure_pa;     // highest pressure of a sample; exceeds that of any cell where the skin is curved
-    double slip_velocity_m_s[3]; // skin against tool, along skin and face, mean weighted by force: -x for a tool drawn
-                                 // along +x over skin that stays behind. 0 for a plate, which sticks
-    double pressure_pa[KN_TOUCH_CELLS][KN_TOUCH_CELLS];
+typedef struct kn_touch {    // all 0: nothing touches
+    double area_m2;          // area of undeformed skin that carries force
+    double centre_m[3];      // centre of pressure: a mean point of the skin, not of the face
+    double normal[3];        // unit normal n out of the object: mean over the contact, weighted by force
+    double peak_pressure_pa; // highest pressure of a sample; exceeds that of any cell where the skin is curved
+    // Tangential velocity of the skin relative to the tool: mean over the contact, weighted by force. It points along
+    // -x if the tool is drawn along +x over skin that stays behind. 0 for a plate, which sticks.
+    double slip_velocity_m_s[3];
+    double pressure_pa[KN_TOUCH_CELLS][KN_TOUCH_CELLS]; // pressure map over the tool's face, [along v][along u]
 } kn_touch;
 
 typedef struct kn_touch_face {
-    double u[3], v[3];
-    double low_m[2], size_m[2]; // rectangle along u and v, from the tool's position
+    double u[3], v[3];          // unit vectors of the face's two directions, in the tool frame
+    double low_m[2], size_m[2]; // lowest corner of the face's rectangle from the tool's position; its sides; along u, v
 } kn_touch_face;
 
 // Compute the face of probe p for a unit normal in the tool frame.

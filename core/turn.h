@@ -10,7 +10,8 @@ static inline void kn_turn_unit(const double q[4], double out[4])
     for (int k = 0; k < 4; k++) out[k] = size > 0.5 ? q[k] / size : k == 0;
 }
 
-// Compute out = a b, the turn b followed by a. out must be neither a nor b.
+// Compute the quaternion product out = a b, the rotation b followed by the rotation a. `out` must be neither `a` nor
+// `b`.
 static inline void kn_turn_multiply(const double a[4], const double b[4], double out[4])
 {
     out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
@@ -19,7 +20,7 @@ static inline void kn_turn_multiply(const double a[4], const double b[4], double
     out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
 }
 
-// Compute the turn that takes `from` to `to`: out from = to.
+// Compute the rotation that takes the orientation `from` to the orientation `to`: the quaternion product out from = to.
 static inline void kn_turn_between(const double from[4], const double to[4], double out[4])
 {
     const double back[4] = {from[0], -from[1], -from[2], -from[3]};

@@ -1,15 +1,16 @@
 #ifndef KN_HDL_REGISTERS_H
 #define KN_HDL_REGISTERS_H
-// What a host sees of the circuit: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/README.md have the
-// table from here (hdl/table.c); its hash, with that of the formats, is BUILD_HASH.
+// The circuit as a host sees it: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/README.md get the
+// table from this file (hdl/table.c). The hash of the table, together with that of the formats, is BUILD_HASH.
 //
-// A transfer is refused (bus_error) at an address that is none, when it writes what is read only, a value of more bits
-// than the register has, a count beyond CAPS or a node that is none, and, while STATUS.BUSY, when it touches a window
-// or OMEGA, or writes CONTROL or what a tick reads. Writing 0x10..0x19 or OMEGA takes LOADED away; CONTROL 8 gives it
-// only if their values are within their ranges.
+// A transfer is refused (bus_error) at an address without a register or window, when it writes a read-only word, a
+// value with more bits than the register has, a count beyond CAPS or a node that does not exist. While STATUS.BUSY it
+// is also refused when it touches a window or OMEGA, or when it writes CONTROL or a setting that a tick reads. Writing
+// 0x10..0x19 or OMEGA clears LOADED. CONTROL 8 sets LOADED only if the values of those registers are within their
+// ranges.
 #include <stdint.h>
 
-// name, word address, access (R read, W write, C write one to clear), bits, what
+// Registers: name, word address, access (R read, W write, C write one to clear), bits, description.
 #define KN_REGISTERS(REGISTER)                                                                                         \
     REGISTER(ID, 0x00, R, 32, "0x4b4e4541, KNEA")                                                                      \
     REGISTER(VERSION, 0x01, R, 32, "of this table: major 16, minor 8, patch 8")                                        \
@@ -40,7 +41,7 @@
     REGISTER(BOUND_COUNT, 0x1a, RW, 11, "records of the boundary list, below 2^log2 records")                          \
     REGISTER(OMEGA, 0x40, RW, 18, "0x40..0x5f: OMEGA[32]")
 
-// name, first word, words of a record, of a record the words
+// Windows: name, first word, words of a record, the words of a record.
 #define KN_WINDOWS(WINDOW)                                                                                             \
     WINDOW(TABLE, 0x010000, 1, "R; 513 records")                                                                       \
     WINDOW(BOUNDS, 0x020000, 4, "node + (holds << 31), value x, y, z")                                                 \
@@ -49,8 +50,8 @@
     WINDOW(REST, 0x200000, 8, "rest position x lo, hi, y lo, hi, z lo, hi; 0, 0")                                      \
     WINDOW(EDGES, 0x800000, 8, "i + (j << 16); kv; ia; h lo, hi; 0, 0, 0")
 
-// Clocks that a phase takes beside one for each of its nodes or edges (INVERT: three for each node), until its last
-// write is done. BOUND and REACTION: for each record of the boundary list.
+// Clocks that a phase takes in addition to one for each of its nodes or edges (INVERT: three for each node), until its
+// last write is done. BOUND and REACTION: clocks for each record of the boundary list.
 //
 //     CYCLES = (N + BEGIN) + B BOUND + O ((E + SETUP) + (3 N + INVERT) + K ((E + EDGE) + (N + NODE)))
 //            + (E + EDGE_COMMIT) + (N + NODE_COMMIT) + B REACTION
@@ -72,12 +73,12 @@ enum {
     KN_REGISTERS(KN_REGISTER)
 #undef KN_REGISTER
 #define KN_WINDOW(name, first, words, what) KN_WINDOW_##name = first,
-    KN_WINDOWS(KN_WINDOW)
+        KN_WINDOWS(KN_WINDOW)
 #undef KN_WINDOW
 #define KN_CYCLE(name, clocks) KN_CYCLES_##name = clocks,
-    KN_CYCLES(KN_CYCLE)
+            KN_CYCLES(KN_CYCLE)
 #undef KN_CYCLE
-    KN_CONTROL_REST = 1,
+                KN_CONTROL_REST = 1,
     KN_CONTROL_CLEAR = 2,
     KN_CONTROL_CRC = 4,
     KN_CONTROL_LOADED = 8,
@@ -87,7 +88,7 @@ enum {
     KN_STATUS_EMPTY = 8
 };
 
-// CYCLES, of n nodes, e edges, a list of b, o passes of k iterations.
+// Return CYCLES of a tick with n nodes, e edges, b boundary records, o passes of k iterations.
 static inline uint32_t kn_engine_clocks(uint32_t n, uint32_t e, uint32_t b, uint32_t o, uint32_t k)
 {
     const uint32_t inner = e + KN_CYCLES_EDGE + n + KN_CYCLES_NODE;

@@ -1,5 +1,6 @@
-// Prints the circuit's formats and registers for whoever reads them: --verilog (knead_formats.vh), --c (knead_hash.h),
-// --markdown (hdl/README.md). One source, core/fixed.h and hdl/registers.h; one hash over what --markdown prints.
+// Print the circuit's formats and registers: --verilog (knead_formats.vh), --seeds (knead_seeds.vh), --c
+// (knead_hash.h), --markdown (hdl/README.md). All come from core/fixed.h and hdl/registers.h. The hash covers the
+// output of --markdown.
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,13 +10,16 @@
 
 enum { TEXT = 1 << 16 };
 
+// Text that is collected before it is printed, because the hash needs all of it.
 typedef struct text {
     char at[TEXT];
     size_t length;
 } text;
 
+// Append to a text; TEXT is large enough for all tables.
 #define SAY(t, ...) ((t)->length += (size_t)snprintf((t)->at + (t)->length, TEXT - (t)->length, __VA_ARGS__))
 
+// Write the three tables of hdl/README.md.
 static void markdown(text *t)
 {
     SAY(t, "| format | bits | fraction | unit | what |\n|---|---|---|---|---|\n");
@@ -38,6 +42,7 @@ static uint32_t fnv1a(const text *t)
     return hash;
 }
 
+// Print formats, registers, clocks and identification as `define lines.
 static void verilog(uint32_t hash)
 {
     printf("// printed by hdl/table.c\n");
@@ -54,7 +59,7 @@ static void verilog(uint32_t hash)
     printf("`define KN_BUILD_HASH 32'h%08x\n", hash);
 }
 
-// the seeds of kn_fixed_rsqrt, as the words of a memory
+// Print the seeds of kn_fixed_rsqrt as assignments to the words of a memory.
 static void seeds(void)
 {
     int32_t seed[KN_FIXED_SEEDS];
@@ -69,15 +74,10 @@ int main(int argc, char **argv)
     markdown(&t);
     const uint32_t hash = fnv1a(&t);
     const char *what = argc == 2 ? argv[1] : "";
-    if (strcmp(what, "--markdown") == 0)
-        printf("%s", t.at);
-    else if (strcmp(what, "--verilog") == 0)
-        verilog(hash);
-    else if (strcmp(what, "--seeds") == 0)
-        seeds();
-    else if (strcmp(what, "--c") == 0)
-        printf("// printed by hdl/table.c\n#define KN_BUILD_HASH 0x%08xu\n", hash);
-    else
-        return fprintf(stderr, "usage: table --markdown | --verilog | --seeds | --c\n"), 2;
+    if (strcmp(what, "--markdown") == 0) printf("%s", t.at);
+    else if (strcmp(what, "--verilog") == 0) verilog(hash);
+    else if (strcmp(what, "--seeds") == 0) seeds();
+    else if (strcmp(what, "--c") == 0) printf("// printed by hdl/table.c\n#define KN_BUILD_HASH 0x%08xu\n", hash);
+    else return fprintf(stderr, "usage: table --markdown | --verilog | --seeds | --c\n"), 2;
     return 0;
 }

@@ -3,7 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-// There is one writer, so a load and a store are enough. They are cheaper than a locked add.
+// The counters have one writer, so a load and a store are enough to increment a counter. They are cheaper than a locked
+// add.
 #define ADD(counter, n)                                                                                                \
     atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + (n), memory_order_relaxed)
 #define SET(value, to) atomic_store_explicit(value, to, memory_order_relaxed)
@@ -90,7 +91,7 @@ static void account_success(kn_account *a, const kn_tick_in *in, const kn_wake *
     for (int p = 0; p < KN_PROBES_MAX; p++) fresh |= (!in->pose[p] || in->fresh[p]) << p;
     for (int i = 0; i < wake->missed && i < KN_RECENT_TICKS; i++) remember(a, 0);
     remember(a, fresh);
-    // Until the ring is full, the rates refer to the cycles since the start.
+    // until the ring is full, divide by the number of cycles since the start
     int64_t cycles = ticks + GET(&a->missed);
     double of = (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS);
     SET(&a->success_rate, (double)a->good_count / of);
@@ -122,8 +123,9 @@ static void tell_window(kn_account *a)
     for (int i = 0; i < 4; i++) SET(&a->periodicity_hz[i], rate[i]);
 }
 
-// Update the window statistics. A window ends where the tick number passes a multiple of KN_WINDOW_TICKS. The first
-// window is also published while it is still open, so that a reader does not see zeros for a second.
+// Update the statistics of the present window of ticks. A window ends where the tick number passes a multiple of
+// KN_WINDOW_TICKS. The first window is also published while it is still open, so that a reader does not see zeros for a
+// second.
 static void account_window(kn_account *a, const kn_wake *wake, int64_t execution_ns)
 {
     // Measure the period from the start of one tick to the start of the next.
@@ -179,7 +181,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // The loop began one period before the deadline that it missed.
+    // Measure from one period before the missed deadline, when this turn of the loop began.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
@@ -196,7 +198,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
-    // A passivity error is no fault of a probe, so it is added to the last errors here.
+    // A passivity error is no fault of a probe, so add its bit to the last errors separately.
     if (account_audit(a, servo->audit)) {
         errors |= KNEAD_STATUS_T_ERROR_PASSIVITY;
         SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);
@@ -208,7 +210,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         SET(&a->overrun_us, kn_stamp_us() - (kn_now_ns() - wake->now_ns) / 1000);
         errors |= KNEAD_STATUS_T_ERROR_OVERRUN;
     }
-    // A new fault replaces the errors of the previous fault.
+    // A new fault replaces the error bits stored for the previous fault.
     if (faults > GET(&a->faults)) SET(&a->last_errors, errors);
     SET(&a->clamps, clamps);
     SET(&a->guards, guards);

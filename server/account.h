@@ -11,25 +11,26 @@
 #include <stdatomic.h>
 
 #define KN_HISTOGRAM 32      // bucket n counts times < 2^n us; the last bucket also holds everything later
-#define KN_RECENT_TICKS 100  // the window of success_rate, in ticks
-#define KN_WINDOW_TICKS 1000 // the window of periodicity_hz and execution_us, in ticks
-#define KN_TRIPS 16          // length of trips[] in health_t
+#define KN_RECENT_TICKS 100  // number of latest ticks over which success_rate is computed
+#define KN_WINDOW_TICKS 1000 // number of ticks over which periodicity_hz and execution_us are computed
+#define KN_TRIPS 16          // length of the array trips[] in the message health_t
 
 typedef struct kn_spread { // statistics of one value over a window
     int64_t count;
-    double mean, square, min, max; // square: sum of squared deviations from the mean
+    double mean, square, min, max; // `square`: sum of the squared deviations from the mean
 } kn_spread;
 
 typedef struct kn_account {
     _Atomic int64_t tick, ticks, missed, overruns, unpublished, clamps, guards, faults, capped, created;
     _Atomic int64_t wakeup[KN_HISTOGRAM], execution[KN_HISTOGRAM];
-    _Atomic int64_t late_loop_ns; // length of the latest loop that missed cycles
+    _Atomic int64_t late_loop_ns; // duration of the latest turn of the servo loop that missed cycles, ns
     _Atomic double force_max_n, force_step_max_n, success_rate;
-    _Atomic double budget_s;                           // time that a tick may take, s; set by the loop
-    _Atomic double periodicity_hz[4], execution_us[4]; // mean, std, min, max of the last window
-    _Atomic int64_t overrun_us;                        // start of the latest overrun, us since 1970; 0: none
+    _Atomic double budget_s; // time that a tick may take, s; set by the loop
+    // Mean, standard deviation, minimum and maximum over the last KN_WINDOW_TICKS ticks.
+    _Atomic double periodicity_hz[4], execution_us[4];
+    _Atomic int64_t overrun_us; // start of the latest overrun, us since 1970; 0: none
     _Atomic double probe_success[KN_PROBES_MAX];
-    _Atomic int64_t trips[KN_TRIPS], audited; // audited: seconds judged by the energy audit
+    _Atomic int64_t trips[KN_TRIPS], audited; // `audited`: number of seconds judged by the energy audit
     _Atomic double balance_j;
     _Atomic int32_t fault[KN_PROBES_MAX];
     _Atomic int32_t mode;
@@ -38,17 +39,17 @@ typedef struct kn_account {
     _Atomic int32_t errors;         // ERROR_* bits since kn_account_take_errors
     _Atomic int32_t last_errors;
     double last_force_n[KN_PROBES_MAX][3]; // this field and all below: used by the servo thread only
-    uint8_t good[KN_RECENT_TICKS];         // ring of the last ticks, one bit per probe
+    uint8_t good[KN_RECENT_TICKS];         // ring buffer of the last KN_RECENT_TICKS ticks, one bit per probe
     int good_count, probe_good[KN_PROBES_MAX], next;
     int64_t began_ns; // start of the last tick; 0: no tick yet
     kn_spread period_s, busy_us;
-    bool windowed; // at least one whole window has been completed
+    bool windowed; // true if at least one whole window of KN_WINDOW_TICKS ticks has been completed
 } kn_account;
 
 void kn_account_init(kn_account *a);
 
-// Account for one tick, after the tick. `execution_ns`: time that the whole tick took. `published`: whether the tick's
-// record was queued. Real-time safe.
+// Account for one tick, after the tick. `execution_ns`: time that the whole tick took. `published`: true if the tick's
+// record was queued for the publisher. Real-time safe.
 void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
                      const kn_wake *wake, int64_t execution_ns, bool published);
 

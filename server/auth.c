@@ -20,7 +20,7 @@ static const char *read_key(kn_auth *auth, int fd)
     if (fd < 0 || fstat(fd, &file) != 0) return strerror(errno);
     // Refuse a file that another user can read or may have written.
     if (!S_ISREG(file.st_mode)) return "not a regular file";
-    if (file.st_uid != geteuid() && file.st_uid != 0) return "another user's, expected our own or root's";
+    if (file.st_uid != geteuid() && file.st_uid != 0) return "owned by another user, expected this user or root";
     if (file.st_mode & 077) return "others may read or write it, expected mode 0600";
     // Read at most one byte more than the digits and a newline, so that a longer file is noticed.
     ssize_t size = read(fd, text, sizeof text);
@@ -34,7 +34,7 @@ static const char *read_key(kn_auth *auth, int fd)
 
 bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_size)
 {
-    if (sodium_init() < 0) return snprintf(error, error_size, "%s: libsodium does not start", path), false;
+    if (sodium_init() < 0) return snprintf(error, error_size, "%s: cannot initialise libsodium", path), false;
     // O_NONBLOCK: opening a FIFO must not wait for a writer. read_key refuses anything but a regular file.
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     const char *why = read_key(auth, fd);

@@ -24,23 +24,25 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_AUTH_KEY 32     // bytes
-#define KN_AUTH_TAG 16     // bytes; in logs of version 0.1.0 the trailer is the tag alone
-#define KN_AUTH_TRAILER 32 // bytes
-#define KN_AUTH_NONCE 8    // bytes; a nonce is the payload of KNEAD_HELLO and KNEAD_LIFE
+#define KN_AUTH_KEY 32     // length of the key, bytes
+#define KN_AUTH_TAG 16     // length of the tag, bytes; in logs of version 0.1.0 the trailer is the tag alone
+#define KN_AUTH_TRAILER 32 // length of the trailer after a signed payload, bytes
+// Length of a nonce, bytes; a nonce is the payload of the messages KNEAD_HELLO and KNEAD_LIFE.
+#define KN_AUTH_NONCE 8
 #define KN_HELLO_CHANNEL "KNEAD_HELLO"
 #define KN_LIFE_CHANNEL "KNEAD_LIFE"
 
 // A pose's age may be smaller than the age of kneadd's life by at most KN_AUTH_BEHIND_US. This bound is shorter than
 // the second of silence that ends a session, so that a session that has ended cannot be replayed. A pose's age may be
 // greater by at most KN_AUTH_AHEAD_US, to allow for the drift between two clocks since the last message. Both bounds
-// are in us.
+// are in microseconds.
 #define KN_AUTH_BEHIND_US 800000
 #define KN_AUTH_AHEAD_US 100000
 
 typedef struct kn_auth {
     unsigned char key[KN_AUTH_KEY];
-    int64_t life, born_ns; // life: number of kneadd's own life, never 0; born_ns: CLOCK_MONOTONIC when it began
+    // `life`: number of the present life (run) of kneadd, never 0; `born_ns`: CLOCK_MONOTONIC when this life began.
+    int64_t life, born_ns;
 } kn_auth;
 
 typedef struct kn_auth_stamp {
@@ -51,7 +53,7 @@ typedef struct kn_auth_stamp {
 // process or to root, and nobody else may have access to it. On failure return false and put one line in error.
 bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_size);
 
-// Begin a new life of kneadd.
+// Begin a new life (run) of kneadd: choose its random number and note its start time.
 void kn_auth_begin(kn_auth *auth);
 
 // Return a random number other than 0.

@@ -14,7 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { LO = 1 }; // Linux gives lo this number in every namespace (LOOPBACK_IFINDEX)
+enum { LO = 1 }; // index of the loopback interface lo, the same in every network namespace of Linux (LOOPBACK_IFINDEX)
 
 // Return the value of the field ttl among the KEY=VALUE fields that follow the '?' of a URL, or 0 if there is no ttl.
 // liblcm separates fields at '&'. This function also separates at ',', so that no field can be hidden behind a comma.
@@ -44,26 +44,28 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     bus->lan = lan;
     bus->device = lan ? (int)if_nametoindex(lan) : LO;
     if (bus->device == 0) return snprintf(error, error_size, "%s: no such network interface", lan), false;
-    if (lan && bus->device == LO) return snprintf(error, error_size, "%s: expected a network's interface", lan), false;
+    if (lan && bus->device == LO)
+        return snprintf(error, error_size, "%s: is the loopback interface, expected an interface of a network", lan),
+               false;
     // Accept a multicast group and a port only. %c matches only if something follows the port.
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
         snprintf(error, error_size,
                  "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
-                 "LCM's other providers are not served",
+                 "LCM's other providers are not supported",
                  url);
         return false;
     }
     const char *query = strchr(url, '?');
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
-        return snprintf(error, error_size, "%s: expected one ttl= at most, a number of 0 to 255", url), false;
+        return snprintf(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url), false;
     // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
     if (!lan != (hops == 0)) {
         snprintf(error, error_size,
-                 lan ? "%s: expected ttl=1 or more: on %s nobody would hear it"
-                     : "%s: expected ttl=0: anyone who hears a bus can move the tool, so it stays on this machine",
+                 lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
+                     : "%s: expected ttl=0: anyone on a bus can move the tool, so it stays on this machine",
                  url, lan);
         return false;
     }
@@ -73,8 +75,8 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
 }
 
 // Return the index of the device over which the kernel would route the group, or 0 if there is no route. This function
-// asks the kernel, as `ip route get` does. To connect a socket and read its source address would tell less: the source
-// is 0.0.0.0 both for a link-scope route over lo and for a card without an address.
+// asks the kernel, as `ip route get` does. Reading the source address of a connected socket would not be enough,
+// because this address is 0.0.0.0 both for a link-scope route over lo and for a network card without an address.
 static int route_device(struct in_addr group)
 {
     struct {
@@ -108,10 +110,11 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size)
     char name[IF_NAMESIZE] = "", group[16];
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     bool named = device != 0 && if_indextoname((unsigned)device, name);
-    snprintf(error, error_size,
-             "%s: the group's route is not %s (%s%s); as root: ip link set %s up; ip route add %s/32 dev %s", bus->url,
-             bus->lan ? bus->lan : "loopback", named ? "it leaves by " : "there is none", name,
-             bus->lan ? bus->lan : "lo", group, bus->lan ? bus->lan : "lo");
+    snprintf(
+        error, error_size,
+        "%s: the multicast group is not routed to %s (%s%s); as root: ip link set %s up; ip route add %s/32 dev %s",
+        bus->url, bus->lan ? bus->lan : "loopback", named ? "but to " : "it has no route", name,
+        bus->lan ? bus->lan : "lo", group, bus->lan ? bus->lan : "lo");
     return false;
 }
 
@@ -149,16 +152,17 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
 {
     char name[80], group[16], user[40];
     struct stat net = {0};
-    stat("/proc/self/ns/net", &net); // every network namespace has its own lo
+    // the claim's name contains the network namespace, because every namespace has its own lo
+    stat("/proc/self/ns/net", &net);
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     snprintf(name, sizeof name, "kneadd-%ju-%s:%u", (uintmax_t)net.st_ino, group, ntohs(bus->group.sin_port));
     snprintf(user, sizeof user, "/run/user/%u", geteuid());
     const char *const places[] = {getenv("RUNTIME_DIRECTORY"), "/run", getenv("XDG_RUNTIME_DIR"), user};
     int fd = -1;
-    // Try one directory after the other. The last resort is a folder in /tmp.
+    // Try the directories in order of preference. If none is usable, use a folder in /tmp.
     for (size_t i = 0; fd < 0 && i <= sizeof places / sizeof *places; i++) {
         int dir = i < sizeof places / sizeof *places ? open_own(AT_FDCWD, places[i]) : open_own_in_tmp();
-        // With the sticky bit set, programs that tidy up old files do not remove this one.
+        // Set the sticky bit, so that programs that remove old files from /tmp keep the lock file.
         fd = dir < 0 ? -1 : openat(dir, name, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 01600);
         if (dir >= 0) close(dir);
     }
@@ -166,8 +170,8 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
     if (fd >= 0 && errno == EWOULDBLOCK)
         snprintf(error, error_size, "another kneadd serves %s: expected %s with another port", bus->url, option);
     else
-        snprintf(error, error_size, "%s: cannot be claimed: no lock in XDG_RUNTIME_DIR, /run or /tmp: %s", bus->url,
-                 strerror(errno));
+        snprintf(error, error_size, "%s: cannot reserve this bus, no lock file in XDG_RUNTIME_DIR, /run or /tmp: %s",
+                 bus->url, strerror(errno));
     if (fd >= 0) close(fd);
     return -1;
 }
@@ -195,12 +199,12 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
         return fd;
     }
     snprintf(error, error_size, "%s: cannot listen: %s%s", bus->url, strerror(errno),
-             errno == EADDRINUSE ? "; ss -uap tells which program does not share that port" : "");
+             errno == EADDRINUSE ? "; ss -uap shows the program that does not share the port" : "");
     if (fd >= 0) close(fd);
     return -1;
 }
 
-// Return the index of the device over which a datagram arrived, 0 if the kernel did not say.
+// Return the index of the device over which a datagram arrived, or 0 if the kernel did not report the device.
 static int device_of(struct msghdr *header)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {

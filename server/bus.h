@@ -14,25 +14,26 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#define KN_DATAGRAM_MAX 512 // bytes kept of one datagram. A pose has fewer than 300; longer datagrams are only counted
-#define KN_BATCH 32         // most datagrams taken per wake
-#define KN_CHANNEL_MAX 64   // LCM's own limit for a channel name, bytes with its NUL
+// Number of bytes kept of one datagram. A pose has fewer than 300 bytes; longer datagrams are only counted.
+#define KN_DATAGRAM_MAX 512
+#define KN_BATCH 32       // largest number of datagrams read each time the main thread wakes
+#define KN_CHANNEL_MAX 64 // LCM's own limit for a channel name, bytes with its NUL
 
 typedef struct kn_bus {
-    const char *url; // borrowed
+    const char *url; // LCM URL of the bus, borrowed
     struct sockaddr_in group;
     int device;      // index of lo or of the named interface
     const char *lan; // name of the interface, borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
-    size_t size; // bytes kept
-    bool here;   // arrived over the bus's device
+    size_t size; // number of bytes kept in `bytes`
+    bool here;   // true if the datagram arrived over the bus's network interface
     struct in_addr from;
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
 
-typedef struct kn_batch { // the datagrams of one wake
+typedef struct kn_batch { // the datagrams read in one wake of the main thread
     int count;
     kn_datagram datagram[KN_BATCH];
 } kn_batch;
@@ -66,8 +67,8 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
 // Read the waiting datagrams, at most `limit` (<= KN_BATCH) of them. Neither blocks nor allocates.
 void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch);
 
-// Read one datagram of at most `room` bytes; a longer one is cut. Return its size, or -1 when none waits. *here says
-// whether it arrived over the bus's device. Neither blocks nor allocates.
+// Read one datagram of at most `room` bytes; a longer one is cut. Return its size, or -1 when none waits. Set *here to
+// true if the datagram arrived over the bus's network interface. Neither blocks nor allocates.
 ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *here);
 
 // An LCM datagram after its bounds were checked:
@@ -78,8 +79,9 @@ typedef struct kn_packet {
     bool split;          // an LC03 datagram: one part of a message
     const char *channel; // NULL in an LC03 part other than part 0
     const unsigned char *payload;
-    size_t size;                      // bytes of payload
-    uint32_t sequence, whole, offset; // whole: size of the message; `whole` and `offset`: LC03 only
+    size_t size; // number of bytes in `payload`
+    // `whole`: size of the whole message, bytes; `whole` and `offset` are set for LC03 only.
+    uint32_t sequence, whole, offset;
     uint16_t part, parts;
 } kn_packet;
 
@@ -89,8 +91,8 @@ typedef enum kn_framing { KN_FRAMED, KN_FRAME_RUNT, KN_FRAME_MAGIC, KN_FRAME_CHA
 kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet);
 
 // Return how many datagrams the kernel has dropped since the socket was opened because its buffer was full, modulo
-// 2^32. SO_RXQ_OVFL attaches the same number to each datagram. Asking for it directly also counts the drops after the
-// last datagram.
+// 2^32. SO_RXQ_OVFL attaches the same number to each datagram. Reading the number from the socket, as this function
+// does, also counts the drops after the last datagram.
 uint32_t kn_bus_drops(int fd);
 
 #endif

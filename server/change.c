@@ -11,7 +11,7 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     const kn_model_def *d = &scene->model, *e = &now->model;
     bool same = !d->mesh == !e->mesh &&
                 (d->mesh || (memcmp(d->nodes, e->nodes, sizeof d->nodes) == 0 && d->spacing_m == e->spacing_m));
-    if (!same) return "another lattice"; // noticed before anything is built
+    if (!same) return "another lattice"; // refuse another lattice early, before anything is built
     bool points = scene->quality == now->quality;
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
     if (!points) return "other points of quality";
@@ -55,7 +55,8 @@ kn_change *kn_change_create(kn_scene *scene, const kn_scene *now, const kn_model
     } else {
         kn_scene_destroy(scene);
     }
-    snprintf(error, error_size, "%s: expected what the object can go on in; a new start takes anything", wrong);
+    snprintf(error, error_size, "%s: expected a change that keeps the object's state; a restart of kneadd allows any",
+             wrong);
     return NULL;
 }
 

@@ -16,18 +16,19 @@ typedef struct kn_change {
     kn_scene *scene;
     kn_model *model;
     kn_backend backend;
-    kn_audit *audit;   // NULL: the solver has no audit
-    int64_t deadline;  // units of work that a step may take in the new model (kn_served_deadline); 0: unchanged
-    kn_sets sets;      // settings that turn the scene of the start into `scene`
+    kn_audit *audit; // energy audit; NULL: the solver has no audit
+    // Number of units of work that a step may take in the new model (kn_served_deadline); 0: unchanged.
+    int64_t deadline;
+    kn_sets sets;      // run-time settings that turn the scene of the server's start into `scene`
     kn_state *carried; // the object's state in the new model, as of the tick that adopted the change; no solver scratch
 } kn_change;
 
-// Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are being served. If
-// `identify` is true, the new backend identifies local contact models (core/contact_model.h) with the virtual coupling
-// of the new scene's device. If the scene cannot be built, or the object cannot continue in it, return NULL and put one
-// line in error.
+// Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are the scene and the
+// model being served. If `identify` is true, the new backend identifies local contact models (core/contact_model.h)
+// with the virtual coupling of the new scene's device. If the scene cannot be built, or the object cannot continue in
+// it, return NULL and put one line in error.
 kn_change *kn_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify, char *error,
                             size_t error_size);
-void kn_change_destroy(kn_change *change); // NULL is fine
+void kn_change_destroy(kn_change *change); // `change` may be NULL
 
 #endif

@@ -2,7 +2,7 @@
 #include <errno.h>
 #include <time.h>
 
-static kn_time *handed; // NULL: use the kernel's clocks
+static kn_time *handed; // clock supplied by a test; NULL: use the kernel's clocks
 
 void kn_clock_hand(kn_time *time) { handed = time; }
 
@@ -24,7 +24,7 @@ int64_t kn_wall_us(void)
 
 int64_t kn_stamp_us(void)
 {
-    static _Atomic int64_t start_us; // wall clock minus monotonic clock, us; 0: not measured yet
+    static _Atomic int64_t start_us; // difference of the wall clock and the monotonic clock, us; 0: not measured yet
     int64_t now_us = kn_now_ns() / 1000, at_us = atomic_load_explicit(&start_us, memory_order_relaxed);
     if (handed) return now_us;
     // Two threads may measure the offset at once. The first to store it wins, and the other takes the stored value.
@@ -61,7 +61,8 @@ void kn_clock_sleep(int64_t ns)
     else if (handed && ns > handed->now_ns) handed->now_ns = ns;
     if (handed) return;
     struct timespec due = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
-    // A signal may interrupt the sleep. The deadline is absolute, so sleep on until the same time.
+    // A signal may interrupt the sleep. The deadline is an absolute time, so call the sleep again with the same
+    // deadline.
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR) {
     }
 }

@@ -17,19 +17,19 @@
 #define KN_PERIOD_NS 1000000
 
 typedef struct kn_clock {
-    int64_t start_ns; // time of tick 0 on the present grid
+    int64_t start_ns; // time of tick 0 on the present grid, ns
     int64_t tick;     // number of the last wake, -1 before the first
 } kn_clock;
 
 typedef struct kn_wake {
     int64_t tick;     // place on the grid
-    int32_t missed;   // cycles skipped just before this tick
+    int32_t missed;   // number of cycles skipped just before this tick
     bool overrun;     // the thread was still busy at the deadline, so it caused the missed cycles itself
-    int64_t due_ns;   // deadline of the sleep
-    int64_t asked_ns; // start of the wait, when the previous tick had ended
-    int64_t late_ns;  // delay added by the machine: from the later of due_ns and asked_ns to the wake
-    int64_t now_ns;   // start of the tick
-    int64_t held_ns;  // how long the thread, already awake, waited for a pose before now_ns (phase.h)
+    int64_t due_ns;   // deadline until which the thread slept, ns
+    int64_t asked_ns; // time at which the thread began to wait, after the previous tick had ended, ns
+    int64_t late_ns;  // delay added by the machine: time from the later of due_ns and asked_ns to the wake, ns
+    int64_t now_ns;   // time at which the tick started, ns
+    int64_t held_ns;  // time that the thread, already awake, waited for a pose before now_ns (phase.h), ns
 } kn_wake;
 
 // The times at which a thread was busy in its latest KN_BUSY ticks. A second thread, the sentinel, reads them.
@@ -40,7 +40,7 @@ typedef struct kn_busy {
 // Record that the thread was busy with a tick from `from_ns` to `to_ns`. Each call passes the next value of `tick`.
 // Real-time safe.
 void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns);
-// Return for how many ns between from_ns and to_ns the thread was busy.
+// Return the time between from_ns and to_ns in which the thread was busy, ns.
 int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns);
 
 // Return CLOCK_MONOTONIC, ns. This function and the next two make no system call.

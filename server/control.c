@@ -16,22 +16,23 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define CREDIT_NS (1000000000 / KN_CONTROL_HZ) // ns of credit that one command uses
+#define CREDIT_NS (1000000000 / KN_CONTROL_HZ) // time credit that one command uses up, ns
 #define GROUPS_MAX 256
-#define AUDIT_PIECE 3000 // bytes of a request in one line on stderr
+#define AUDIT_PIECE 3000 // largest part of a request that one line on stderr shows, bytes
 
 typedef struct peer {
-    int fd; // -1: free place
+    int fd; // descriptor of the peer's connection; -1: this place is free
     struct ucred who;
-    int64_t paid_ns;  // rate limit: time up to which the credit is used up
+    int64_t paid_ns;  // rate limit: the unused credit is the time from paid_ns to the present, ns
     int64_t heard_ns; // time of the latest whole line, or of the connection
-    json_t *request;  // slow request without an answer yet; no other line is served until then; NULL: none
-    bool ended;       // the peer sends nothing more; its lines are still answered
-    bool passing;     // skipping the rest of a line that was too long
-    size_t length;    // bytes in `line` that were read and not served yet
-    size_t hastened;  // bytes of these that were already searched for urgent requests
-    json_t *done;     // answer to the urgent requests in `line`, kept until their turn; NULL: none
-    int64_t told_ns;  // time of the last stderr line about an urgent request
+    // slow request of this peer that has no answer yet; the peer's further lines wait for this answer; NULL: none
+    json_t *request;
+    bool ended;      // true if the peer has finished sending; its remaining lines are still answered
+    bool passing;    // true while the rest of a line that was too long is skipped
+    size_t length;   // number of bytes in `line` that were read and not served yet
+    size_t hastened; // number of bytes in `line` that were already searched for urgent requests
+    json_t *done;    // answer to the urgent requests in `line`, kept until those lines are served in turn; NULL: none
+    int64_t told_ns; // time of the last stderr line about an urgent request
     char line[KN_CONTROL_LINE];
 } peer;
 
@@ -39,14 +40,14 @@ typedef enum job { JOB_NONE, JOB_GIVEN, JOB_DONE } job;
 
 struct kn_control {
     int fd;
-    struct stat own; // the socket's file
+    struct stat own; // identity of the socket's file, to recognise the file when the server closes it
     struct sockaddr_un at;
     kn_control_def def;
     peer peers[KN_CONTROL_PEERS];
     // The slow request that the worker is answering. These fields belong to the control thread while `job` is JOB_NONE
     // or JOB_DONE, and to the worker while `job` is JOB_GIVEN.
     _Atomic job job;
-    int job_peer; // -1: none
+    int job_peer; // index of the peer whose slow request is being answered; -1: none
     const json_t *job_request;
     json_t *job_answer;
     sem_t given;
@@ -54,8 +55,8 @@ struct kn_control {
     int done_fd; // eventfd that ends the control thread's wait
     // Number of lines since the last report that were only counted, not logged one by one.
     int untold;
-    struct ucred untold_of; // sender of the latest of these lines
-    int64_t untold_ns;      // time of the last report
+    struct ucred untold_of; // sender of the latest line that was only counted
+    int64_t untold_ns;      // time of the last report of counted lines
 };
 
 json_t *kn_control_error(const char *format, ...)
@@ -64,7 +65,7 @@ json_t *kn_control_error(const char *format, ...)
     va_start(arguments, format);
     json_t *error = json_vsprintf(format, arguments);
     va_end(arguments);
-    return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or no UTF-8"));
+    return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or not UTF-8"));
 }
 
 // --- lines that are only counted in the log ---
@@ -73,8 +74,8 @@ json_t *kn_control_error(const char *format, ...)
 static void tell_untold(kn_control *c, int64_t now_ns)
 {
     if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
-    kn_say("kneadd: control: lines that were no requests, or more than %d a second: %d, the last of uid %d pid %d",
-           KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
+    kn_say("kneadd: control: malformed lines, or more than %d a second: %d, the last from uid %d pid %d", KN_CONTROL_HZ,
+           c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
     c->untold = 0;
     c->untold_ns = now_ns;
 }
@@ -102,7 +103,7 @@ static const char *make_room(const struct sockaddr_un *at)
 {
     struct stat there;
     if (lstat(at->sun_path, &there) != 0) return NULL;
-    if (!S_ISSOCK(there.st_mode)) return "exists and is no socket";
+    if (!S_ISSOCK(there.st_mode)) return "exists and is not a socket";
     if (serves(at)) return "another server answers there";
     return unlink(at->sun_path) == 0 ? NULL : strerror(errno);
 }
@@ -123,7 +124,7 @@ kn_control *kn_control_open(const char *path, const kn_control_def *def, char *e
         why = make_room(&c->at);
     }
     if (!why) {
-        mode_t mask = umask(0117); // only user and group may connect, from bind on
+        mode_t mask = umask(0117); // create the socket file so that only its user and group may connect
         c->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
         if (c->fd < 0 || bind(c->fd, (const struct sockaddr *)&c->at, sizeof c->at) != 0 ||
             listen(c->fd, KN_CONTROL_PEERS) != 0 || lstat(path, &c->own) != 0)
@@ -186,7 +187,7 @@ static void send_reply(peer *p, json_t *answer)
 {
     char *text = answer ? json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII) : NULL;
     size_t size = text ? strlen(text) : 0;
-    if (text) text[size++] = '\n'; // replaces the NUL
+    if (text) text[size++] = '\n'; // the newline replaces the text's NUL
     // A reply that cannot be sent at once means that the peer does not read.
     if (!text || send(p->fd, text, size, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)size) hang_up(p);
     free(text);
@@ -202,13 +203,13 @@ static peer *make_place(kn_control *c)
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
         if (p->fd < 0) return p;
-        // The worker's answer will come back to this place.
+        // The worker's answer is sent to this place, so keep the place.
         if (i == c->job_peer) continue;
         bool sooner = !place || (!p->request && place->request) ||
                       (!p->request == !place->request && p->heard_ns < place->heard_ns);
         if (sooner) place = p;
     }
-    send_reply(place, kn_control_error("more than %d connections: yours was silent for longest", KN_CONTROL_PEERS));
+    send_reply(place, kn_control_error("more than %d connections: yours was silent the longest", KN_CONTROL_PEERS));
     if (place->fd >= 0) hang_up(place);
     return place;
 }
@@ -283,13 +284,13 @@ static json_t *parse(const char *line, size_t length, json_t **refusal)
     json_error_t why;
     *refusal = NULL;
     if (brackets(line, length) > KN_CONTROL_BRACKETS) {
-        *refusal = kn_control_error("more than %d of [ and {", KN_CONTROL_BRACKETS);
+        *refusal = kn_control_error("more than %d brackets [ and {", KN_CONTROL_BRACKETS);
         return NULL;
     }
     json_t *request = json_loadb(line, length, JSON_REJECT_DUPLICATES, &why);
     if (request && json_is_object(request)) return request;
-    *refusal = request ? kn_control_error("expected one object per line")
-                       : kn_control_error("no JSON at byte %d, expected one object per line", why.position);
+    *refusal = request ? kn_control_error("expected one JSON object per line")
+                       : kn_control_error("not JSON at byte %d, expected one JSON object per line", why.position);
     json_decref(request);
     return NULL;
 }
@@ -346,7 +347,8 @@ static void hear_line(kn_control *c, peer *p, size_t length)
         count_untold(c, p);
         send_reply(p, refusal);
     } else if (c->def.slow && c->def.slow(c->def.self, request)) {
-        p->request = request; // given to the worker by give(), or refused by kn_control_drain()
+        // the request waits until give() passes it to the worker, or kn_control_drain() refuses it
+        p->request = request;
     } else {
         // This request may have revoked the urgent one (recover after estop), so an urgent line that comes later must
         // be carried out again.
@@ -411,13 +413,13 @@ static void hear(kn_control *c, peer *p)
     } else {
         return;
     }
-    if (p->fd < 0) return; // the peer did not read the reply, and was disconnected
+    if (p->fd < 0) return; // return if the peer was disconnected because it did not read the reply
     p->length -= size;
     p->hastened -= size < p->hastened ? size : p->hastened;
     memmove(p->line, p->line + size, p->length);
 }
 
-// Record that the peer has finished sending. Its last line counts even without a newline.
+// Record that the peer has finished sending. The peer's last line counts even without a newline.
 static void end(peer *p)
 {
     p->ended = true;
@@ -430,7 +432,8 @@ static void listen_to(peer *p)
     ssize_t size = recv(p->fd, p->line + p->length, sizeof p->line - p->length, 0);
     if (size > 0) p->length += (size_t)size;
     else if (size == 0) end(p);
-    else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p); // the worker may hold its request
+    // on a read error, disconnect the peer unless its slow request still waits for an answer
+    else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p);
 }
 
 // --- slow requests: one at a time, while the other peers are served ---
@@ -469,11 +472,12 @@ void kn_control_work(kn_control *c)
 {
     for (;;) {
         while (sem_wait(&c->given) != 0)
-            ; // interrupted by a signal
+            ; // a signal interrupted the wait, so wait again
         if (atomic_load(&c->job) == JOB_GIVEN) {
             c->job_answer = c->def.answer(c->def.self, c->job_request);
             atomic_store(&c->job, JOB_DONE);
-            ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t)); // if this fails, the wait times out
+            // if this write fails, the control thread's wait still ends by its time limit
+            ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t));
             (void)woken;
         }
         if (atomic_load(&c->ending)) return;
@@ -496,7 +500,8 @@ void kn_control_turn(kn_control *c, int timeout_ms)
         const peer *p = &c->peers[i];
         bool full = p->length == sizeof p->line, waits = p->request != NULL;
         polled[2 + i] = (struct pollfd){.fd = full || p->ended ? -1 : p->fd, .events = POLLIN};
-        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0; // read already
+        // a whole line has been read already, so do not wait
+        if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0;
     }
     if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;
     // For each peer: read, carry out urgent lines, then serve one line. Disconnect a peer that has finished sending and
@@ -518,7 +523,7 @@ void kn_control_turn(kn_control *c, int timeout_ms)
 static void refuse_slow(const kn_control *c, peer *p)
 {
     if (!p->request) return;
-    answer(c, p, p->request, kn_control_error("the server is ending: this is not done"));
+    answer(c, p, p->request, kn_control_error("the server is stopping: the command is not carried out"));
     json_decref(p->request);
     p->request = NULL;
 }
@@ -531,7 +536,7 @@ void kn_control_drain(kn_control *c)
     for (int i = 0; i < KN_CONTROL_PEERS; i++) greet(c);
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
-        if (p->fd < 0 || i == c->job_peer) continue; // the worker still has this peer's request
+        if (p->fd < 0 || i == c->job_peer) continue; // skip the peer whose request the worker is still answering
         refuse_slow(c, p);
         while (p->fd >= 0 && kn_now_ns() < end_ns) {
             if (!p->ended && p->length < sizeof p->line) listen_to(p);

@@ -10,11 +10,11 @@
 // peer (SO_PEERCRED). Commands are accepted from root, from the user that kneadd runs as, and from members of the
 // socket's group.
 //
-// This module handles bytes, peers and limits; operator.h gives the lines their meaning. A line has at most
-// KN_CONTROL_LINE bytes. At most KN_CONTROL_PEERS peers are connected; a further peer replaces the one that was silent
-// for longest. Each peer may send KN_CONTROL_HZ commands a second. A peer that does not read its replies is
-// disconnected. Peers are served in turn, one line each, also while one of them waits for a slow request. The last line
-// of a peer that has finished sending counts even without a newline.
+// This module handles bytes, peers and limits; operator.h interprets the lines. A line has at most KN_CONTROL_LINE
+// bytes. At most KN_CONTROL_PEERS peers are connected; a further peer replaces the one that was silent for longest.
+// Each peer may send KN_CONTROL_HZ commands a second. A peer that does not read its replies is disconnected. Peers are
+// served in turn, one line each, also while one of them waits for a slow request. The last line of a peer that has
+// finished sending counts even without a newline.
 //
 // None of these limits delays an urgent request, that is, an emergency stop. An urgent request is carried out as soon
 // as it has been read, ahead of the peer's other lines, and answered in its turn.
@@ -25,12 +25,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_CONTROL_LINE 4096   // bytes of a line, with its newline
+#define KN_CONTROL_LINE 4096   // largest length of a line, bytes, including its newline
 #define KN_CONTROL_BRACKETS 64 // largest number of [ and { in a line, nested or not
-#define KN_CONTROL_PATH 107    // largest length of a path, bytes (limit of sockaddr_un)
+#define KN_CONTROL_PATH 107    // largest length of the socket's path, bytes (limit of sockaddr_un)
 #define KN_CONTROL_PEERS 8
 #define KN_CONTROL_LAST_MS 1000 // time limit for answering the last requests (kn_control_drain)
-#define KN_CONTROL_HZ 100       // commands a second of one peer; also the largest burst
+#define KN_CONTROL_HZ 100       // largest number of commands per second from one peer; also the largest burst
 
 typedef struct kn_control kn_control;
 
@@ -53,13 +53,13 @@ typedef struct kn_control_def {
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 // Return the reply to one line, given without its newline: a new reference, never NULL. The line may hold any bytes.
-// *request becomes the parsed request, a new reference, or NULL if the line is not a request.
+// Set *request to the parsed request, a new reference, or to NULL if the line is not a request.
 json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request);
 
 // Bind the socket to path. An existing socket that no server accepts on is replaced. On failure return NULL and put one
 // line in error.
 kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size);
-// Close after both threads have ended. Remove the path if it is still this socket. NULL is fine.
+// Close after both threads have ended. Remove the path if it is still this socket. `control` may be NULL.
 void kn_control_close(kn_control *control);
 
 // Serve one line of every peer that has sent one. If no peer has, wait at most timeout_ms for one. Called by one

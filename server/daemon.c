@@ -20,27 +20,32 @@
 #include <time.h>
 #include <unistd.h>
 
-#define DATAGRAMS_PER_TICK 256  // = 256 kHz; at 1-2 us each, a flood takes at most half of every millisecond
-#define START_DELAY_NS 20000000 // time to tick 0; by then every thread has left the barrier and sleeps
+// largest number of datagrams read per tick (256 kHz); at 1-2 us each, a flood of datagrams takes at most half of every
+// millisecond
+#define DATAGRAMS_PER_TICK 256
+// time from the start of the threads to tick 0, ns; by then every thread has left the start barrier and sleeps
+#define START_DELAY_NS 20000000
 // A second signal counts as a request of its own only after this time. timeout(1) and shells send the first signal
 // twice, and a stop takes 100 ms at most.
 #define PATIENCE_NS 300000000
 #define SIGNALS 3
-#define BUFFER_BYTES (1 << 20) // receive buffer of the socket: about 1 300 poses
-#define SCENE_S 1              // period of the scene message; a new client waits at most that long
-#define CONTROL_TURN_MS 20     // longest time that a stop waits for the control thread
-#define REST_TICK_NS 500000    // longest good tick at rest: in contact it takes twice as long, and has 1 ms
+#define BUFFER_BYTES (1 << 20) // receive buffer of the socket, bytes: about 1 300 poses
+#define SCENE_S 1              // period of the scene message, s; a new client waits for a scene at most this long
+// longest wait of the control thread for requests, ms; a stop is delayed by at most this time
+#define CONTROL_TURN_MS 20
+// longest acceptable tick without contact, ns; a tick with contact takes twice as long, and may take 1 ms
+#define REST_TICK_NS 500000
 
 typedef struct server {
     kn_served on;    // the scene being served
-    int64_t rest_ns; // time of a tick while nothing touches the object
+    int64_t rest_ns; // time of a tick while nothing touches the object, ns
     kn_bus bus, mesh_bus;
     int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
     kn_exchange exchange;      // used by the main thread
-    kn_auth auth;              // used if a key was given
+    kn_auth auth;              // key and life of kneadd, used if a key file was given
     kn_batch batch;
     kn_skin skin;
-    kn_control *control; // NULL: no control socket
+    kn_control *control; // control socket; NULL: none
     kn_operator operator;
     kn_trace trace;
     kn_loop loop;
@@ -49,19 +54,19 @@ typedef struct server {
     kn_rt rt;
     pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
     pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
-    atomic_bool ending;   // ends the threads of normal priority; the keeper has its own flag
+    atomic_bool ending;   // set to end the threads of normal priority; the keeper has a flag of its own
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
     char *next, *next_text; // path and text of the scene to load next; used by the worker until all threads end
     char next_name[sizeof((kn_scene *)0)->name];
-    atomic_bool goes_on; // serve the scene `next` after the end
-    bool stuck;          // the worker thread did not end in time
-    bool estopped;       // an emergency stop is in force from the first tick on
+    atomic_bool goes_on; // true: serve the scene `next` after the present scene has ended
+    bool stuck;          // true if the worker thread did not end in time
+    bool estopped;       // true if an emergency stop is in force from the first tick on
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    int64_t stop_ns;   // time of the first signal; 0: none yet
-    unsigned refusals; // reasons of refusal already reported, a bit per kn_verdict
+    int64_t stop_ns;   // time of the first signal to end, ns; 0: none yet
+    unsigned refusals; // reasons of rejected poses that have been reported already, one bit per kn_verdict
     int budget;        // datagrams that may still be read before the next tick
     int64_t start_ns;
     int32_t mode_told;
@@ -96,7 +101,7 @@ static void tell_refusals(server *d)
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
         d->refusals |= 1u << told[i];
-        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' counts them", kn_verdict_name(told[i]),
+        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts", kn_verdict_name(told[i]),
                kn_verdict_meaning(told[i]));
     }
 }
@@ -148,7 +153,7 @@ static void stop(server *d)
     else sd_notify(0, "STOPPING=1");
 }
 
-// Post the health to the operator module, which has asked for it.
+// Post a health report to the operator module, which has requested one.
 static void on_asked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -159,7 +164,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     kn_mailbox_post(&d->operator.health);
 }
 
-// The operator has asked for the end: stop, without another scene.
+// The operator has requested the end: stop, and load no other scene.
 static void on_leave(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -168,12 +173,13 @@ static void on_leave(struct ev_loop *ev, ev_async *w, int events)
     stop(d);
 }
 
-// The operator has asked for another scene: stop, and then serve the new scene.
+// The operator has requested another scene: stop, and then serve the new scene.
 static void on_load(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
-    if (atomic_load(&d->loop.stop)) return; // an end has already been requested
+    // an end has already been requested, so ignore the request for another scene
+    if (atomic_load(&d->loop.stop)) return;
     d->goes_on = true;
     stop(d);
 }
@@ -224,7 +230,8 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
     server *d = w->data;
     int64_t now_ns = kn_now_ns();
     d->goes_on = false;
-    if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) { // deliberate: end at once, as without a handler
+    // this is a deliberate second signal, so end at once, as without a handler
+    if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) {
         signal(w->signum, SIG_DFL);
         raise(w->signum);
     }
@@ -286,8 +293,8 @@ static void *sentinel_main(void *arg)
     return kn_sentinel_run(&d->sentinel);
 }
 
-// Report missed cycles in the words of ros2_control, which operators and their scripts know. Print at most one line a
-// second, with the number of misses since the last line.
+// Report missed cycles with the wording of ros2_control, which operators and their scripts know. Print at most one line
+// a second, with the number of misses since the last line.
 static void tell_overruns(server *d, int64_t *told)
 {
     int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
@@ -305,13 +312,14 @@ static void tell_audit(server *d, int64_t *told)
 {
     int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
     if (created != *told)
-        kn_say("kneadd: in %" PRId64 " s the object gave more energy than it had and was given, by over %g %% of the "
-               "work",
+        kn_say("kneadd: in %" PRId64
+               " s the object created energy: it gave more than it had and received, by over %g %% of the work",
                created - *told, 100 * KN_AUDIT_SHARE);
     *told = created;
 }
 
-// Feed the systemd watchdog of kneadd.service, once a second, if the servo ticks and the main thread takes its records.
+// Report to the systemd watchdog of kneadd.service once a second, if the servo ticks and the main thread takes the
+// servo's records.
 static void tell_alive(server *d, int64_t *tick, int64_t *unpublished)
 {
     const kn_account *a = &d->loop.account;
@@ -334,10 +342,10 @@ static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
     const char *before = kn_quality_name(*told), *name = kn_quality_name(now);
     if (now != *told && now == asked) kn_say("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != *told)
-        kn_say("kneadd: quality %s -> %s: %d ticks running took more than %g ms; 'knead ctl quality %s' goes back",
+        kn_say("kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
                before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
     if (exhausted && !*told_exhausted)
-        kn_say("kneadd: %d ticks running took more than %g ms; the scene has no point of quality below %s",
+        kn_say("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",
                KN_OVER_TICKS, budget_ms, name);
     *told = now;
     *told_exhausted = exhausted;
@@ -416,7 +424,8 @@ static void *keeper_main(void *arg)
 // Parse the two URLs, and load the key if there is one.
 static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL"); // as every LCM client does
+    // without an option, take the URL from the environment, as every LCM client does
+    const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL");
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
     if (!kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) ||
         !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
@@ -500,8 +509,8 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     d->loop.deadline = kn_served_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
-    // Enter real-time priority only now: to build a scene takes longer than LimitRTTIME allows a real-time thread to
-    // run.
+    // Enter real-time priority only now, because building a scene takes longer than LimitRTTIME allows a real-time
+    // thread to run.
     kn_rt_enter(&d->rt, def->realtime);
     d->rest_ns = kn_served_measure(&d->on.backend, NULL);
     d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
@@ -536,7 +545,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
         pthread_barrier_wait(&d->go);
         return true;
     }
-    return false; // threads that wait at the barrier end with the process
+    return false; // give up; the threads that wait at the barrier end with the process
 }
 
 // Print the settings that were restored from the last run.
@@ -545,7 +554,7 @@ static void tell_sets(FILE *out, const kn_sets *sets)
     char room[KN_SETS_BYTES];
     const char *list[KN_SETS_MAX];
     int count = kn_sets_list(sets, room, list);
-    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: as it was set before: " : ", ", list[i]);
+    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: settings restored: " : ", ", list[i]);
     if (count > 0) fputc('\n', out);
 }
 
@@ -559,14 +568,16 @@ static void tell_ready(server *d, FILE *out)
             d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
     tell_sets(out, &d->on.sets);
     if (d->estopped)
-        fprintf(out, "kneadd: an emergency stop stands: every force stays 0 until %sknead ctl recover\n",
+        fprintf(out, "kneadd: an emergency stop is in force: every force stays 0 until %sknead ctl recover\n",
                 d->control ? "" : "a start with --control and ");
     if (*d->rt.missing) fprintf(out, "kneadd: not real time: %s\n", d->rt.missing);
     if (d->exchange.receiver.auth)
-        fprintf(out, "kneadd: poses are taken from holders of the key, forces are signed with it\n");
+        fprintf(out, "kneadd: poses must be signed with the key, forces are signed with it\n");
     else if (d->exchange.receiver.peers > 0)
-        fprintf(out, "kneadd: poses are taken from %d addresses; that is no authentication: an address can be forged\n",
-                d->exchange.receiver.peers);
+        fprintf(
+            out,
+            "kneadd: poses are accepted from %d addresses; this is no authentication, since an address can be forged\n",
+            d->exchange.receiver.peers);
     if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
     // The servo is already running and may lower the deadline, so print the deadline of the start.
     if (d->loop.priced > 0)
@@ -581,17 +592,18 @@ static void tell_ready(server *d, FILE *out)
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
         fprintf(out,
-                "kneadd: on a circuit: a tick that nothing touches takes %.2g ms there and back, a state %.2g s to "
-                "load; the queue holds %lld ticks\n",
+                "kneadd: on a circuit: a tick without contact takes %.2g ms there and back, a state takes %.2g s "
+                "to load; the queue holds %lld ticks\n",
                 1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (d->rest_ns > REST_TICK_NS)
-            fprintf(out, "kneadd: expected %g ms at most: the circuit will not be in step, its twin gives the object\n",
+            fprintf(out,
+                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin computes the object\n",
                     1e-6 * REST_TICK_NS);
     } else if (d->rest_ns > REST_TICK_NS)
         fprintf(
             out,
-            "kneadd: not real time: a tick takes %.2g ms here before anything touches the object, expected %g ms at "
-            "most; ticks will be missed and counted\n",
+            "kneadd: not real time: a tick takes %.2g ms here without contact, expected %g ms at most; ticks will be "
+            "missed and counted\n",
             1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
 }
 
@@ -603,10 +615,10 @@ static void tell_circuit(server *d)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
-    kn_say("kneadd: %lld ticks on the circuit, each its twin's; %lld by the twin alone; lost %lld times, "
+    kn_say("kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
            "different %lld, loaded %lld; at the end %s%s",
            (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
-           (long long)n.loads, agrees ? "its state is the twin's" : "", agrees ? "" : why);
+           (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
     if (agrees)
         kn_say("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
                "broken",
@@ -666,8 +678,10 @@ static void say_all(server *d, void (*tell)(server *, FILE *))
     free(text);
 }
 
-static int64_t stopping_ns;               // time from which signals end the process, as in on_signal; 0: not yet
-static volatile sig_atomic_t told_to_end; // set by a signal that came between two lives (auth.h)
+// time after which a further signal ends the process, as in on_signal, ns; 0: no signal yet
+static int64_t stopping_ns;
+// set by a signal that came after the end of one life and before the next (life: see auth.h)
+static volatile sig_atomic_t told_to_end;
 
 // Signal handler from the end of one life to the start of the next, when libev's handlers are not installed.
 static void end_at_once(int number)
@@ -685,14 +699,14 @@ static void join_worker(server *d)
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
     d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
-    if (d->stuck) kn_say("kneadd: ends without the answer to a request that takes too long");
+    if (d->stuck) kn_say("kneadd: stops without an answer to a request that takes too long");
 }
 
 // Stop all threads and save the object. Return false if the object could not be saved.
 static bool stop_threads(server *d)
 {
     stopping_ns = d->stop_ns ? d->stop_ns : kn_now_ns();
-    for (int i = 0; i < SIGNALS; i++) { // nobody calls libev's handlers any more
+    for (int i = 0; i < SIGNALS; i++) { // libev's signal handlers have no effect any more, so replace them
         int number = d->signals[i].signum;
         ev_signal_stop(d->ev, &d->signals[i]);
         signal(number, end_at_once);
@@ -719,7 +733,7 @@ static bool stop_threads(server *d)
     return kept;
 }
 
-// Release everything that a life has allocated. Parts that were never opened are skipped.
+// Release everything that one life (run) of the server has allocated. Parts that were never opened are skipped.
 static void free_all(server *d)
 {
     if (d->ev) ev_loop_destroy(d->ev);
@@ -755,7 +769,7 @@ static int serve(server *d, const kn_daemon_def *def)
             start_threads(d, def, error, sizeof error)) {
             say_all(d, tell_ready);
             sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
-            // A signal that came between two lives still counts.
+            // A signal that came between two lives of the server still ends the process.
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
             code = stop_threads(d) ? 0 : 3;
@@ -763,15 +777,16 @@ static int serve(server *d, const kn_daemon_def *def)
             tell_circuit(d);
             say_all(d, tell_summary);
             if (code)
-                snprintf(error, sizeof error, "--state-dir %s: the last of the object is not saved",
+                snprintf(error, sizeof error, "--state-dir %s: the last state of the object was not saved",
                          def->object.state_dir);
             if (!kn_trace_close(&d->trace)) {
-                snprintf(error, sizeof error, "--trace %s: could not be written to its end", def->trace);
+                snprintf(error, sizeof error, "--trace %s: could not be written completely", def->trace);
                 code = 3;
             }
         }
     }
-    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error); // for bad input the line begins with its file or URL
+    // print the error; for bad input (code 2) the line already begins with its file or URL
+    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error);
     return code;
 }
 
@@ -781,13 +796,16 @@ int kn_daemon_run(const kn_daemon_def *def)
     static char name[sizeof d.next_name];
     kn_daemon_def life = *def;
     kn_safety_limits limits;
-    char *path = NULL, *text = NULL; // of the scene being served; NULL in the first life
+    // path and text of the scene being served; NULL in the first life (run) of the server
+    char *path = NULL, *text = NULL;
     kn_say_start();
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
-        if (d.stuck) return code;        // the stuck worker ends with the process
-        if (d.on.base && !life.limits) { // no later life may exceed the limits of the first
+        // return without a cleanup, because the worker thread is stuck and ends with the process
+        if (d.stuck) return code;
+        // take the safety limits of the first life, because no later life may exceed them
+        if (d.on.base && !life.limits) {
             limits = d.on.base->limits;
             life.limits = &limits;
         }

@@ -8,27 +8,32 @@
 #include "server/rt.h"
 #include "server/served.h"
 
-#define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0"  // LCM's own group
-#define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0" // another port: stock liblcm hears every group on its port
+#define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0" // LCM's default multicast group and port
+// Bus of the meshes; it needs a port of its own, because stock liblcm receives every group on its port.
+#define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 #define KN_LCM_LAN_URL "udpm://239.255.76.67:7667?ttl=1"
 #define KN_MESH_LAN_URL "udpm://239.255.76.67:7668?ttl=1"
 
 typedef struct kn_daemon_def {
-    const kn_safety_limits *limits; // limits that no scene loaded later may exceed; NULL: those of the first scene
+    // Safety limits that a scene loaded later must not exceed; NULL: the limits of the first scene.
+    const kn_safety_limits *limits;
     kn_served_def object;
-    const char *lcm_url;               // NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or KN_LCM_LAN_URL
-    const char *mesh_url;              // NULL: KN_MESH_URL or KN_MESH_LAN_URL
+    // LCM URL of the bus for poses and forces; NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or
+    // KN_LCM_LAN_URL.
+    const char *lcm_url;
+    const char *mesh_url;              // LCM URL of the bus for meshes; NULL: KN_MESH_URL or KN_MESH_LAN_URL
     const char *control;               // path of the control socket (control.h); NULL: none
     const char *lan;                   // network interface of both buses; NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // addresses that poses are accepted from
-    int peers;                         // 0: any address
-    const char *key;                   // key file (auth.h); NULL: none
+    int peers;                         // number of entries in `peer`; 0: poses are accepted from any address
+    const char *key;                   // path of the key file (auth.h); NULL: no key
     kn_rt_mode realtime;
     const char *trace; // path of the trace file (trace.h); NULL: none
-    bool estopped;     // an emergency stop of the previous life (auth.h) is in force from the first tick on
-    bool later;        // this is not the first scene of the process: append to the trace file
-    bool free;         // the servo's tick grid does not follow the poses (phase.h)
-    bool touch;        // publish KNEAD_TOUCH
+    // True: an emergency stop of the previous life (run) of kneadd is in force from the first tick on.
+    bool estopped;
+    bool later; // true: this is not the first scene of the process, so rows are appended to the trace file
+    bool free;  // true: the servo's tick grid does not follow the poses (phase.h)
+    bool touch; // publish touch patches (KNEAD_TOUCH)
 } kn_daemon_def;
 
 // Serve until SIGINT, SIGTERM or SIGHUP. Then the forces ramp to zero, the threads end and a summary is printed. A

@@ -42,9 +42,10 @@ static void go_over(kn_exchange *x)
 
 bool kn_exchange_ticked(kn_exchange *x)
 {
-    // Read this first, so that the records below include the last one.
+    // Read `done` before the records, so that the records read below include the last one.
     bool done = atomic_load_explicit(&x->loop->done, memory_order_acquire);
-    go_over(x); // publish the scene before the event of the change, for clients that receive both
+    // publish the new scene before the event of its change, so that clients that receive both get the scene first
+    go_over(x);
     publish_records(x);
     if (x->sentinel) kn_sentinel_judge(x->sentinel, kn_now_ns());
     // End the sessions that fell silent.

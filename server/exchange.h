@@ -16,11 +16,12 @@
 typedef struct kn_exchange {
     kn_receiver receiver; // the caller initialises the receiver and opens the publisher
     kn_publisher publisher;
-    kn_loop *loop;                 // borrowed, as the next two
-    kn_trace *trace;               // NULL: no trace
-    kn_sentinel *sentinel;         // NULL: no sentinel
-    kn_change *told;               // the change whose scene is published; NULL: the scene of the start
-    kn_force force[KN_PROBES_MAX]; // of the latest tick
+    kn_loop *loop;         // servo loop; borrowed, as are `trace` and `sentinel`
+    kn_trace *trace;       // trace file of the run; NULL: no trace
+    kn_sentinel *sentinel; // sentinel thread; NULL: none
+    // Change whose scene is published; NULL: the scene of the server's start is published.
+    kn_change *told;
+    kn_force force[KN_PROBES_MAX]; // answer of the latest tick to each probe
 } kn_exchange;
 
 // Judge the datagrams, and post accepted poses to the loop.

@@ -3,14 +3,14 @@
 #include "server/bus.h"
 #include <string.h>
 
-// The reasons for the loss of a circuit have the same numbers in the code and on the wire.
+// The reasons for the loss of a circuit have the same numbers in the code and in the messages.
 #define SAME_LOSS(name, word, what)                                                                                    \
     _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
 KN_LOSSES(SAME_LOSS)
 
 int64_t kn_checkup_drops(kn_checkup *c)
 {
-    // The kernel's counter wraps at 2^32; the difference does not.
+    // The kernel's counter wraps at 2^32, so add up the differences modulo 2^32.
     uint32_t now = kn_bus_drops(c->fd);
     c->kernel_drops += (uint32_t)(now - c->drops_seen);
     c->drops_seen = now;
@@ -47,12 +47,12 @@ static knead_status_t status_of(kn_checkup *c, const kn_fpga_counts *circuit)
     status.backend = circuit->there ? KNEAD_STATUS_T_BACKEND_FPGA
                      : model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED
                                     : KNEAD_STATUS_T_BACKEND_CPU;
-    // List what keeps the server from its full quality.
+    // Set the DEGRADED_* bits for everything that keeps the server from its full quality.
     if (!c->rt->fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!c->rt->locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     if (circuit->there && !circuit->in_step) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
-    // A new fault makes the last errors obsolete.
+    // After a new fault, keep only the errors since that fault.
     if (status.faults > c->faults_seen) c->service_errors = 0;
     c->faults_seen = status.faults;
     status.current_errors |= service_errors(c, circuit);
@@ -86,7 +86,7 @@ static knead_health_t health_of(const kn_checkup *c, const kn_fpga_counts *circu
 {
     knead_health_t health = {.utime = utime, .monotonic_us = kn_now_ns() / 1000};
     kn_account_health(&c->loop->account, &health);
-    // The link of each probe.
+    // Copy the link counters of each probe.
     for (int p = 0; p < c->receiver->probes; p++) {
         const kn_source *source = &c->receiver->source[p];
         const kn_packets *n = &source->packets;
@@ -133,7 +133,7 @@ void kn_checkup_tell(kn_checkup *c, kn_health *health)
                       rejected[KN_REJECT_JUMP];
     int32_t errors = kn_account_take_errors(&c->loop->account) | service_errors(c, &circuit);
     if (invalid > c->invalid_told) errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
-    // Remember the counts that have been reported.
+    // Remember the counts that have been reported, so that each error is reported once.
     c->invalid_told = invalid;
     c->saves_failed_told = atomic_load(&c->keeper->errors);
     c->circuit_failed_told = circuit.reasons;

@@ -13,15 +13,15 @@
 #include "server/sentinel.h"
 #include "server/served.h"
 
-typedef struct kn_health { // a snapshot of one moment
+typedef struct kn_health { // health of the server at one moment
     knead_status_t status;
     knead_health_t more;
     int32_t error_bits;            // ERROR_* bits of the last published status, and bits set since
-    kn_force force[KN_PROBES_MAX]; // of the latest tick
+    kn_force force[KN_PROBES_MAX]; // answer of the latest tick to each probe
 } kn_health;
 
 typedef struct kn_checkup {
-    const kn_served *served; // borrowed, as are all modules below
+    const kn_served *served; // served object; borrowed, as are all modules below
     kn_loop *loop;
     const kn_receiver *receiver;
     const kn_publisher *publisher;
@@ -30,10 +30,10 @@ typedef struct kn_checkup {
     const kn_rt *rt;
     int fd; // socket of the bus; the kernel counts the datagrams that it drops
     int64_t start_ns;
-    // private
-    uint32_t drops_seen; // the kernel's counter, which wraps
+    // Private.
+    uint32_t drops_seen; // last value of the kernel's counter of dropped datagrams, which wraps at 2^32
     int64_t kernel_drops;
-    int32_t service_errors; // errors of disk and circuit since the last fault
+    int32_t service_errors; // ERROR_* bits of the disk and the circuit since the last fault
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
 } kn_checkup;
@@ -44,7 +44,7 @@ void kn_checkup_now(kn_checkup *c, kn_health *health);
 // that each error is published once.
 void kn_checkup_tell(kn_checkup *c, kn_health *health);
 
-// Return the datagrams that the kernel has dropped since the start.
+// Return the number of datagrams that the kernel has dropped since the start.
 int64_t kn_checkup_drops(kn_checkup *c);
 
 #endif

@@ -8,12 +8,11 @@
 #include <string.h>
 #include <unistd.h>
 
-static const int64_t poll_ns = 2000000; // of thread and operator: nothing wakes them, since the servo calls nobody
+// Interval at which the keeper thread and the operator's thread poll, ns. They poll because the servo makes no system
+// call to wake them.
+static const int64_t poll_ns = 2000000;
 
-static void rest(void)
-{
-    kn_clock_sleep(kn_now_ns() + poll_ns);
-}
+static void rest(void) { kn_clock_sleep(kn_now_ns() + poll_ns); }
 
 // --- open and close -------------------------------------------------------------------------------------------------
 
@@ -30,11 +29,12 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
     pthread_mutex_init(&k->answering, NULL);
     int code = directory ? kn_store_open(&k->store, directory, scene, model, error, error_size) : 0;
     if (code != 0) return code;
+    // All memory is allocated here: two slots and the snapshot to restore.
     bool fits = kn_undo_init(&k->undo, model);
     kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
     for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_keep(model)) != NULL;
     if (fits) return 0;
-    snprintf(error, error_size, "not enough memory for what can be undone and saved");
+    snprintf(error, error_size, "not enough memory for undo points and snapshots");
     return 3;
 }
 
@@ -49,10 +49,12 @@ void kn_keeper_close(kn_keeper *keeper)
 
 // --- the servo's side -----------------------------------------------------------------------------------------------
 
+// Copy the object and the servo's state into a slot.
 static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
 {
     kn_state_copy(k->model, slot->saved.state,
-                  servo->backend->state(servo->backend->self)); // a change keeps the layout
+                  // the state of a changed model has the same layout
+                  servo->backend->state(servo->backend->self));
     slot->saved.servo = *servo;
     k->last_hash = servo->scene->text_hash;
     atomic_store(&slot->of, servo->model);
@@ -61,20 +63,21 @@ static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t 
     atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
 }
 
-// Or another one by what was set over it.
+// Return true if the object has moved since the last copy, or if the settings of its scene have changed.
 static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now)
 {
     const kn_state *last = k->slot[k->last].saved.state;
     return k->last_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last, KN_KEEPER_MOVED_M);
 }
 
-// The last copy is in a file and still what the object is.
+// Note that the object still equals the last copy. If this copy has been saved, the file equals the object as of now.
 static void confirm(kn_keeper *k, int64_t now_ns)
 {
     if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
 }
 
-// Limits that wait for a force to fade are in no file.
+// Return true while a new force limit takes effect only after a force has faded. A snapshot file cannot hold such a
+// pending limit, so no copy is made meanwhile.
 static bool relimiting(const kn_servo *servo)
 {
     bool any = false;
@@ -87,18 +90,22 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return;
     int64_t number =
-        (wake->tick + KN_KEEPER_TICKS / 2) / KN_KEEPER_TICKS; // the audit copies at multiples of a thousand
+        // The energy audit copies the state in ticks that are multiples of 1000, so compare midway between two of them.
+        (wake->tick + KN_KEEPER_TICKS / 2) / KN_KEEPER_TICKS;
     int64_t asked = atomic_load(&k->asked);
     k->due |= number != k->looked;
     k->looked = number;
     kn_kept *slot = &k->slot[!k->last];
     const kn_state *now = servo->backend->state(servo->backend->self);
+    // Return unless something is due and can be copied: a slot is free and the state is good.
     if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
+    // Copy if a snapshot was asked for, the last save failed, or the object has moved.
     k->due = false;
     if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, servo, now)) {
         confirm(k, wake->now_ns);
         return;
     }
+    // Fill the free slot and hand it to the thread.
     copy_to(k, slot, servo, wake->tick, utime);
     slot->now_ns = wake->now_ns;
     slot->asked = k->asked_served = asked;
@@ -108,8 +115,8 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
 
 // --- the thread -----------------------------------------------------------------------------------------------------
 
-// One line per second, and per kind of trouble at once; each says how many saves failed since the line before it, so
-// that all lines together tell every error.
+// Print an error message at most once per second. Each message gives the number of saves that failed since the message
+// before, so that all messages together report every error.
 static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
@@ -121,6 +128,7 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
     k->untold = 0;
 }
 
+// If an error message was printed before, print that saving works again.
 static void tell_rest(kn_keeper *k)
 {
     if (*k->told) kn_say("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
@@ -128,6 +136,7 @@ static void tell_rest(kn_keeper *k)
     k->untold = 0;
 }
 
+// Write a slot to a file, measure the time and count the result.
 static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
 {
     int64_t from_ns = kn_now_ns();
@@ -148,6 +157,7 @@ static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
     return answer->ok;
 }
 
+// Save a slot, answer the operator who asked for it, and free it.
 static void serve(kn_keeper *k, kn_kept *slot)
 {
     kn_answer answer;
@@ -158,13 +168,13 @@ static void serve(kn_keeper *k, kn_kept *slot)
         atomic_store(&k->again, true);
     }
     pthread_mutex_lock(&k->answering);
-    if (slot->asked > k->answered) k->answer = answer; // else a later one, which nobody asked for
+    if (slot->asked > k->answered) k->answer = answer; // an operator requested this copy and waits for the answer
     k->answered = slot->asked;
     pthread_mutex_unlock(&k->answering);
     atomic_store(&slot->full, false);
 }
 
-// The older first: a slow disk leaves both.
+// Return the full slot with the older copy; both slots may be full if the disk is slow.
 static kn_kept *next_full(kn_keeper *k)
 {
     kn_kept *a = &k->slot[0], *b = &k->slot[1];
@@ -173,6 +183,7 @@ static kn_kept *next_full(kn_keeper *k)
     return full_a ? a : full_b ? b : NULL;
 }
 
+// Write the newest order about the emergency stop to disk.
 static void mark(kn_keeper *k)
 {
     char why[sizeof k->unmarked] = "";
@@ -189,7 +200,8 @@ void *kn_keeper_run(void *keeper)
 {
     kn_keeper *k = keeper;
     for (bool ending = false; !ending;) {
-        ending = atomic_load(&k->ending); // first: then whatever was left before it is served
+        // read `ending` before the slots, so that copies left before `ending` was set are still saved
+        ending = atomic_load(&k->ending);
         mark(k);
         for (kn_kept *slot; (slot = next_full(k)); mark(k)) serve(k, slot);
         if (!ending) rest();
@@ -205,7 +217,7 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick)
     if (k->store.dir < 0 || now->bad) return true;
     if (!moved(k, servo, now) && atomic_load(&k->slot[k->last].saved_whole)) return true;
     copy_to(k, &k->slot[!k->last], servo, tick, kn_wall_us());
-    k->told_ns = 0; // all that failed is told now, however short ago a line was
+    k->told_ns = 0; // report all failures now, even if the last line is recent
     if (!save(k, &k->slot[!k->last].saved, false, &answer)) return false;
     k->last = !k->last;
     return true;
@@ -229,19 +241,16 @@ bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model)
 
 // --- start ----------------------------------------------------------------------------------------------------------
 
+// Write an age as text, in seconds, minutes, hours or days.
 static void write_age(double age_s, char *text, size_t size)
 {
-    if (age_s < 120)
-        snprintf(text, size, "%.1f s", fmax(0, age_s));
-    else if (age_s < 7200)
-        snprintf(text, size, "%.0f min", age_s / 60);
-    else if (age_s < 172800)
-        snprintf(text, size, "%.0f h", age_s / 3600);
-    else
-        snprintf(text, size, "%.0f days", age_s / 86400);
+    if (age_s < 120) snprintf(text, size, "%.1f s", fmax(0, age_s));
+    else if (age_s < 7200) snprintf(text, size, "%.0f min", age_s / 60);
+    else if (age_s < 172800) snprintf(text, size, "%.0f h", age_s / 3600);
+    else snprintf(text, size, "%.0f days", age_s / 86400);
 }
 
-// The newest that fits, and a line for each that does not.
+// Load the newest snapshot that fits, and print a line for each that does not.
 static bool load_newest(kn_keeper *k, char *name)
 {
     char why[200], *told = NULL;
@@ -262,13 +271,15 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     loop->servo.undo = &k->undo;
     if (k->store.dir < 0) return;
     kn_backend *backend = loop->servo.backend;
-    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // as new
+    // Until a snapshot is restored, compare the object with the initial object, so that an untouched object is not
+    // saved.
+    kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // copy the initial object
     k->last_hash = loop->servo.scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
     k->incoming.servo.scene = loop->servo.scene;
     k->incoming.servo.model = k->model;
     if (!load_newest(k, name)) {
-        kn_say_out("kneadd: nothing to restore from %s: the object is as new", k->store.path);
+        kn_say_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
         return;
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
@@ -283,6 +294,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
 
 // --- the operator's side --------------------------------------------------------------------------------------------
 
+// Return an answer that is not ok, with an error.
 static kn_answer refusal(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static kn_answer refusal(const char *format, ...)
 {
@@ -294,15 +306,14 @@ static kn_answer refusal(const char *format, ...)
     return a;
 }
 
-static int64_t deadline(void)
-{
-    return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT64_C(1000000);
-}
+static int64_t deadline(void) { return kn_now_ns() + KN_KEEPER_PATIENCE_MS * INT64_C(1000000); }
 
 kn_answer kn_keeper_snapshot(kn_keeper *keeper)
 {
     kn_keeper *k = keeper;
-    if (k->store.dir < 0) return refusal("snapshot: nothing is saved, expected kneadd --state-dir DIR");
+    if (k->store.dir < 0)
+        return refusal("snapshot: there is no directory of snapshots, expected kneadd --state-dir DIR");
+    // request into its answer.
     int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
         pthread_mutex_lock(&k->answering);
@@ -311,8 +322,8 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
         pthread_mutex_unlock(&k->answering);
         if (served) return answer;
     }
-    return refusal("snapshot: not saved within %d ms, and may still be: the object may have gone bad, or the disk is "
-                   "slow",
+    return refusal("snapshot: not saved within %d ms, but may be later: the disk is slow, or the object's state is not "
+                   "finite",
                    KN_KEEPER_PATIENCE_MS);
 }
 
@@ -320,6 +331,7 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
 {
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return true;
+    // Count the order and set its lowest bit in one step.
     int64_t before = atomic_load(&k->marks), marks;
     do marks = (((before >> 1) + 1) << 1) | estopped;
     while (!atomic_compare_exchange_weak(&k->marks, &before, marks));
@@ -334,15 +346,16 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
     return false;
 }
 
+// Wait until a tick of the servo has carried out an order.
 static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
 {
     kn_answer a = {.ok = true, .generation = generation};
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
         if (!kn_loop_obeyed(loop, number, &a.tick)) continue;
         a.state_hash = atomic_load(&loop->restored);
-        return a.state_hash ? a : refusal("undo: nothing has been kneaded since the start");
+        return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
     }
-    return refusal("no tick came for %d ms", KN_KEEPER_PATIENCE_MS);
+    return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
 }
 
 kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
@@ -351,9 +364,10 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
     kn_keeper *k = keeper;
     char name[256], why[160];
     int64_t tick;
-    if (k->store.dir < 0) return refusal("restore: nothing is saved, expected kneadd --state-dir DIR");
+    if (k->store.dir < 0)
+        return refusal("restore: there is no directory of snapshots, expected kneadd --state-dir DIR");
     if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
-        return refusal("restore: the one before has not been done yet");
+        return refusal("restore: the restore before has not been done yet");
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
     if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {

@@ -1,102 +1,115 @@
 #ifndef KN_SERVER_KEEPER_H
 #define KN_SERVER_KEEPER_H
-// State that survives: the thread that writes snapshots, what the servo leaves for it, and what an operator may ask.
+// Keeper of the object's state, so that it survives a restart. This module holds the thread that writes snapshots, the
+// slots in which the servo leaves copies for that thread, and the functions for an operator.
 //
 //     servo thread ---- in what is left of a tick: a copy ----> slot, slot ----> keeper thread ----> store (files)
 //        ^  ^
 //        |  +-- kn_tick_in.restore <---- incoming <---- kn_keeper_restore: a file, read by the operator's thread
 //        +----- kn_tick_in.undo    <------------------- kn_keeper_undo
 //
-// Every KN_KEEPER_TICKS ticks, between two copies of the audit, the servo compares the object with its last copy and
-// copies it when a node has moved by KN_KEEPER_MOVED_M, or the strain of an edge by as much over the spacing. Dough
-// that is left alone never rests: 30 um in half a second after a press, 1 um after a minute, 0.1 after ten; so it is
-// written ever less often, and what a crash loses is below a micron of what nobody touched. The servo takes no lock and
-// makes no call: a slot is its own until it is full, and the thread's until it is free again. When the disk is slow or
-// fails, the copy is the next one's.
+// Every KN_KEEPER_TICKS ticks, the servo compares the object with the last copy that it made. This happens midway
+// between two copies for the energy audit. It makes a new copy if a node has moved by KN_KEEPER_MOVED_M, or if the
+// strain of an edge has changed by KN_KEEPER_MOVED_M divided by the node spacing. Dough that is left alone never rests:
+// it moves 30 um in half a second after a press, 1 um after a minute, 0.1 um after ten. Such an object is therefore
+// written less and less often, and a crash loses less than a micron of an object that nobody touched. The servo takes
+// no lock and makes no system call to leave a copy. A slot belongs to the servo until the slot is full, and then to the
+// keeper thread until the slot is free again. If the disk is slow or a save fails, the next copy is saved instead.
 #include "server/loop.h"
 #include "server/store.h"
 #include <pthread.h>
 
 #define KN_KEEPER_TICKS 500
 #define KN_KEEPER_MOVED_M 1e-6
-#define KN_KEEPER_PATIENCE_MS 2000 // for an answer: longer, and the disk or the servo hangs
+// Longest wait for an answer, ms; after that time the disk or the servo is assumed to hang.
+#define KN_KEEPER_PATIENCE_MS 2000
 
-typedef struct kn_kept { // a slot
+typedef struct kn_kept { // slot: memory for one copy of the object, which the servo fills and the keeper thread writes
     kn_saved saved;
-    int64_t now_ns;   // CLOCK_MONOTONIC of the copy
-    int64_t asked;    // of kn_keeper_snapshot, that this copy answers
+    int64_t now_ns; // time at which the copy was made (CLOCK_MONOTONIC, ns)
+    int64_t asked;  // number of the kn_keeper_snapshot request that this copy answers
     _Atomic(const kn_model *) of;
-    atomic_bool full; // the thread's
+    atomic_bool full; // true: the slot belongs to the keeper thread; false: to the servo
     atomic_bool saved_whole;
 } kn_kept;
 
-typedef struct kn_answer { // to an operator
+typedef struct kn_answer { // answer to an operator's snapshot, restore or undo
     bool ok;
-    int64_t generation;  // of the file; 0: undone
-    int64_t tick;        // of the snapshot; of undo and restore that which made it
-    uint64_t state_hash; // of the object as saved or restored
-    char error[200];     // one line, when not ok
+    int64_t generation;  // generation of the snapshot file; 0: the answer to an undo
+    int64_t tick;        // tick of the snapshot; for undo and restore, the tick that replaced the object
+    uint64_t state_hash; // hash of the state that was saved or restored
+    char error[200];     // reason of the failure, one line; set only if `ok` is false
 } kn_answer;
 
 typedef struct kn_keeper {
     const kn_model *model;
-    kn_store store; // dir -1: no directory, nothing is saved or restored
+    kn_store store; // snapshot directory; its dir is -1 if there is no directory, and then nothing is saved or restored
     kn_undo undo;
     kn_kept slot[2];
-    int last;       // the servo's: the slot of its last copy
-    uint64_t last_hash; // of the scene it was of; the thread writes the slot's own
-    int64_t looked; // number of the last look, tick / KN_KEEPER_TICKS
+    int last; // index of the slot that holds the servo's last copy; used by the servo only
+    // Text hash of the scene in the servo's last copy; kept here because the keeper thread changes the slot's own field
+    uint64_t last_hash;
+    int64_t looked; // number of the last comparison of the object with its copy: tick / KN_KEEPER_TICKS
     int64_t asked_served;
     bool due;
-    kn_saved incoming;        // what a restore is from
-    int64_t incoming_order;   // that took it, 0: none
-    _Atomic int64_t asked;    // snapshots that were asked for
-    atomic_bool again;        // the last one failed
-    _Atomic int64_t as_of_ns; // the newest file is the object as it was then; 0: there is none
+    kn_saved incoming;      // snapshot that the next restore uses
+    int64_t incoming_order; // number of the loop order that restores `incoming`; 0: none
+    _Atomic int64_t asked;  // number of snapshots that operators have requested
+    atomic_bool again;      // true if the last save failed, so the object must be saved again
+    // Last time at which the newest file equalled the object (CLOCK_MONOTONIC, ns); 0: no file.
+    _Atomic int64_t as_of_ns;
     _Atomic int64_t saves, errors, last_us, most_us;
-    _Atomic int64_t generation; // of the newest file, 0: there is none
-    pthread_mutex_t answering; // between thread and operator
+    _Atomic int64_t generation; // generation of the newest file; 0: no file
+    pthread_mutex_t answering;  // lock between the keeper thread and the operator's thread for the fields below
     kn_answer answer;
     int64_t answered;
-    _Atomic int64_t marks; // how often an operator has said whether an emergency stop stands << 1, and what at last
-    int64_t marked;        // of these, by the thread; as answer
-    char unmarked[200];    // why that could not be done, "" it could
+    // 2 * number of orders to write or remove the emergency-stop mark, + 1 if the stop is now in force
+    _Atomic int64_t marks;
+    int64_t marked;     // last value of `marks` that the keeper thread has written to disk; guarded by `answering`
+    char unmarked[200]; // reason why writing the emergency-stop mark failed; "" if it did not fail
     atomic_bool ending;
-    char told[200]; // the last complaint
-    int64_t told_ns, untold; // errors since
+    char told[200];          // last error message that was printed
+    int64_t told_ns, untold; // `told_ns`: time of that message; `untold`: number of errors since that message
 } kn_keeper;
 
-// directory: NULL: nothing is saved, undo works. Borrows all. 0, or exit code and one line in error.
+// Open a keeper. If `directory` is NULL, nothing is saved, but undo works. Borrows `scene`, `model` and `directory`.
+// Return 0, or put one line in `error` and return an exit code.
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
                    size_t error_size);
-void kn_keeper_close(kn_keeper *keeper);                   // one that is all 0 but for store.dir -1 is fine
-size_t kn_keeper_bytes(const kn_model *model, bool saves); // memory that it takes
+// A keeper that was never opened is allowed if all its fields are 0 and store.dir is -1.
+void kn_keeper_close(kn_keeper *keeper);
+size_t kn_keeper_bytes(const kn_model *model, bool saves); // return the memory that a keeper takes, bytes
 
-// Before the loop runs: binds both, and orders the newest snapshot that fits into its first tick. Tells on stdout what
-// is restored, on stderr every newer one that was refused.
+// Connect keeper and loop before the loop runs. Order the first tick to restore the newest snapshot that fits the
+// scene. Print on stdout which snapshot is restored, and on stderr every newer snapshot that was refused.
 void kn_keeper_start(kn_keeper *keeper, kn_loop *loop);
 
-void *kn_keeper_run(void *keeper); // thread body, when there is a directory; ends after `ending`
-// When all threads have ended: the object as it is, if the newest file is not that. False: it could not be saved.
+// Body of the keeper thread, needed only with a snapshot directory; returns after `ending` is set.
+void *kn_keeper_run(void *keeper);
+// Save the object at the end, when all threads have ended, unless the newest file already is that object. Return false
+// if it could not be saved.
 bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
 
-// The servo's: after a tick, its forces gone. Real-time safe.
+// Leave a copy of the object for the keeper thread if a copy is due. Called by the servo after a tick, when its forces
+// have been sent. Real-time safe.
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime);
 
-// Another thread, before `ending`: that an emergency stop stands, or does no more, is on disk when this returns, for
-// every start until the opposite is said. False and one line in why: not within KN_KEEPER_PATIENCE_MS. Without a
-// directory there is nothing to do.
+// Write to disk that an emergency stop is in force, or no longer in force. This mark holds for every later start until
+// the opposite is written. Called by a thread other than the keeper thread, before `ending` is set. If the mark was not
+// written within KN_KEEPER_PATIENCE_MS, put one line in `why` and return false. Without a directory, do nothing and
+// return true.
 bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size);
 
-// ms since the newest file was the object as it is; -1: there is none.
+// Return the time since the object last equalled the newest snapshot file, ms; -1: there is no file.
 int64_t kn_keeper_age_ms(const kn_keeper *keeper);
 
-// Whether a copy of an object of that model waits for the disk. Of a model that is not served any more: false stays.
+// Return true if a copy of an object of this model still waits to be written to disk. Once the model is no longer
+// served and the function has returned false, it keeps returning false.
 bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
 
-// The operator's thread: each waits KN_KEEPER_PATIENCE_MS at most. generation 0: the newest.
+// Functions for the operator's thread; each waits at most KN_KEEPER_PATIENCE_MS. `generation` 0: the newest snapshot.
 kn_answer kn_keeper_snapshot(kn_keeper *keeper);
-// scene, model: as they are served now.
+// `scene` and `model`: the scene and the model being served now.
 kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
                             int64_t generation);
 kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop);

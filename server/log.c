@@ -11,8 +11,8 @@
 
 #define MAGIC 0xEDA1DA01u
 #define HEADER_SIZE 28
-#define CHANNEL_MAX 63     // LCM's limit
-#define DATA_MAX (1 << 28) // LCM's largest message
+#define CHANNEL_MAX 63     // longest channel name that LCM allows, bytes
+#define DATA_MAX (1 << 28) // largest message that LCM allows, bytes
 
 bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
 {
@@ -69,22 +69,22 @@ static bool fetch(kn_log *log, kn_log_record *r)
 {
     unsigned char h[HEADER_SIZE];
     int64_t left = log->size - log->offset;
-    // Read the header. Wrong first four bytes mean that the record is damaged or that the file is not a log. An
-    // incomplete header means that the file was cut.
+    // Read the header of the record. If its first four bytes are wrong, the record is damaged or the file is not a log.
+    // An incomplete header means that the file was cut.
     if (left == 0 || log->damage[0]) return false;
     size_t got = fread(h, 1, sizeof h, log->file);
-    if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "no record of an LCM event log");
+    if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "not a record of an LCM event log");
     if (got < HEADER_SIZE) return damaged(log, "cut within a record");
     // Check the sizes before they are used.
     int64_t channel = (int32_t)kn_bytes_32(h + 20), data = (int32_t)kn_bytes_32(h + 24);
-    if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not have");
-    if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not have");
+    if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not allow");
+    if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not allow");
     if (HEADER_SIZE + channel + data > left) return damaged(log, "cut within a record");
     r->utime = kn_bytes_64(h + 12);
-    if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "a time that no clock shows");
+    if (r->utime < 0 || r->utime > KN_LOG_UTIME_MAX) return damaged(log, "time stamp out of range");
 
     // Read channel and data, and terminate the channel name.
-    if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record larger than memory");
+    if (!reserve(log, (size_t)(channel + 1 + data))) return damaged(log, "record too large for the memory");
     unsigned char *body = log->buffer + channel + 1;
     bool whole = fread(log->buffer, 1, (size_t)channel, log->file) == (size_t)channel &&
                  fread(body, 1, (size_t)data, log->file) == (size_t)data;
@@ -153,7 +153,8 @@ static const char *after(const char *channel, const char *prefix)
 static kn_log_kind classify(kn_log *log, kn_log_record *r)
 {
     bool ours = after(r->channel, "KNEAD_") != NULL;
-    if (ours && r->size < 8) return KN_LOG_MALFORMED; // too short even for a type hash
+    // a message on one of Knead's channels needs at least 8 bytes for its type hash
+    if (ours && r->size < 8) return KN_LOG_MALFORMED;
     if ((r->probe = after(r->channel, "KNEAD_POSE_"))) return KN_LOG_POSE;
     if ((r->probe = after(r->channel, "KNEAD_FORCE_"))) return read_force(r);
     if (strcmp(r->channel, "KNEAD_EVENT") == 0) return read_event(r);

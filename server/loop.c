@@ -6,11 +6,13 @@
 #include <stddef.h>
 #include <string.h>
 
-#define RECORDS 512 // half a second; the main thread is only later than that if the machine stops
+// capacity of the record queue: half a second of ticks; the main thread is later than that only if the machine stops
+#define RECORDS 512
 
-#define ORDER_BITS 8 // low bits of loop->orders
+#define ORDER_BITS 8 // number of low bits in loop->orders that hold the kinds of orders
 
-static const int64_t look_ns = 15000; // sleep between two checks for a late pose; to wake up takes about as long
+// sleep between two checks for a late pose, ns; waking up from the sleep takes about as long
+static const int64_t look_ns = 15000;
 // Sleep after a tick that took longer than 1 ms. A thread that never sleeps takes the processor from all other threads,
 // the sentinel first, and the kernel ends the process by LimitRTTIME.
 static const int64_t breath_ns = 50000;
@@ -40,7 +42,7 @@ void kn_loop_free(kn_loop *loop)
 
 bool kn_loop_touch(kn_loop *loop)
 {
-    // Room for 64 ms; older patches are useless.
+    // Allocate room for the touch patches of 64 ms, because older patches are useless.
     return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touched));
 }
 
@@ -66,7 +68,7 @@ int64_t kn_loop_order(kn_loop *loop, kn_order order, kn_quality quality)
 {
     if (order == KN_ORDER_QUALITY) atomic_store(&loop->quality, (int)quality);
     int64_t given = atomic_load(&loop->orders), more;
-    // A recover cancels an emergency stop that no tick has taken yet: the later order counts.
+    // An order `recover` cancels an earlier emergency stop that no tick has taken yet.
     int64_t ends = order == KN_ORDER_RECOVER ? INT64_C(1) << KN_ORDER_ESTOP : 0;
     do more = ((given & ~ends) | INT64_C(1) << order) + (1 << ORDER_BITS);
     while (!atomic_compare_exchange_weak(&loop->orders, &given, more));
@@ -132,7 +134,7 @@ static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wak
 }
 
 // Queue the touch patches, every KN_LOOP_TOUCH_TICKS ticks. Called after the forces have been queued, because a touch
-// display can wait longer than a hand. The main thread is woken once more for the patches.
+// display tolerates more delay than a force on a hand. The main thread is woken once more for the patches.
 static void tell_touches(kn_loop *loop, const kn_record *record)
 {
     // Missed ticks may skip the tick of a patch, so compare quotients instead of testing the remainder.
@@ -192,12 +194,12 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
                      .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     int64_t ordered = read_orders(loop, &in);
     kn_record record;
-    memset(&record, 0, offsetof(kn_record, out)); // the servo fills in out
+    memset(&record, 0, offsetof(kn_record, out)); // clear all fields but `out`, which the servo fills in
     record.wake = *wake;
     kn_arrival arrival[KN_PROBES_MAX];
 
     read_poses(loop, &in, arrival);
-    kn_servo_tick(&loop->servo, &in, &record.out); // step, guard
+    kn_servo_tick(&loop->servo, &in, &record.out); // run the tick: step the lattice and guard the forces
     if (record.out.changed) go_over(loop, record.out.changed);
     kn_backend *backend = loop->servo.backend;
 

@@ -1,5 +1,6 @@
 #include "server/mailbox.h"
 
+// Bits of `shared`: the number of the slot, and the flag that the reader has not seen the slot's value.
 enum { SLOT = 3, UNSEEN = 4 };
 
 void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size)
@@ -10,13 +11,10 @@ void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size)
     atomic_init(&box->shared, 1);
 }
 
-void *kn_mailbox_back(kn_mailbox *box)
-{
-    return box->slot[box->back];
-}
+void *kn_mailbox_back(kn_mailbox *box) { return box->slot[box->back]; }
 
-// release: the reader that takes this slot sees what was written into it; acquire: the slot that comes back is no
-// longer read
+// Release order: the reader that takes this slot sees all bytes that were written into the slot. Acquire order: the
+// reader has finished with the slot that the writer gets back.
 void kn_mailbox_post(kn_mailbox *box)
 {
     box->back = atomic_exchange_explicit(&box->shared, box->back | UNSEEN, memory_order_acq_rel) & SLOT;
@@ -30,6 +28,7 @@ bool kn_mailbox_unseen(const kn_mailbox *box)
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh)
 {
     *fresh = kn_mailbox_unseen(box);
+    // Exchange slots only if there is an unseen value; otherwise the reader keeps its present slot.
     if (*fresh) box->front = atomic_exchange_explicit(&box->shared, box->front, memory_order_acq_rel) & SLOT;
     return box->slot[box->front];
 }

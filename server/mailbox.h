@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_MAILBOX_H
 #define KN_SERVER_MAILBOX_H
-// The latest value from one thread to one other: what was not looked at in time is overwritten, never queued. A pose
-// that waited in a queue would be an old pose, and the servo has no use for one.
+// Mailbox: hands the latest value from one thread to one other thread. A value that was not read in time is
+// overwritten, never queued: a pose that waited in a queue would be an old pose, and the servo has no use for one.
 //
 //     writer fills  back          three slots change hands by swapping indices; nobody waits, nobody copies,
 //                    |  exchange  and a value is never seen half written
@@ -15,24 +15,27 @@
 #include <stddef.h>
 
 typedef struct kn_mailbox {
-    _Atomic unsigned shared; // slot number, + 4 while unseen
-    unsigned back;           // writer's
-    unsigned front;          // reader's
-    void *slot[3];           // the caller's memory, equal sizes
+    _Atomic unsigned shared; // index of the slot with the latest value, + 4 while the reader has not seen the value
+    unsigned back;           // index of the slot that the writer fills
+    unsigned front;          // index of the slot that the reader reads
+    void *slot[3];           // three slots of equal size in the caller's memory
 } kn_mailbox;
 
-// Lends three equal slots that start at memory, each of size bytes (a multiple of the alignment wanted).
+// Use the three equal slots that start at memory. `size` is the number of bytes of each slot, a multiple of the
+// required alignment.
 void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size);
 
-// Writer: fill what back returns (its old content is any earlier value), then post it.
+// For the writer: fill the slot that kn_mailbox_back returns (the slot holds some earlier value), then call
+// kn_mailbox_post.
 void *kn_mailbox_back(kn_mailbox *box);
 void kn_mailbox_post(kn_mailbox *box);
 
-// Whether the reader has not seen the latest yet. Any thread; the reader's next call to latest may already know more.
+// Return true if the reader has not yet seen the latest value. May be called from any thread; the reader's next call to
+// kn_mailbox_latest may already return a newer value.
 bool kn_mailbox_unseen(const kn_mailbox *box);
 
-// Reader: the latest posted value, the same one again when nothing new came (fresh tells), the initial bytes of the
-// memory before the first. Valid until the next call.
+// For the reader: return the latest posted value. *fresh is false if the last call returned the same post. Before the
+// first post, return the initial bytes of the memory. The value stays valid until the next call.
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh);
 
 #endif

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SECRET 64       // room for the text that replaces a quotation (keep_secret), bytes
+#define SECRET 64       // room for the text that replaces a quotation in an error message (keep_secret), bytes
 #define PATIENCE_MS 500 // longest wait for a tick or the main thread; a running server answers far sooner
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
@@ -23,7 +23,7 @@ void kn_operator_free(kn_operator *o)
     o->before = o->now = NULL;
 }
 
-// Sleep 0.5 ms before checking again for an answer.
+// Sleep 0.5 ms, then the caller checks again for an answer.
 static void rest(void) { kn_clock_sleep(kn_now_ns() + 500000); }
 
 // --- status ---
@@ -47,7 +47,7 @@ static json_t *histogram(const int64_t count[KN_HISTOGRAM])
     json_t *object = json_object();
     int64_t all = 0;
     for (int i = 0; i < KN_HISTOGRAM; i++) all += count[i];
-    // walk up the buckets until they hold the wanted share of all counts
+    // go up the buckets until they hold the wanted share of all counts
     for (size_t w = 0; w < sizeof wanted / sizeof *wanted; w++) {
         int64_t least = (int64_t)ceil(wanted[w].share * (double)all), seen = 0;
         int bucket = 0;
@@ -124,7 +124,8 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     for (int p = 0; p < o->on.served->scene->model.probe_count; p++) {
         const kn_force *f = &h->force[p];
         char session[24];
-        snprintf(session, sizeof session, "%" PRId64, f->session); // as text: JSON numbers hold only 53 bits
+        // write the session number as text, because JSON numbers hold only 53 bits
+        snprintf(session, sizeof session, "%" PRId64, f->session);
         kn_fault fault = (kn_fault)f->fault;
         json_t *probe = json_pack(
             "{s:s, s:b, s:s, s:b, s:f, s:[f,f,f], s:s, s:f, s:o}", "name", o->on.served->scene->model.probe[p].name,
@@ -224,14 +225,15 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     return status;
 }
 
-static const char ending[] = "the server is ending: no tick comes any more";
+static const char ending[] = "the server is stopping: no more ticks run";
 
 // Ask the main thread for a health report, wait for it and answer with it.
 static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
     if (atomic_load(&o->on.loop->done)) return kn_control_error("%s", ending);
-    const kn_health *h = kn_mailbox_latest(&o->health, &fresh); // drop the answer to an earlier request
+    // discard a health report that an earlier request left in the mailbox
+    const kn_health *h = kn_mailbox_latest(&o->health, &fresh);
     o->on.ask(o->on.arg);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         h = kn_mailbox_latest(&o->health, &fresh);
@@ -248,7 +250,8 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        bool done = atomic_load(&o->on.loop->done); // read this first: the last tick may still have taken the order
+        // read `done` before asking for the order, because the last tick may still have taken the order
+        bool done = atomic_load(&o->on.loop->done);
         if (kn_loop_obeyed(o->on.loop, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
         // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
@@ -258,7 +261,7 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
         if (done) return kn_control_error("%s", ending);
         rest();
     }
-    return kn_control_error("no tick came for %d ms", PATIENCE_MS);
+    return kn_control_error("no tick ran for %d ms", PATIENCE_MS);
 }
 
 // Begin or end an emergency stop, for every later start as well. If one part fails, the safer state remains: a stop
@@ -268,15 +271,16 @@ static json_t *hold(kn_operator *o, bool estopped)
     char why[300];
     json_t *answer = order(o, estopped ? KN_ORDER_ESTOP : KN_ORDER_RECOVER, 0);
     const json_t *tick = json_object_get(answer, "tick");
-    if (!estopped && !tick) return answer; // no tick ended the stop: keep its mark on disk
+    if (!estopped && !tick) return answer; // no tick ended the emergency stop, so keep the stop's mark on disk
     bool marked = kn_keeper_mark(o->on.keeper, estopped, why, sizeof why);
     if (marked || json_object_get(answer, "error")) return answer;
     // the loop obeyed, but the disk failed: report the present state and the possible state after a restart
     char at[40] = "";
     if (tick) snprintf(at, sizeof at, " since tick %" PRId64, (int64_t)json_integer_value(tick));
     json_decref(answer);
-    return estopped ? kn_control_error("estop: every force is 0%s, but a restart may end that: %s", at, why)
-                    : kn_control_error("recover: done%s, but the next start may begin stopped: %s", at, why);
+    return estopped
+               ? kn_control_error("estop: every force is 0%s, but a restart may end the emergency stop: %s", at, why)
+               : kn_control_error("recover: done%s, but a restart may bring the emergency stop back: %s", at, why);
 }
 
 // Order another quality, if the servo can change to that quality without a new start.
@@ -286,9 +290,9 @@ static json_t *take_quality(kn_operator *o, const char *name)
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
         if (o->on.served->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
         if (!o->on.served->scene->point[q].defined)
-            return kn_control_error("quality %s: the scene does not name it", name);
-        return kn_control_error("quality %s: another lattice or precision, expected --quality %s at the start", name,
-                                name);
+            return kn_control_error("quality %s: the scene has no such point", name);
+        return kn_control_error(
+            "quality %s: has another lattice or precision, expected kneadd --quality %s at the start", name, name);
     }
     return kn_control_error("quality '%s': expected %s", name, kn_quality_names);
 }
@@ -355,11 +359,12 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
-    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has taken the last one yet";
-    if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not told the last one yet";
-    if (o->now && !kn_skin_follows(o->on.skin, o->now->model)) return "the mesh thread has not shown the last one yet";
+    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has applied the last change yet";
+    if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not reported the last change yet";
+    if (o->now && !kn_skin_follows(o->on.skin, o->now->model))
+        return "the mesh thread has not shown the last change yet";
     bool written = o->before && kn_keeper_writes(o->on.keeper, o->before->model);
-    return written ? "the disk is slow with what was before the last one" : NULL;
+    return written ? "the disk has not stored the state before the last change yet" : NULL;
 }
 
 // Free the change before the latest one, as soon as no thread uses it. Return NULL on success, or else the name of a
@@ -384,7 +389,7 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_cha
                         *next = &change->scene->device;
     const json_t *value;
     size_t i;
-    // the virtual coupling is a key of the device, too, but it affects the physics
+    // the device's virtual coupling is no mere limit, because it affects the physics
     json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
     return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
 }
@@ -412,7 +417,8 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     const json_t *value;
     size_t i;
     if (o->on.def->device) {
-        snprintf(error, error_size, "set: a circuit steps the object: expected kneadd without one, or knead ctl load");
+        snprintf(error, error_size,
+                 "set: a circuit steps the object, expected kneadd without a circuit, or knead ctl load");
         return NULL;
     }
     // add the new settings to those in force
@@ -424,7 +430,9 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
     if (raised) {
         kn_scene_destroy(scene);
-        snprintf(error, error_size, "set: %s: allows a hand more than the scene does, expected less; a new start can",
+        snprintf(error, error_size,
+                 "set: %s: relaxes a limit for the hand beyond the scene, expected a stricter value; only a restart of "
+                 "kneadd can",
                  raised);
         return NULL;
     }
@@ -462,7 +470,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     if (json_array_size(argument) == 0) return kn_control_error("set: expected KEY=VALUE");
     // only two changes are kept, so first free the one before the latest
     const char *busy = retire(o);
-    if (busy) return kn_control_error("set: %s, expected another try", busy);
+    if (busy) return kn_control_error("set: %s, try again", busy);
     kn_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
@@ -478,7 +486,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
     for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
         if (i == 2 * PATIENCE_MS)
-            return kn_control_error("set: no tick came for %d ms; the next one takes it", PATIENCE_MS);
+            return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
         rest();
     }
     json_t *answer = json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
@@ -486,8 +494,8 @@ static json_t *set(kn_operator *o, const json_t *argument)
     return answer;
 }
 
-// Hide a quotation in an error message unless it looks like words of a scene. kneadd can read files that the peer must
-// not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
+// Hide quoted text in an error message unless the text looks like words of a scene. kneadd can read files that the peer
+// must not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
 // bytes more. A message that fills the room was cut off and its quotation may have no end, so the quotation is hidden,
 // too.
 static void keep_secret(char *why, size_t size, const char *path)
@@ -501,7 +509,7 @@ static void keep_secret(char *why, size_t size, const char *path)
         plain &= word <= 20 && (islower((unsigned char)*c) || isdigit((unsigned char)*c) || strchr(" '_.,;()-", *c) ||
                                 (*c == ':' && c[1] == ' '));
     }
-    if (!plain) strcpy(quoted, "... (knead check tells whoever may read it)");
+    if (!plain) strcpy(quoted, "... (see knead check, if you may read the file)");
 }
 
 // Run `load`. First load the scene on trial, as the next start will, so that a scene that cannot be served does not end
@@ -511,18 +519,20 @@ static json_t *load(kn_operator *o, const json_t *argument)
     char error[512 + SECRET];
     kn_served trial;
     kn_served_def def = *o->on.def;
-    def.name = def.text = NULL; // read the file again, not the text that was checked before
+    def.name = def.text = NULL; // clear the checked text, so that the file is read again
     if (argument) def.scene_path = json_string_value(argument);
-    def.device = NULL; // the circuit is busy with the object being served
+    def.device = NULL; // load without the circuit, which is busy with the object being served
     if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
         keep_secret(error, sizeof error - SECRET, def.scene_path);
         return kn_control_error("%s", error);
     }
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
     json_t *answer =
-        raised ? kn_control_error("%s: %s: allows a hand more than the scene of the start does; a new start can",
-                                  def.scene_path, raised)
-               : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
+        raised
+            ? kn_control_error("%s: %s: relaxes a limit for the hand beyond the scene at the start; only a restart of "
+                               "kneadd can",
+                               def.scene_path, raised)
+            : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
     if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
     kn_served_free(&trial);
     return answer;
@@ -538,7 +548,8 @@ static json_t *stop(kn_operator *o, const json_t *argument)
 static const struct command {
     const char *name;
     json_t *(*run)(kn_operator *o, const json_t *argument); // `argument` is NULL if the request has none
-    const char *argument;                                   // name of the command's only field; NULL: it has none
+    // name of the command's only argument field; NULL: the command has none
+    const char *argument;
     json_type type;
     bool needed;
 } commands[] = {{"status", status, NULL, JSON_NULL, false},

@@ -24,7 +24,7 @@
 //
 // A request with any other field is refused, so that a typing error cannot carry out half a request. The answer to a
 // change comes when a tick has made the change, and gives the number of that tick. An event on KNEAD_EVENT records the
-// tick, too.
+// tick as well.
 #include "server/control.h"
 #include "server/health.h"
 #include "server/keeper.h"
@@ -32,36 +32,41 @@
 #include "server/receiver.h"
 #include "server/served.h"
 
-// The parts of the daemon that commands act on. All callbacks get `arg`; `ask` and `goes_on` are thread-safe.
+// The parts of the daemon that commands act on. Every callback gets `arg` as its first argument. `ask` and `goes_on`
+// are thread-safe.
 typedef struct kn_operated {
     kn_served *served;              // object and scene at the start
     const kn_served_def *def;       // options that `served` was loaded with
-    const kn_safety_limits *limits; // limits that no load may raise
+    const kn_safety_limits *limits; // safety limits that a later `load` must not raise
     kn_loop *loop;
     kn_keeper *keeper;
-    const kn_skin *skin;        // skin of the mesh thread
-    void (*ask)(void *arg);     // make the main thread post its health
-    bool (*goes_on)(void *arg); // return whether another start follows when the loop is done
+    const kn_skin *skin;        // skin (surface mesh) that the mesh thread publishes
+    void (*ask)(void *arg);     // make the main thread post a health report
+    bool (*goes_on)(void *arg); // return whether kneadd starts again when the loop has ended
     void (*stop)(void *arg);    // shut the server down in order
     void (*load)(void *arg, const char *path, const kn_scene *scene); // shut down, then start with this checked scene
-    void (*built)(void *arg);                                         // lock new memory that ticks will use
+    // Lock new memory that ticks will use, so that it is not swapped out.
+    void (*built)(void *arg);
     void *arg;
 } kn_operated;
 
 typedef struct kn_operator {
     kn_operated on;
-    kn_change *now, *before;   // the worker's: latest change, taken or ordered, and the previous one; NULL: none
-    int64_t ordered;           // number of the order that takes `now`
+    // `now`: latest change that was ordered; `before`: the change before `now`; NULL: none; used by the worker thread
+    // only.
+    kn_change *now, *before;
+    int64_t ordered;           // number of the loop order with which a tick applies `now`
     _Atomic(kn_change *) told; // change whose scene the main thread publishes; NULL: none
     int64_t served_ns;         // measured time of a tick of the served object, ns
-    kn_sets sets;              // settings that override those of served->base
+    kn_sets sets;              // settings that override those of the scene served->base
     pthread_mutex_t setting;   // guards `sets`
-    kn_mailbox health;         // from the main thread
+    kn_mailbox health;         // health reports from the main thread
     kn_health health_slots[3];
 } kn_operator;
 
 void kn_operator_init(kn_operator *o, const kn_operated *on);
-void kn_operator_free(kn_operator *o);              // call it when all threads have ended; a zeroed operator is fine
+// Call this when all threads have ended; a zeroed operator is allowed.
+void kn_operator_free(kn_operator *o);
 kn_control_def kn_operator_control(kn_operator *o); // return the handlers of the control socket; borrows `o`
 
 #endif

@@ -3,15 +3,17 @@
 #include <stdlib.h>
 
 static const double period_ns = KN_PERIOD_NS;
-static const double outlier_ns = 100000; // limit of the distance by which one pose pulls the centre
-static const double settled_ns = 20000;  // the margin is adapted only while centre and margin differ by less
-static const int64_t stall_ns = 500000;  // a tick later than this says nothing about the arrival of poses
+static const double outlier_ns = 100000; // limit of the difference from the centre that one pose contributes, ns
+// the margin is adapted only while centre and margin differ by less than this, ns
+static const double settled_ns = 20000;
+// a tick that wakes later than this is not used to learn the arrival of poses, ns
+static const int64_t stall_ns = 500000;
 
 void kn_phase_init(kn_phase *phase) { *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS}; }
 
 static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)); }
 
-// Map a time onto the circle of one period, -period/2 .. period/2.
+// Reduce a time modulo one period to the range -period/2 .. period/2.
 static double wrap(double ns) { return ns - period_ns * rint(ns / period_ns); }
 
 // Choose the driver. Keep the present driver while it is engaged, or while no probe is engaged and it is live.
@@ -28,7 +30,7 @@ static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
     return stays ? now : engaged >= 0 ? engaged : live;
 }
 
-// Start anew if the driver or its session has changed. Keep the margin learned so far.
+// Reset the phase lock if the driver or its session has changed. Keep the margin learned so far.
 static void take_driver(kn_phase *phase, int probe, int64_t session)
 {
     if (probe == phase->probe && session == phase->session) return;
@@ -39,8 +41,9 @@ static void take_driver(kn_phase *phase, int probe, int64_t session)
     phase->steady = 0;
     phase->run_ns = phase->run = 0;
     phase->lost = false;
-    phase->spread_ns = period_ns / 4; // large at first: a regular sender brings it down in 0.12 s
-    phase->centre_ns = NAN;           // the first pose sets it
+    // begin with a large spread; a regular sender reduces the spread below the limit in 0.12 s
+    phase->spread_ns = period_ns / 4;
+    phase->centre_ns = NAN; // the first pose sets the centre
 }
 
 // Update centre and spread with the wait of one pose, and decide whether the poses have a rhythm.
@@ -53,12 +56,13 @@ static void observe(kn_phase *phase, double wait_ns)
     phase->locked = !phase->lost && phase->spread_ns < (phase->locked ? KN_PHASE_LOSE_NS : KN_PHASE_LOCK_NS);
 }
 
-// Learn the margin as a quantile of the waits, without a histogram. The margin goes up for a late pose and down for any
-// other. The two step sizes cancel out when the wanted share of the poses is late.
+// Learn the margin as a quantile of the waits, without a histogram. The margin rises for a late pose and falls for a
+// pose in time. Rise and fall balance when the wanted share of the poses is late.
 static void judge_margin(kn_phase *phase, double wait_ns)
 {
     if (!phase->locked || fabs(wrap(phase->centre_ns - phase->margin_ns)) > settled_ns) return;
-    if (wait_ns < -KN_PHASE_MARGIN_MAX) return; // no allowed margin would have caught this pose
+    // ignore a pose so late that even the largest margin would not have been enough
+    if (wait_ns < -KN_PHASE_MARGIN_MAX) return;
     double late = phase->steady >= KN_PHASE_STEADY ? KN_PHASE_LATE_HELD : KN_PHASE_LATE;
     double margin_ns = phase->margin_ns + 1000 * (wait_ns < 0 ? 1 - late : -late);
     phase->margin_ns = fmax(KN_PHASE_MARGIN_MIN, fmin(KN_PHASE_MARGIN_MAX, margin_ns));
@@ -90,7 +94,7 @@ int kn_phase_awaits(const kn_phase *phase)
 
 int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, const kn_wake *wake)
 {
-    // find the driver; without one the grid stands still
+    // find the driver; if there is no driver, the grid does not move
     int driver = choose(phase, arrival, probes);
     take_driver(phase, driver, driver < 0 ? 0 : arrival[driver].session);
     if (driver < 0) return 0;

@@ -1,9 +1,9 @@
 #ifndef KN_SERVER_PHASE_H
 #define KN_SERVER_PHASE_H
 // Phase lock: shift the servo's tick grid so that a tick begins just after the driving probe's pose arrives. The pose
-// then waits tens of us for its tick. On a free grid a pose waits half a period on average. The clock crystals of
-// sender and server also differ slightly, so on a free grid the wait runs through a whole period every few seconds.
-// Each time, one pose is left out or used twice.
+// then waits tens of us for its tick. On a tick grid that does not follow the poses, a pose waits half a period on
+// average. The clock crystals of sender and server also differ slightly, so on a free grid the wait of a pose drifts
+// through a whole period every few seconds. In each such drift, one pose is left out or used twice.
 //
 //     poses      |     . |       . |     .   |      .  |      arrive with jitter around one place in the period
 //     ticks      #       #         #         #                just after most of the poses, held back for the others
@@ -22,9 +22,9 @@
 // KN_PHASE_HOLD_NS. This hold does not move the grid, and the next tick is on time. Ticks are held only while poses
 // come steadily, one per tick. While ticks are held, a far larger share of the poses may be late (KN_PHASE_LATE_HELD).
 //
-// A sender that sends each pose in answer to a force follows the grid. Sender and grid would then follow each other and
-// run 0.2 % fast or slow. Therefore a session that moves the grid by more than KN_PHASE_RUN_NS within
-// KN_PHASE_RUN_TICKS is not followed any more.
+// A sender that sends each pose in answer to a force follows the tick grid. Sender and grid would then follow each
+// other, and both would run 0.2 % fast or slow. Therefore a session that moves the grid by more than KN_PHASE_RUN_NS
+// within KN_PHASE_RUN_TICKS is not followed any more.
 //
 // The grid stands still, as a free clock, when poses stop or come irregularly (large spread), or when the machine
 // stalls. Ticks are never dropped or doubled, and two ticks are due at least one period minus KN_PHASE_SLEW_NS apart.
@@ -32,55 +32,65 @@
 // functions are pure and real-time safe.
 #include "server/clock.h"
 
-#define KN_PHASE_SLEW_NS 2000   // largest shift per tick, ns: a tenth of the variation of wakes, 0.2 % of a period
-#define KN_PHASE_LATE 0.004     // share of the poses that may come after their tick and wait for the next one
-#define KN_PHASE_LATE_HELD 0.2  // the same while ticks are held for late poses: better than delaying all poses
-#define KN_PHASE_HOLD_NS 300000 // longest hold, ns; also limited to a third of the last tick's unused time
-#define KN_PHASE_STEADY 4       // poses are steady from this score on; a tick with a new pose adds 1
+#define KN_PHASE_SLEW_NS 2000 // largest shift per tick, ns: a tenth of the variation of wakes, 0.2 % of a period
+// Share of the poses that may arrive after their tick has begun and wait for the next tick.
+#define KN_PHASE_LATE 0.004
+// Share of the poses that may arrive late while ticks wait for late poses; such waits delay fewer poses than a larger
+// margin.
+#define KN_PHASE_LATE_HELD 0.2
+// Longest time that a tick waits for a late pose, ns; the wait is also limited to a third of the last tick's unused
+// time.
+#define KN_PHASE_HOLD_NS 300000
+#define KN_PHASE_STEADY 4 // score from which poses count as steady; each tick with a new pose adds 1 to the score
 #define KN_PHASE_STEADY_LOSS                                                                                           \
-    2 // a tick without a new pose subtracts this: 500 Hz is not steady, 1 kHz with a fifth of the poses lost is
-#define KN_PHASE_STEADY_MAX 12 // largest score: when poses stop, five ticks are held in vain
+    2 // score lost by a tick without a new pose; 500 Hz then is unsteady, 1 kHz with a fifth of the poses lost steady
+#define KN_PHASE_STEADY_MAX 12 // largest score; when poses stop, at most five ticks wait for a pose in vain
 // A session runs away when it moves the grid by more than KN_PHASE_RUN_NS in KN_PHASE_RUN_TICKS poses. The limit is
-// half a period for the first approach, plus 500 ppm of KN_PHASE_RUN_TICKS periods. No crystal is off by that much.
+// half a period for the first approach, plus 500 ppm of KN_PHASE_RUN_TICKS periods. No clock crystal is wrong by 500
+// ppm.
 #define KN_PHASE_RUN_TICKS 2000
 #define KN_PHASE_RUN_NS 1500000
-#define KN_PHASE_MARGIN_NS 40000 // margin at the start, ns
+#define KN_PHASE_MARGIN_NS 40000 // initial value of the margin between a pose's usual arrival and its tick, ns
 #define KN_PHASE_MARGIN_MIN 10000
-#define KN_PHASE_MARGIN_MAX 200000 // a larger margin delays all poses more than it helps the late ones
+// Largest margin, ns; a larger margin would delay all poses more than it helps the late poses.
+#define KN_PHASE_MARGIN_MAX 200000
 // Poses have a rhythm once their mean distance from the centre (spread) falls below KN_PHASE_LOCK_NS, and until it
 // exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
 #define KN_PHASE_LOCK_NS 100000
 #define KN_PHASE_LOSE_NS 150000
 
-typedef struct kn_arrival { // arrivals of the poses of one probe, as a tick sees them
+typedef struct kn_arrival { // arrival times of the latest poses of one probe, as known to a tick
     int64_t session;        // 0: the probe has no session
-    int64_t arrived_ns;     // arrival of the latest pose
-    int64_t earlier_ns;     // arrival of the pose before
+    int64_t arrived_ns;     // time at which the latest pose arrived
+    int64_t earlier_ns;     // time at which the pose before the latest one arrived
     bool fresh;             // no earlier tick has used the latest pose
-    bool engaged;           // the probe is in the model
+    bool engaged;           // true while the probe acts on the object
 } kn_arrival;
 
 typedef struct kn_phase {
-    bool locked; // the grid follows the poses
-    int probe;   // driver: the probe whose poses count; -1: none
+    bool locked; // true while the tick grid follows the arrivals of the poses
+    int probe;   // driver, that is, index of the probe whose poses the tick grid follows; -1: none
     int64_t session;
     double centre_ns, spread_ns, margin_ns;
-    int steady;                     // score, 0 .. KN_PHASE_STEADY_MAX
-    int64_t before_ns;              // wake of the previous tick if that tick had no new pose; else 0
-    int64_t run_ns;                 // sum of the grid's moves in this run
-    int run;                        // poses in this run, 0 .. KN_PHASE_RUN_TICKS
-    bool lost;                      // the session runs away, and is not followed
-    int64_t driven, followed, held; // ticks: with a driver; with a driver and locked; held
+    int steady;        // score of how steadily poses arrive, 0 .. KN_PHASE_STEADY_MAX
+    int64_t before_ns; // time at which the previous tick woke if that tick had no new pose; otherwise 0
+    int64_t run_ns;    // sum of the shifts of the tick grid over the last `run` poses, ns
+    int run;           // number of poses counted towards KN_PHASE_RUN_TICKS, 0 .. KN_PHASE_RUN_TICKS
+    // True if the tick grid no longer follows this session, because the session moved the grid too far.
+    bool lost;
+    // Numbers of ticks: with a driver; with a driver and a locked grid; delayed to wait for a pose.
+    int64_t driven, followed, held;
 } kn_phase;
 
 void kn_phase_init(kn_phase *phase);
 
-// Return the probe whose pose the tick that is due should wait for, or -1.
+// A tick that is due may wait for a late pose. Return the index of the probe whose pose it should wait for, or -1 for
+// no wait.
 int kn_phase_awaits(const kn_phase *phase);
 
-// Learn from a tick that has run. Return the shift of the grid, ns; a positive shift makes ticks later. The driver is
-// the probe that engaged first, as long as it is engaged. While no probe is engaged, the driver is the first probe with
-// a session, so that the grid is in place when that probe touches.
+// Update the phase lock after a tick has run. Return the shift of the grid, ns; a positive shift makes ticks later. The
+// driver is the probe that engaged first, as long as it is engaged. While no probe is engaged, the driver is the first
+// probe with a session, so that the grid is already shifted to its poses when that probe touches the object.
 int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, const kn_wake *wake);
 
 #endif

@@ -4,7 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROOM_FIXED 2048 // bytes for any type of fixed size; the largest, status_t, has about 1 kB
+// room for a message of any type of fixed size, bytes; the largest type, status_t, has about 1 kB
+#define ROOM_FIXED 2048
 _Static_assert(sizeof(knead_status_t) + 64 <= ROOM_FIXED, "a status fits");
 
 bool kn_publisher_open(kn_publisher *p, const char *url, const kn_scene *scene, uint64_t initial_hash, char *error,
@@ -79,7 +80,7 @@ void kn_publisher_record(kn_publisher *p, const kn_record *record)
         kn_wire_force(&message, &record->out, i, record->utime, record->execution_ns);
         send_bytes(p, p->force_channel[i], knead_contact_force_t_encode(p->bytes, 0, p->room, &message));
         if (!record->out.local) continue;
-        // one datagram per unit; a probe that touches nothing sends one with contact_count 0
+        // send one datagram per contact unit; for a probe that touches nothing, send one datagram with contact_count 0
         const kn_contact_unit *unit = record->out.contact[i];
         for (int c = 0; c == 0 || c < unit->contact_count; c++) {
             knead_contact_model_t contact;

@@ -12,10 +12,10 @@
 typedef struct kn_publisher {
     lcm_t *lcm;
     const kn_scene *scene;
-    const kn_auth *auth; // signs every message; NULL: messages are not signed
-    int64_t signed_us;   // age of the last signed message, us
+    const kn_auth *auth; // key that signs every message; NULL: messages are not signed
+    int64_t signed_us;   // age stamp of the last signed message: time since the life of kneadd began (auth.h), us
     uint64_t initial_hash;
-    char force_channel[KN_PROBES_MAX][64]; // KNEAD_FORCE_<probe>
+    char force_channel[KN_PROBES_MAX][64]; // LCM channel of each probe's forces: KNEAD_FORCE_<probe>
     char contact_channel[KN_PROBES_MAX][64];
     char touch_channel[KN_PROBES_MAX][64];
     uint8_t *bytes; // buffer of `room` bytes for the largest message (the scene) and its KN_AUTH_TRAILER bytes

@@ -7,16 +7,21 @@
 
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
-#define QUATERNION_BOUND 1e-3 // limit of | |q| - 1 |: a device that sends floats stays below; more is no rotation
-#define WORKSPACE_M 1.0       // no haptic device reaches further
-#define SPEED_MAX_M_S 5.0     // no hand on a device is faster; from 1.2 m/s on the servo only damps
+// limit of | |q| - 1 |; the rounding of a device that sends floats is smaller; a larger value means that q is no
+// rotation
+#define QUATERNION_BOUND 1e-3
+#define WORKSPACE_M 1.0 // largest distance of a valid pose from the origin, m; no haptic device reaches further
+// largest speed of a valid pose, m/s; no hand on a device is faster; above 1.2 m/s the servo only damps
+#define SPEED_MAX_M_S 5.0
 #define SPEED_WINDOW_US                                                                                                \
     1000 // us, one tick: the servo reads one pose per ms, so a distance below 5 mm is no jump, whatever the stamps
-#define SILENCE_NS 1000000000 // silence that ends a session
-#define LATE_NS 1000000       // delay from which a pose counts as late: one tick
-#define HELLO_NS 100000       // shortest time between two answers to hello messages
-#define COST_NS 200000        // credit that one pose uses: allows 5 kHz
-#define CREDIT_NS 200000000   // largest credit, 1 000 poses: a 1 kHz sender may send 1 s of poses at once after a stall
+#define SILENCE_NS 1000000000 // time without poses after which a session ends, ns
+#define LATE_NS 1000000       // delay from which a pose counts as late, ns: one tick
+#define HELLO_NS 100000       // shortest time between two answers to hello messages, ns
+#define COST_NS 200000        // rate limit: time credit that one pose uses up, ns; allows 5 kHz
+// rate limit: largest time credit, ns, enough for 1 000 poses: after a stall a 1 kHz sender may send the poses of 1 s
+// at once
+#define CREDIT_NS 200000000
 
 const char *kn_verdict_name(kn_verdict verdict)
 {
@@ -95,7 +100,7 @@ static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_p
 static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t now_ns, int *probe,
                          knead_probe_pose_t *message)
 {
-    // channel and length tell whether the message can be a pose at all
+    // check by channel and length whether the message can be a pose
     if (strncmp(packet->channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
     for (*probe = 0; *probe < r->probes && strcmp(packet->channel, r->channel[*probe]) != 0;) ++*probe;
     if (*probe == r->probes) return KN_REJECT_PROBE;
@@ -117,7 +122,7 @@ static double length(const double *value, int count)
 {
     double sum = 0;
     for (int i = 0; i < count; i++) sum += value[i] * value[i];
-    return sqrt(sum); // huge values give infinity, which exceeds every bound
+    return sqrt(sum); // the sum of huge values overflows to infinity, which exceeds every bound
 }
 
 // Check the values that can be judged without knowing the session.
@@ -140,7 +145,8 @@ static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t
     bool goes_on = source->last.session != 0;
     const kn_pose *last = &source->last;
     if (goes_on && (m->seq <= last->seq || last->buttons & KN_BUTTON_LEAVING)) return KN_REJECT_STALE;
-    if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE; // this session has already ended
+    // refuse a last pose of a session that does not own the probe: this session has already ended
+    if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE;
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
     if (!goes_on) return KN_ACCEPTED;
     if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
@@ -183,16 +189,16 @@ static int ones(uint64_t bits)
 // Count a pose that is not newer than the last one: a duplicate, or a pose that arrived after a later one.
 static void count_stale(kn_source *source, const knead_probe_pose_t *m)
 {
-    // a newer pose, of a session that has left, is neither of them
+    // a newer pose of a session that has left is neither a duplicate nor reordered
     if (m->session != source->last.session || m->seq > source->last.seq) return;
     kn_packets *n = &source->packets;
-    // seen reaches 64 numbers back: an older pose counts as a duplicate
+    // `seen` covers the last 64 numbers; an older pose counts as a duplicate
     uint64_t behind = (uint64_t)source->last.seq - (uint64_t)m->seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
     if (bit == 0 || source->seen & bit) {
         n->duplicate++;
         return;
     }
-    // the pose was counted as lost when a later one came: subtract it again
+    // the pose was counted as lost when a later pose arrived, so subtract it from the lost poses
     source->seen |= bit;
     n->reordered++;
     n->lost -= n->lost > 0;
@@ -217,12 +223,12 @@ static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t no
         // a new session, or a gap larger than the rate limit allows: the sender has restarted its numbers
         source->seen = 1;
     } else {
-        // lost: numbers left out, except those that came as refused poses
+        // lost poses: the numbers left out, except those of poses that arrived and were refused
         uint64_t come = between < 64 ? source->refused & ((UINT64_C(1) << between) - 1) : source->refused;
         int64_t lost = (int64_t)between - ones(come);
         n->lost += lost;
         if (lost > n->lost_in_a_row_max) n->lost_in_a_row_max = lost;
-        // late: the time between the arrivals exceeds the time between the sendings
+        // late pose: the time between the two arrivals exceeds the time between the two sendings
         double sent_ns = 1e3 * (double)((uint64_t)m->utime - (uint64_t)last->utime);
         n->late += (double)(now_ns - source->heard_ns) - sent_ns >= LATE_NS;
         // shift the window to the new pose, and mark the refused poses in it
@@ -268,7 +274,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
 // Judge a pose, but refuse all poses of a session that has left, until that session has sent nothing for a second.
 static kn_verdict admit_present(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
-    struct kn_ended *place = source->ended; // the session's own entry, or the one that expires first
+    struct kn_ended *place = source->ended; // choose the session's own entry, or else the entry that expires first
     for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
         struct kn_ended *e = &source->ended[i];
         if (e->session == m->session || e->until_ns < place->until_ns) place = e;
@@ -297,7 +303,7 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
             count_refused(&r->source[*probe], &message);
         if (verdict == KN_ACCEPTED) verdict = admit_present(&r->source[*probe], &message, now_ns, pose);
     }
-    // exactly one counter per datagram
+    // count each datagram in exactly one counter
     r->received++;
     if (verdict == KN_ACCEPTED) r->accepted++;
     else r->rejected[verdict]++;

@@ -16,10 +16,12 @@
 // judged, because the times in a played log are old.
 //
 // A session may say that a pose is its last (KN_BUTTON_LEAVING). All later poses of that session are stale until the
-// session has been silent for 1 s. The probe is free as soon as the servo says that the session has left.
+// session has been silent for 1 s. The probe is free for another session as soon as the servo reports that the session
+// has ended.
 //
-// With a key, a pose must be authentic, of this life of kneadd and recent (auth.h), because anybody can record a pose
-// and send it again. KNEAD_HELLO is not a pose: the caller answers it. Real-time safe.
+// With a key, a pose must be authentic and recent, and must belong to this life (run) of kneadd, see auth.h. Otherwise
+// anybody could record a pose and send it again. KNEAD_HELLO is not a pose: the caller answers this message. Real-time
+// safe.
 #include "server/auth.h"
 #include "server/bus.h"
 #include "server/servo.h"
@@ -32,10 +34,10 @@
     X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
     X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
     X(CHANNEL_END, "channel_end", "channel name without its NUL within 64 bytes")                                      \
-    X(CHANNEL, "channel", "not a pose: our own forces and everyone else's traffic")                                    \
+    X(CHANNEL, "channel", "not a pose: kneadd's own forces, or other traffic")                                         \
     X(PROBE, "probe", "KNEAD_POSE_ of a probe the scene does not have")                                                \
     X(LENGTH, "length", "not the length of probe_pose_t")                                                              \
-    X(TYPE, "type", "the type hash of something else")                                                                 \
+    X(TYPE, "type", "the type hash of another message")                                                                \
     X(FRAME, "frame", "a frame other than the scene's")                                                                \
     X(NONFINITE, "nonfinite", "a NaN or an infinity")                                                                  \
     X(QUATERNION, "quaternion", "orientation not of length 1 +- 0.001")                                                \
@@ -43,13 +45,13 @@
     X(SESSION_ZERO, "session_zero", "session 0, which means none")                                                     \
     X(SESSION, "session", "another session owns the probe: a second publisher")                                        \
     X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
-    X(CLOCK, "clock", "utime before the last one's")                                                                   \
-    X(JUMP, "jump", "faster than 5 m/s, by its own velocity or by its way since the last pose")                        \
+    X(CLOCK, "clock", "utime before that of the last pose")                                                            \
+    X(JUMP, "jump", "faster than 5 m/s, by its velocity or by its distance from the last pose")                        \
     X(RATE, "rate", "more than 5 000 per second")                                                                      \
     X(PEER, "peer", "from an address that --peer does not name")                                                       \
     X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
-    X(REPLAYED, "replayed", "authentic, but of another life of kneadd, or not of now")                                 \
-    X(HELLO, "hello", "not a pose: a listener asks for this life's number, and is answered")
+    X(REPLAYED, "replayed", "authentic, but for another run of kneadd, or from another time")                          \
+    X(HELLO, "hello", "not a pose: a listener asks for the number of this run, and gets an answer")
 
 typedef enum kn_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
@@ -59,37 +61,41 @@ typedef enum kn_verdict {
     KN_ACCEPTED = -1
 } kn_verdict;
 
-const char *kn_verdict_name(kn_verdict verdict);    // for example "stale"; "accepted" for KN_ACCEPTED
-const char *kn_verdict_meaning(kn_verdict verdict); // the rejection in words; not for KN_ACCEPTED
+// Return the name of a verdict, for example "stale"; "accepted" for KN_ACCEPTED.
+const char *kn_verdict_name(kn_verdict verdict);
+// Return the reason of the rejection in words; must not be called for KN_ACCEPTED.
+const char *kn_verdict_meaning(kn_verdict verdict);
 
-#define KN_ENDED_MAX 16 // sessions that are remembered after they left, for 1 s of silence each
+#define KN_ENDED_MAX 16 // largest number of ended sessions that are remembered, each until it has been silent for 1 s
 
-typedef struct kn_packets { // link counters of one probe, over all its sessions; as in health_t
+typedef struct kn_packets { // link counters of one probe, over all its sessions; defined as in the message health_t
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
 } kn_packets;
 
 typedef struct kn_source { // the sender that moves one probe
     kn_pose last;          // last accepted pose; session 0: nobody owns the probe
-    kn_pose reference;     // accepted pose from which speeds are measured; becomes `last` when that is >= 1 ms newer
-    int64_t heard_ns;      // time at which `last` was accepted
-    struct kn_ended {      // sessions that left; their poses are stale until until_ns
+    // Accepted pose from which speeds are measured; replaced by `last` when `last` is at least 1 ms newer.
+    kn_pose reference;
+    int64_t heard_ns; // time at which `last` was accepted
+    // Sessions that sent their last pose; their further poses are rejected as stale until until_ns.
+    struct kn_ended {
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
-    int64_t credit_ns; // rate limit: unused time; each pose uses 0.2 ms of it
+    int64_t credit_ns; // rate limit: time credit that grows with time, ns; each pose uses up 0.2 ms of the credit
     kn_packets packets;
-    uint64_t seen;    // bit n: number last.seq - n has come
-    uint64_t refused; // bit n: number last.seq + 1 + n has come, and was refused
+    uint64_t seen;    // bit n: the pose with number last.seq - n has arrived
+    uint64_t refused; // bit n: the pose with number last.seq + 1 + n has arrived and was rejected
 } kn_source;
 
 #define KN_PEERS_MAX 16
 
 typedef struct kn_receiver {
     int probes;
-    char channel[KN_PROBES_MAX][64]; // KNEAD_POSE_<probe>
+    char channel[KN_PROBES_MAX][64]; // LCM channel of each probe's poses: KNEAD_POSE_<probe>
     kn_source source[KN_PROBES_MAX];
-    const kn_auth *auth;                // borrowed; NULL: no key
-    unsigned char nonce[KN_AUTH_NONCE]; // nonce of the last KN_REJECT_HELLO
-    int64_t greeted_ns;                 // time at which that hello message came
+    const kn_auth *auth;                // key with which poses are authenticated, borrowed; NULL: no key
+    unsigned char nonce[KN_AUTH_NONCE]; // nonce of the last hello message (KN_REJECT_HELLO)
+    int64_t greeted_ns;                 // time at which the last hello message arrived, ns
     struct in_addr peer[KN_PEERS_MAX];  // addresses from which poses are accepted
     int peers;                          // number of entries in `peer`; 0: any address is accepted
     int64_t received, accepted, rejected[KN_REJECT_COUNT];
@@ -98,7 +104,7 @@ typedef struct kn_receiver {
 void kn_receiver_init(kn_receiver *r, const kn_model_def *def);
 
 // Judge and count one datagram that arrived at now_ns (monotonic). If the datagram is accepted, set *probe and *pose.
-// After KN_REJECT_HELLO the caller answers r->nonce.
+// After KN_REJECT_HELLO the caller must answer with the nonce in r->nonce.
 kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose);
 
 // Judge a datagram by its bytes alone, without the checks of session, motion and rate. Return KN_ACCEPTED if it is a

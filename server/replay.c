@@ -13,41 +13,45 @@
 #include <string.h>
 #include <time.h>
 
-#define POSES 4096 // poses remembered per probe, a power of two: a force may follow its pose after this many poses
+// number of poses remembered per probe, a power of two: up to this many poses may lie between a pose and its force in
+// the log
+#define POSES 4096
 
 typedef struct kn_replay_private { // reader of the log; named `v` in the functions below
     kn_log log;
     kn_log_record record;
-    bool held; // `record` was read ahead and is not used yet
+    bool held; // true if `record` was read ahead and is not used yet
     kn_receiver receiver;
-    kn_pose *poses[KN_PROBES_MAX]; // [POSES], slot seq % POSES
+    kn_pose *poses[KN_PROBES_MAX]; // [POSES] remembered poses; pose number seq is at index seq % POSES
 
-    kn_survey found;          // result of the first reading
-    size_t next_event;        // index in found.events
-    kn_change *change, *next; // latest change taken; change that the next tick takes; NULL: none
+    kn_survey found;   // result of the first reading of the log
+    size_t next_event; // index in found.events of the next event to apply
+    // `change`: latest change that a tick applied; `next`: change that the next tick applies; NULL: none
+    kn_change *change, *next;
     kn_replay_def def;
 
     const char *snapshot_path;
     kn_saved saved; // snapshot that was read last
     kn_undo undo;
 
-    // forces of one tick
+    // Forces of one tick:
     knead_contact_force_t force[KN_PROBES_MAX];
-    bool has[KN_PROBES_MAX]; // force[p] is set
-    bool grouped;            // all forces of group_tick have been read
+    bool has[KN_PROBES_MAX]; // true if the log has a force of probe p for this tick
+    bool grouped;            // true if all forces of the tick group_tick have been read
     int64_t group_tick;
 
-    int64_t tick;   // last tick executed, -1: none
-    int64_t untold; // ticks without a record that were executed or counted in advance (afford)
+    int64_t tick;   // number of the last tick executed, -1: none
+    int64_t untold; // number of ticks without a record that were executed, or counted in advance by afford()
     bool live[KN_PROBES_MAX];
-    bool touched, resting; // touched: a session has begun; resting: no session yet and the object lies still
+    // `touched`: a session has begun; `resting`: no session has begun and the object does not move
+    bool touched, resting;
     uint64_t rest_hash;
 } reading;
 
 // Return the largest number of ticks without a record that a replay runs for this log.
 static int64_t most_untold(const reading *v) { return KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told; }
 
-// ---- what the log is replayed on
+// ---- scene, model and servo of the replay
 
 // First reading: survey the log.
 static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
@@ -69,22 +73,22 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->logged_text = v->found.scene_text;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     else if (!v->found.scene_text)
-        snprintf(error, error_size, "%s: holds no KNEAD_SCENE record, name the scene", def->log_path);
+        snprintf(error, error_size, "%s: has no KNEAD_SCENE record, expected the name of a scene, too", def->log_path);
     else
         r->scene = kn_scene_parse_beside(def->log_path, v->found.scene_name, v->found.scene_text,
                                          strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
     if (!r->scene) return false;
     r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
-    // another scene than the log's is a mistake, unless settings show that a difference is intended
+    // refuse a scene other than the log's, unless settings show that the difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path) {
-        snprintf(error, error_size, "%s: its scene '%s' means something else to this version", def->log_path,
+        snprintf(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
                  v->found.scene_name);
         return false;
     }
     snprintf(error, error_size,
-             "%s: the log was recorded with another scene, '%s': leave the scene out, or say with --set, "
-             "--quality, --solver, --precision or --dt what is to be different",
+             "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
+             "difference with --set, --quality, --solver, --precision or --dt",
              def->scene_path, v->found.scene_name);
     return false;
 }
@@ -131,7 +135,7 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.felt[i]; i++) {
         if (probe_of(r, r->private->found.felt[i]) >= 0) continue;
         snprintf(error, error_size,
-                 "%s%s: leaves no probe `%s`, whose forces are in the log, expected to keep that name",
+                 "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
                  set ? "--set " : "", set ? set : r->scene->name, r->private->found.felt[i]);
         return false;
     }
@@ -148,8 +152,8 @@ static bool of_the_run(void *replay, const kn_saved *saved)
     if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.before_tick ||
         saved->tick >= v->found.last_tick)
         return false;
-    // Compare tick and wall clock, with a tolerance: ticks that follow poses may run 0.2 % fast or slow, and the
-    // logger's clock may be set.
+    // Compare tick number and wall clock with a tolerance, because ticks that follow poses may run 0.2 % fast or slow,
+    // and the logger's clock may be set.
     double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
     double apart_us = (double)(saved->utime - v->found.origin_utime) - 1e3 * (double)saved->tick;
     return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
@@ -187,7 +191,8 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
     char why[200] = "no such snapshot";
     for (size_t i = 0; i < v->found.event_count && v->found.restores > 0; i++) {
         const knead_event_t *e = &v->found.events[i];
-        if (e->kind == KNEAD_EVENT_T_KIND_SET) break; // later states belong to another model: found when needed
+        // stop at a change of settings, because later states belong to another model and are searched for when needed
+        if (e->kind == KNEAD_EVENT_T_KIND_SET) break;
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
         snprintf(error, error_size,
@@ -196,7 +201,7 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
                  def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
                  def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
                  def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
-                 def->afresh ? "a log that restores nothing" : "--snapshot with that file or its directory");
+                 def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
         return false;
     }
     return true;
@@ -225,7 +230,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     char why[200];
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged)) {
-        snprintf(error, error_size, "%s: --snapshot expects a log with forces, in its own scene and computation",
+        snprintf(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
                  def->log_path);
         return false;
     }
@@ -234,14 +239,14 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         return true;
     }
     if (wanted && !restores && !v->found.started) {
-        snprintf(error, error_size, "%s: %s, expected one of the run of %s, of a tick from %lld to %lld",
+        snprintf(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
                  def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
                  (long long)v->found.last_tick - 1);
         return false;
     }
     if (!r->same || v->found.started) return true;
-    // The first event with a state hash tells whether the object was as new. A reset or restore before the first force
-    // makes the past irrelevant.
+    // The first event with a state hash tells whether the object was in its initial state. A reset or restore before
+    // the first force makes the past irrelevant.
     for (size_t i = 0; i < v->found.event_count; i++) {
         const knead_event_t *e = &v->found.events[i];
         bool undone = e->kind == KNEAD_EVENT_T_KIND_RESTORE && e->arg[0] == 0;
@@ -251,8 +256,8 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         snprintf(error, error_size,
-                 "%s: the object had been kneaded before this log begins, "
-                 "expected --snapshot with one of that run, or a log from the server's start on",
+                 "%s: the object was already deformed when this log begins, "
+                 "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
                  def->log_path);
         return false;
     }
@@ -369,7 +374,8 @@ static kn_datagram datagram_of(const kn_log_record *record)
 {
     kn_datagram d = {.here = true};
     size_t name = strlen(record->channel) + 1, size = 8 + name + record->size;
-    if (size > sizeof d.bytes) size = 8 + name; // then the receiver refuses its length
+    // leave the payload out, so that the receiver refuses the datagram for its length
+    if (size > sizeof d.bytes) size = 8 + name;
     memcpy(d.bytes, "LC02\0\0\0\0", 8);
     memcpy(d.bytes + 8, record->channel, name);
     memcpy(d.bytes + 8 + name, record->data, size - 8 - name);
@@ -466,13 +472,13 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     if (event && v->found.events[v->next_event].tick < known) known = v->found.events[v->next_event].tick;
     int32_t missed = missed_before(v, known);
 
-    // All ticks between two known ones ran, too, so replay them. They can be left out only while an untouched object
-    // lies still.
+    // All ticks between two known ticks ran as well, so replay them. They can be left out only while an untouched
+    // object does not move.
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    // Count a whole gap at its start. If nothing has touched the object, it may come to rest within the gap: then count
-    // tick by tick.
+    // Count a whole gap at its start. An object that nothing has touched may come to rest within the gap; in this case
+    // count tick by tick.
     return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0);
 }
 
@@ -519,7 +525,7 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         return;
     }
     r->same = false;
-    snprintf(r->damage, sizeof r->damage, "a point of quality that the scene has not, at tick %lld",
+    snprintf(r->damage, sizeof r->damage, "a quality point that the scene does not have, at tick %lld",
              (long long)e->tick);
 }
 
@@ -537,8 +543,7 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         in->restored_tick = (int64_t)e->arg[1];
     } else {
         r->same = false;
-        snprintf(r->damage, sizeof r->damage, "a snapshot that is not there any more, at tick %lld",
-                 (long long)e->tick);
+        snprintf(r->damage, sizeof r->damage, "a snapshot that no longer exists, at tick %lld", (long long)e->tick);
     }
 }
 
@@ -561,7 +566,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
                            : NULL;
     if (scene && r->same && scene->text_hash != hash) {
         kn_scene_destroy(scene);
-        snprintf(why, sizeof why, "it means something else to this version");
+        snprintf(why, sizeof why, "this version reads the scene differently");
         scene = NULL;
     }
     // build the change; it replaces an earlier one that no tick has taken
@@ -597,7 +602,7 @@ static void apply_events(kn_replay *r, kn_tick_in *in)
         case KNEAD_EVENT_T_KIND_SESSION_END:
             if (e->probe >= 0 && e->probe < KN_PROBES_MAX) v->live[e->probe] = false;
             break;
-        default: // unknown to this version, so its change cannot be repeated
+        default: // this version does not know the event, so it cannot repeat the event's change
             if (e->kind < KNEAD_EVENT_T_KIND_ESTOP) break;
             r->same = false;
             snprintf(r->damage, sizeof r->damage, "an event of unknown kind %d at tick %lld", e->kind,
@@ -638,7 +643,7 @@ static void run_tick(kn_replay *r)
     r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
     r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
-    if (r->tick.out.changed) { // nothing uses the previous change any more
+    if (r->tick.out.changed) { // a tick applied a new change, so nothing uses the previous change any more
         kn_change_destroy(r->private->change);
         r->private->change = r->private->next;
         r->private->next = NULL;
@@ -646,7 +651,7 @@ static void run_tick(kn_replay *r)
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
     r->same = false; // undo points from before the log are lost: no snapshot holds them
-    snprintf(r->damage, sizeof r->damage, "an undo of what was kneaded before this log begins, at tick %lld",
+    snprintf(r->damage, sizeof r->damage, "an undo to a state before this log begins, at tick %lld",
              (long long)r->private->tick);
 }
 
@@ -660,7 +665,7 @@ static bool step_by_forces(kn_replay *r)
     memset(r->tick.logged, 0, sizeof r->tick.logged);
     if (!choose_tick(r, in)) return false;
 
-    // commands come from the events, poses from the forces
+    // take commands from the events, and poses from the force records
     bool grouped = v->grouped && v->group_tick == in->tick;
     apply_events(r, in);
     for (int p = 0; p < r->model->def.probe_count; p++) {
@@ -678,7 +683,7 @@ static bool step_by_forces(kn_replay *r)
     run_tick(r);
     check_hashes(r);
 
-    // an untouched object lies still if a tick has not changed the state hash
+    // an untouched object is at rest if a tick has not changed the state hash
     uint64_t hash = v->touched ? 0 : kn_state_hash(r->model, kn_replay_state(r));
     v->resting = !v->touched && !anyone_live(v) && v->rest_hash == hash;
     v->rest_hash = hash;
@@ -735,11 +740,11 @@ static bool step_by_time(kn_replay *r)
     return true;
 }
 
-// Count ticks in which a tool presses outside its allowed reach. There a block of two resolutions has coarse cells. A
-// tool that touches nothing may be anywhere.
+// Count ticks in which a tool presses outside its allowed reach. A block of two resolutions has coarse cells outside
+// this region. A tool that touches nothing may be anywhere.
 static void look_outside(kn_replay *r)
 {
-    double most_m = 1e-6; // a smaller distance is rounding
+    double most_m = 1e-6; // ignore distances up to 1 um, which are rounding errors
     int probe = -1;
     for (int p = 0; r->model->composite && p < r->model->def.probe_count; p++) {
         const double *x = r->tick.pose[p].position_m, (*reach)[2] = r->model->def.probe[p].reach_m;

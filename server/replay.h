@@ -16,9 +16,9 @@
 // In a log without forces, poses are judged as the receiver would have judged them, and assigned to 1 ms ticks by log
 // time.
 //
-// Settings that an operator made at run time (event KIND_SET) are applied here, too, because the log holds the scene's
-// new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots, found by
-// state hash.
+// Settings that an operator made at run time (event KIND_SET) are applied in the replay as well, because the log holds
+// the scene's new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots,
+// found by state hash.
 //
 // If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, taken at a tick
 // within the log, and starts there. With --snapshot, the replay of any other log without restores also starts at the
@@ -29,59 +29,69 @@
 #include "proto/knead_contact_force_t.h"
 #include "server/servo.h"
 
-#define KN_REPLAY_HALF_TICK_S 0.0005 // two times that differ by less belong to the same tick
+#define KN_REPLAY_HALF_TICK_S 0.0005 // two times that differ by less than this belong to the same tick, s
 
-typedef struct kn_replay_def { // the data behind all pointers must outlive the replay
+typedef struct kn_replay_def { // arguments of kn_replay_create; the data behind all pointers must outlive the replay
     const char *log_path;
-    const char *scene_path;  // NULL: the scene in the log. Without `sets` it must be the log's
-    const char *const *sets; // "key=value" settings that override the scene's, as --set does; none: the log's
+    // Scene file; NULL: the scene in the log. Without `sets`, the file must hold the log's scene.
+    const char *scene_path;
+    // "key=value" settings that override the scene's, as --set does; if there are none, the log's settings apply.
+    const char *const *sets;
     int set_count;
     bool afresh;               // use the poses alone: do not reproduce the log's state hashes and qualities
     const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
-    const char *device;        // URI of a circuit that steps the lattice, without a time limit; NULL: none
-    bool *device_failed;       // NULL, or set when kn_replay_create fails: true if the circuit is the reason
+    // URI of a circuit that steps the lattice without a time limit; NULL: the processor steps the lattice.
+    const char *device;
+    bool *device_failed; // set when kn_replay_create fails: true if the circuit is the reason; may be NULL
 } kn_replay_def;
 
-typedef struct kn_replay_tick { // input and result of the last tick
+typedef struct kn_replay_tick { // input and result of the last tick that the replay ran
     kn_tick_in in;
     kn_tick_out out;
-    kn_pose pose[KN_PROBES_MAX];                        // in.pose points here
+    kn_pose pose[KN_PROBES_MAX];                        // poses to which in.pose points
     const knead_contact_force_t *logged[KN_PROBES_MAX]; // force of this tick in the log; NULL: none
     int64_t utime;                                      // log time of this tick, us
     // Time since the first force, negative before it. In a log without forces: time since the first pose.
     double time_s;
-    int64_t execution_ns, cpu_ns; // elapsed and CPU time of the servo tick in this replay; for information
+    // Elapsed time and CPU time that this replay took for the tick, ns; for information only.
+    int64_t execution_ns, cpu_ns;
 } kn_replay_tick;
 
-typedef struct kn_replay_tally { // counts of the replay, and of records that it could not use
-    int64_t ticks;               // ticks executed so far
-    int64_t ticks_total;         // ticks in the log, for a progress bar; an estimate if the log has no forces
-    int64_t forces;              // force records used
-    int64_t gaps;                // ticks that ran live but have no force record, or whose pose is missing
-    int64_t first_gap;           // tick number of the first gap, -1: none
-    int64_t malformed;           // records on Knead's channels with the wrong content
-    int64_t refused;             // poses that the receiver's rules refuse (only in logs without forces)
-    int64_t checkpoints;         // state hashes of the log that were compared
-    int64_t mismatches;          // state hashes that the replay did not reproduce
-    int64_t first_mismatch;      // tick number of the first mismatch, -1: none
-    int64_t outside;             // two-resolution block: ticks in which a tool pressed outside its allowed reach
-    double outside_m;            // largest distance from that reach, m
-    int outside_probe;           // probe with that distance
+typedef struct kn_replay_tally { // counts of ticks and records, and of records that the replay could not use
+    int64_t ticks;               // number of ticks executed so far
+    int64_t ticks_total;         // number of ticks in the log, for a progress bar; an estimate if the log has no forces
+    int64_t forces;              // number of force records used
+    // Number of recorded ticks without a force record, or whose pose is missing from the log.
+    int64_t gaps;
+    int64_t first_gap;      // tick number of the first gap, -1: none
+    int64_t malformed;      // number of records on Knead's channels with invalid content
+    int64_t refused;        // number of poses that the receiver's rules refuse (only in logs without forces)
+    int64_t checkpoints;    // number of state hashes in the log that were compared with the replay's
+    int64_t mismatches;     // number of state hashes in the log that the replay did not reproduce
+    int64_t first_mismatch; // tick number of the first mismatch, -1: none
+    // Block of two resolutions: number of ticks in which a tool pressed the object outside the tool's allowed region.
+    int64_t outside;
+    double outside_m;  // largest distance of a pressing tool from its allowed region, m
+    int outside_probe; // index of the probe with the distance outside_m
 } kn_replay_tally;
 
 typedef struct kn_replay {
     kn_scene *scene;
-    kn_model *model; // model at the log's beginning; kn_replay_model returns the present one
-    int changes;     // number of model changes so far; compare it, since a new model may reuse an address
+    kn_model *model; // model at the log's beginning; kn_replay_model returns the present model
+    // Number of model changes so far; use this number to detect a change, because a new model may reuse the old
+    // address.
+    int changes;
     kn_backend backend;
     kn_servo servo;
     kn_replay_tick tick;
     kn_replay_tally tally;
-    bool forces_logged;   // the log holds forces: the replay is exact
-    bool same;            // scene and settings are the log's own, so the replay must reproduce its numbers
+    bool forces_logged; // true if the log holds forces, so that the replay is exact
+    // True if scene and settings are the log's own, so that the replay must reproduce the log's numbers.
+    bool same;
     int64_t resumed_tick; // tick of the snapshot from which the replay continues; -1: from the log's beginning
-    const char *logged_name, *logged_text; // the scene that the log holds; NULL: none
-    char damage[160];                      // fault of the file, "" if none; the log is used up to the fault
+    // Name and text of the scene that the log holds; NULL: the log holds no scene.
+    const char *logged_name, *logged_text;
+    char damage[160]; // damage found in the log file, "" if none; the log is used up to the damage
     struct kn_replay_private *private;
 } kn_replay;
 
@@ -98,6 +108,6 @@ const kn_model *kn_replay_model(const kn_replay *replay);
 // Return tick.time_s of the last tick in the log. If the log has no forces, the time is an estimate from
 // tally.ticks_total.
 double kn_replay_end_s(const kn_replay *replay);
-void kn_replay_destroy(kn_replay *replay); // NULL is fine
+void kn_replay_destroy(kn_replay *replay); // `replay` may be NULL
 
 #endif

@@ -20,6 +20,7 @@ void kn_ring_free(kn_ring *ring)
     ring->records = NULL;
 }
 
+// Return the address of record number n. The capacity is a power of two, so the counts may wrap.
 static char *record_at(const kn_ring *ring, size_t n)
 {
     return ring->records + (n & (ring->capacity - 1)) * ring->size;
@@ -29,6 +30,8 @@ bool kn_ring_push(kn_ring *ring, const void *record) { return kn_ring_push_start
 
 bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes)
 {
+    // Acquire order: the reader has finished with the slot. Release order: the reader sees the record before the new
+    // count.
     size_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
     if (head - atomic_load_explicit(&ring->tail, memory_order_acquire) == ring->capacity) return false;
     memcpy(record_at(ring, head), record, bytes);
@@ -38,6 +41,7 @@ bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes)
 
 const void *kn_ring_front(kn_ring *ring)
 {
+    // Acquire order pairs with the release order in kn_ring_push, so the record is complete.
     size_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
     return tail == atomic_load_explicit(&ring->head, memory_order_acquire) ? NULL : record_at(ring, tail);
 }
@@ -45,5 +49,6 @@ const void *kn_ring_front(kn_ring *ring)
 void kn_ring_pop(kn_ring *ring)
 {
     size_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
+    // Release order: all reads of the record end before the writer may reuse the slot.
     atomic_store_explicit(&ring->tail, tail + 1, memory_order_release);
 }

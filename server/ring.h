@@ -1,27 +1,32 @@
 #ifndef KN_SERVER_RING_H
 #define KN_SERVER_RING_H
-// Every value in order from one thread to one other, through a fixed number of equal records. Full: push refuses and
-// the caller counts; the servo never waits for a reader. Real-time safe on both sides but for create and destroy.
+// Ring: a queue from one thread to one other thread. It passes on every record, in order, and has room for a fixed
+// number of records of equal size. When the ring is full, kn_ring_push returns false and the caller counts the loss;
+// the servo never waits for a reader. Real-time safe on both sides, except init and free.
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 
 typedef struct kn_ring {
-    _Alignas(64) _Atomic size_t head; // records pushed; only the writer stores it. Own cache lines: no false sharing
-    _Alignas(64) _Atomic size_t tail; // records popped; only the reader stores it
-    size_t capacity;                  // a power of two
-    size_t size;                      // bytes of a record
+    // Records pushed (stored only by the writer) and popped (stored only by the reader). Each count has a cache line of
+    // its own, so there is no false sharing.
+    _Alignas(64) _Atomic size_t head;
+    _Alignas(64) _Atomic size_t tail;
+    size_t capacity; // number of records that the ring can hold, a power of two
+    size_t size;     // size of one record, bytes
     char *records;
 } kn_ring;
 
-// capacity: a power of two. False when memory is short.
+// Allocate a ring. capacity is a power of two. Return false when memory is short.
 bool kn_ring_init(kn_ring *ring, size_t capacity, size_t size);
 void kn_ring_free(kn_ring *ring);
 
-bool kn_ring_push(kn_ring *ring, const void *record); // false: full, nothing was written
-// Its first bytes alone, where the reader looks at no more: the rest of the record is whatever stood there.
+// Append a record; return false if the ring is full, and then nothing was written.
+bool kn_ring_push(kn_ring *ring, const void *record);
+// Append a record, but copy only its first `bytes` bytes, because the reader reads no more. The rest of the record
+// keeps old content.
 bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes);
-const void *kn_ring_front(kn_ring *ring);             // oldest record, NULL: empty; valid until pop
-void kn_ring_pop(kn_ring *ring);                      // after front gave a record
+const void *kn_ring_front(kn_ring *ring); // return the oldest record, valid until kn_ring_pop; NULL: the ring is empty
+void kn_ring_pop(kn_ring *ring);          // remove the oldest record; call only after kn_ring_front returned a record
 
 #endif

@@ -10,16 +10,21 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define STACK_BYTES (512 << 10)   // stack of a thread, wholly locked; a tick needs < 32 kB, its arrays are in the state
-#define TOUCHED_BYTES (128 << 10) // part touched before the thread runs, so that a tick has no page fault
+// size of a thread's stack, bytes, all locked in memory; a tick needs less than 32 kB, because its arrays are in the
+// state
+#define STACK_BYTES (512 << 10)
+// part of the stack that is touched before the thread runs, bytes, so that a tick has no page fault
+#define TOUCHED_BYTES (128 << 10)
 
 bool kn_rt_files(char *error, size_t error_size)
 {
-    enum { FILES = 56 }; // kneadd with every option opens about 20, a web page about 30
+    // number of descriptors that must be free; kneadd with every option opens about 20, and a web page needs about 30
+    enum { FILES = 56 };
     // open as many descriptors as will be needed, then close them again
     int fd[FILES], count = 0;
     while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
-    snprintf(error, error_size, "%s: %d more can be opened, expected %d: raise ulimit -n (LimitNOFILE= of a service)",
+    snprintf(error, error_size,
+             "%s: only %d more files can be opened, expected %d: raise ulimit -n (of a service: LimitNOFILE=)",
              strerror(errno), count, FILES);
     for (int i = 0; i < count; i++) close(fd[i]);
     return count == FILES;
@@ -54,7 +59,8 @@ void kn_rt_enter(kn_rt *rt, kn_rt_mode mode)
 {
     *rt = (kn_rt){.mode = mode};
     if (mode == KN_RT_OFF) return;
-    int error = set_priority(KN_RT_SERVO); // try the highest first: RLIMIT_RTPRIO may grant only lower ones
+    // try the highest priority first, because RLIMIT_RTPRIO may grant only lower priorities
+    int error = set_priority(KN_RT_SERVO);
     if (!error) error = set_priority(KN_RT_MAIN);
     rt->fifo = !error;
     if (error) add_missing(rt, "no SCHED_FIFO", strerror(error), "root, CAP_SYS_NICE or ulimit -r 80");
@@ -109,10 +115,10 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     if (!start) return ENOMEM;
     *start = (thread_start){run, arg};
     pthread_attr_init(&attr);
-#ifndef KN_SANITIZED // sanitizers need hundreds of kB of stack themselves
+#ifndef KN_SANITIZED // set the small stack only without sanitizers, which need hundreds of kB of stack themselves
     pthread_attr_setstacksize(&attr, STACK_BYTES);
 #endif
-    // take policy and priority from here, not from the creating thread
+    // use the policy and priority set here, not those of the creating thread
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);

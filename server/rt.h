@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_RT_H
 #define KN_SERVER_RT_H
-// Real-time priority and locked memory. kneadd asks for both, and reports what the machine refuses.
+// Real-time priority and locked memory. kneadd requests both, and reports which of them the machine refuses.
 //
 //     thread     policy          why
 //     servo      SCHED_FIFO 80   a tick must start within the millisecond
@@ -18,8 +18,8 @@
 #include <stddef.h>
 
 typedef enum kn_rt_mode {
-    KN_RT_AUTO,    // take what the machine grants, and report what is missing
-    KN_RT_REQUIRE, // start only if the machine grants everything
+    KN_RT_AUTO,    // use the priorities and the memory lock that the machine grants, and report those that it refuses
+    KN_RT_REQUIRE, // start only if the machine grants real-time priorities and locked memory
     KN_RT_OFF      // normal priority, memory not locked
 } kn_rt_mode;
 
@@ -27,16 +27,17 @@ enum { KN_RT_NORMAL = 0, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 
 
 typedef struct kn_rt {
     kn_rt_mode mode;
-    bool fifo;         // the machine granted the real-time priorities
-    bool locked;       // memory is locked
-    char missing[256]; // refused requests, each with reason and remedy; "" if none was refused
+    bool fifo;         // true if the machine granted the real-time priorities
+    bool locked;       // true if memory is locked
+    char missing[256]; // requests that the machine refused, each with its reason and remedy; "" if none was refused
 } kn_rt;
 
 // Check at the start that the process can open as many files as its buses, sockets and libraries need. liblcm and libev
 // hang or abort when they cannot open a file. On failure return false and put one line in error.
 bool kn_rt_files(char *error, size_t error_size);
 
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode); // "auto", "require" or "off"; false: another word
+// Parse "auto", "require" or "off"; return false for any other word.
+bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode);
 
 // Move the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Call it before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
@@ -52,6 +53,7 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
 // limit, this would make every later mmap liable to fail. Sanitizer builds never lock, since their shadow memory is
 // terabytes. Call this function after all allocations and thread creations.
 void kn_rt_lock_memory(kn_rt *rt);
-void kn_rt_lock_more(const kn_rt *rt); // lock memory allocated since, if memory is locked; any thread
+// Lock memory allocated after kn_rt_lock_memory, if memory is locked; any thread may call this.
+void kn_rt_lock_more(const kn_rt *rt);
 
 #endif

@@ -15,8 +15,8 @@
 
 _Static_assert(KN_SAY_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
 
-// Four values per descriptor: the descriptor to write to; lines dropped since the last report; whether a write failed;
-// whether the last write ended within a line.
+// Four values for each of stdout and stderr: descriptor to write to; number of lines dropped since the last report;
+// true if a write failed; true if the last write ended within a line.
 static int own[STDERR_FILENO + 1] = {-1, STDOUT_FILENO, STDERR_FILENO};
 static _Atomic int64_t dropped[STDERR_FILENO + 1];
 static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
@@ -24,7 +24,7 @@ static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
 void kn_say_start(void)
 {
     signal(SIGPIPE, SIG_IGN);
-    // open pipes and terminals anew: O_NONBLOCK on the old descriptor would change it for everyone who shares it
+    // open pipes and terminals again, because O_NONBLOCK on the old descriptor would affect all processes that share it
     for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
         char name[32];
         struct stat as;
@@ -42,7 +42,8 @@ static bool put(int fd, const char *line, size_t size)
     if (poll(&ready, 1, 0) != 1) return false;
     ssize_t written = write(own[fd], line, size);
     if (written < 0 && errno != EAGAIN && errno != EINTR) atomic_store(&failed[fd], true);
-    if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n'); // only a part was written
+    // only a part of the text was written; note whether it ended within a line
+    if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n');
     return written == (ssize_t)size;
 }
 
@@ -74,7 +75,7 @@ static void say_formatted(int fd, const char *format, va_list arguments)
     int size = vsnprintf(line, sizeof line, format, arguments);
     if (size < 0) return;
     if (size > KN_SAY_LINE - 1) size = KN_SAY_LINE - 1;
-    line[size] = '\n'; // replaces the NUL
+    line[size] = '\n'; // the newline replaces the text's NUL
     say(fd, line, (size_t)size + 1);
 }
 

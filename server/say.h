@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_SAY_H
 #define KN_SERVER_SAY_H
-// Lines on stdout and stderr of a running kneadd. A reader that does not read (a full pipe, a stopped terminal) never
-// blocks a thread. A line for which there is no room is dropped and counted. The next line that is written is preceded
-// by
+// Output of lines on stdout and stderr of a running kneadd. A reader that does not read (a full pipe, a stopped
+// terminal) never blocks a thread. A line for which there is no room is dropped and counted. The next line that is
+// written is preceded by
 //
 //     kneadd: 12 lines before this one were not written: nobody read them
 //
@@ -18,11 +18,12 @@
 // reader that closes its end does not end the process. Lines buffered before the call are still written.
 void kn_say_start(void);
 
-void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));     // write one line to stderr; adds \n
+// Write one line to stderr; a newline is added.
+void kn_say(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void kn_say_out(const char *format, ...) __attribute__((format(printf, 1, 2))); // write one line to stdout
 void kn_say_lines(int fd, const char *text); // write whole lines to STDOUT_FILENO or STDERR_FILENO
 
-// Return whether every line to this descriptor was written, or its loss reported by a later line.
+// Return true if every line for this descriptor was written, or if a later line reported its loss.
 bool kn_say_whole(int fd);
 
 #endif

@@ -24,7 +24,7 @@ void *kn_sentinel_run(void *sentinel)
         kn_wake wake = kn_clock_wait(&s->clock);
         kn_stall stall = {wake.due_ns, wake.now_ns};
         int64_t stalled_ns = kn_sentinel_stalled_ns(s, &wake);
-        // If the ring is full, the older stalls suffice.
+        // If the ring is full, this stall is lost; the stalls already in the ring suffice.
         if (stalled_ns >= KN_SENTINEL_STALL_NS) kn_ring_push(&s->stalls, &stall);
         s->wakes++;
         s->late += stalled_ns >= KN_SENTINEL_LATE_NS;
@@ -55,7 +55,8 @@ static bool explained(const kn_sentinel *s, const kn_wake *wake)
 void kn_sentinel_hear(kn_sentinel *s, const kn_wake *wake)
 {
     if (!wake->missed && wake->late_ns < KN_SENTINEL_LATE_NS) return;
-    if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX); // no room: judge all pending wakes now
+    // there is no room for another wake, so judge all pending wakes now
+    if (s->pending_count == KN_SENTINEL_RECENT) kn_sentinel_judge(s, INT64_MAX);
     s->pending[s->pending_count++] = *wake;
 }
 
@@ -72,7 +73,7 @@ static void take_verdict(kn_sentinel *s, const kn_wake *wake, bool explained)
 
 int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns)
 {
-    // judge the wakes older than the margin, and keep the others in order
+    // judge the wakes older than the margin, and keep the younger wakes in order
     int left = 0;
     take_stalls(s);
     for (int i = 0; i < s->pending_count; i++) {

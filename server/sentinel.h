@@ -11,42 +11,51 @@
 #include "server/clock.h"
 #include "server/ring.h"
 
-#define KN_SENTINEL_OFFSET_NS (KN_PERIOD_NS / 2) // from the servo's grid to the sentinel's
-#define KN_SENTINEL_STALL_NS 100000   // a wake later than this is a stall, ns; an idle core wakes within 20-60 us
-#define KN_SENTINEL_MARGIN_NS 2000000 // a stall explains a missed cycle this close to it, ns
-#define KN_SENTINEL_LATE_NS 500000    // lateness from which wakes are counted, and the servo's are judged, ns
-#define KN_SENTINEL_RECENT 64         // number of stalls, and of late wakes, that are remembered
+#define KN_SENTINEL_OFFSET_NS (KN_PERIOD_NS / 2) // delay of the sentinel's tick grid behind the servo's grid, ns
+// A wake of the sentinel that is later than this counts as a stall, ns; on an idle core a thread wakes within 20-60 us.
+#define KN_SENTINEL_STALL_NS 100000
+// Largest time between a stall and a missed cycle that the stall still explains, ns.
+#define KN_SENTINEL_MARGIN_NS 2000000
+// Lateness from which the sentinel's wakes are counted and the servo's wakes are judged, ns.
+#define KN_SENTINEL_LATE_NS 500000
+// Number of stalls that are remembered; also the number of late wakes that are remembered.
+#define KN_SENTINEL_RECENT 64
 
 typedef struct kn_stall {
-    int64_t from_ns, to_ns; // deadline and wake of the sentinel
+    int64_t from_ns, to_ns; // `from_ns`: the sentinel's deadline; `to_ns`: its wake
 } kn_stall;
 
-typedef struct kn_lates { // number of late wakes of the servo, and of those that a stall explains
+// `count`: number of late wakes of the servo; `explained`: number of them that a stall explains.
+typedef struct kn_lates {
     int64_t count, explained;
 } kn_lates;
 
 typedef struct kn_sentinel {
     kn_clock clock;
-    const _Atomic int64_t *beside; // start of the servo's grid, which may move; NULL: the grid stands still
-    const kn_busy *busy;           // busy times of the servo; NULL: it is never busy
-    // Number of wakes of the sentinel: all; late by KN_SENTINEL_LATE_NS or more; late by a period or more. Time in
-    // which the servo was busy does not count as lateness.
+    const _Atomic int64_t *beside; // time of tick 0 on the servo's grid, which may move; NULL: the grid does not move
+    const kn_busy *busy;           // times at which the servo was busy; NULL: the servo counts as never busy
+    // Numbers of wakes of the sentinel: `wakes`: all; `late`: late by KN_SENTINEL_LATE_NS or more; `later`: late by a
+    // period or more. Time in which the servo was busy does not count as lateness.
     _Atomic int64_t wakes, late, later;
     atomic_bool stop;
-    kn_ring stalls;                      // from the sentinel to the judging thread
-    kn_stall recent[KN_SENTINEL_RECENT]; // this field and all below belong to the judging thread
+    kn_ring stalls; // queue of stalls from the sentinel to the thread that calls kn_sentinel_judge
+    // Latest stalls; this field and all below are used only by the thread that calls kn_sentinel_judge.
+    kn_stall recent[KN_SENTINEL_RECENT];
     unsigned recent_count;
-    kn_wake pending[KN_SENTINEL_RECENT]; // late wakes of the servo, not judged yet
+    kn_wake pending[KN_SENTINEL_RECENT]; // late wakes of the servo that have not been judged yet
     int pending_count;
-    int64_t explained;    // missed cycles that a stall explains
-    kn_lates half, whole; // wakes of the servo, not after an overrun: late by >= KN_SENTINEL_LATE_NS; by >= a period
+    int64_t explained; // number of missed cycles that a stall explains
+    // Late wakes of the servo that do not follow an overrun; `half`: late by KN_SENTINEL_LATE_NS or more; `whole`: late
+    // by a period or more.
+    kn_lates half, whole;
 } kn_sentinel;
 
-bool kn_sentinel_init(kn_sentinel *s); // false when memory is short
+bool kn_sentinel_init(kn_sentinel *s); // prepare the sentinel; return false when memory is short
 void kn_sentinel_free(kn_sentinel *s);
-void *kn_sentinel_run(void *sentinel); // thread body, runs until `stop`; the caller starts the clock
+// Body of the sentinel's thread, runs until `stop` is set; the caller must start the clock before.
+void *kn_sentinel_run(void *sentinel);
 
-// Return the time from the sentinel's deadline to its wake, without the time in which the servo was busy, ns.
+// Return the time from the sentinel's deadline to its wake, minus the time in which the servo was busy, ns.
 int64_t kn_sentinel_stalled_ns(const kn_sentinel *s, const kn_wake *wake);
 
 // Keep a wake of the servo that was late or missed cycles, until the sentinel has had time to report a stall. Other

@@ -57,7 +57,7 @@ static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *w
                                             count, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
     if (!raised) return scene;
-    snprintf(why, why_size, "%s allows a hand more than the scene does", raised);
+    snprintf(why, why_size, "%s relaxes a limit for the hand beyond the scene", raised);
     kn_scene_destroy(scene);
     return NULL;
 }
@@ -73,8 +73,9 @@ static void without_device(kn_sets *sets)
         if (strncmp(list[i], "device", 6) != 0) kn_sets_add(sets, list[i], error, (int)sizeof error);
 }
 
-// Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply them, too. If
-// the scene no longer allows the settings, drop those of the device; if that does not help, drop all settings.
+// Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply the settings as
+// well. If the scene no longer allows the settings, drop the settings of the device. If the scene still does not allow
+// the rest, drop all settings.
 static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
 {
     char why[400];
@@ -87,8 +88,7 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     for (int try = 0; *s->sets.text; try++) {
         s->scene = with_sets(s, def, why, sizeof why);
         if (s->scene) break;
-        kn_say("kneadd: of what was set before the last end %s is left out: %s",
-               try == 0 ? "what is the device's" : "everything", why);
+        kn_say("kneadd: %s of the last run are left out: %s", try == 0 ? "the device's settings" : "all settings", why);
         if (try == 0) without_device(&s->sets);
         else s->sets = (kn_sets){0};
         s->scene = s->base;
@@ -96,7 +96,7 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     return true;
 }
 
-// Choose the backend. A circuit that cannot be used is exit code 3.
+// Create the backend: a circuit or this processor. Return exit code 3 if the circuit cannot be used.
 static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code, char *error, size_t error_size)
 {
     char why[KN_LINK_WHY];
@@ -157,8 +157,8 @@ static int64_t read_ns(clockid_t clock)
     return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-// Fill in the input of one tick of a blow: all tools move into the top of the object at 5 cm/s, deeper with each
-// `tick`.
+// Fill in the input of one tick of a simulated impact: all tools move into the top of the object at 5 cm/s, deeper with
+// each `tick`.
 static void strike(const kn_model *model, int tick, kn_input *input)
 {
     double extent[3];
@@ -181,7 +181,7 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
 // Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
 int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
 {
-    // a circuit works while this thread waits, so its time is elapsed time, not processor time
+    // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
     const clockid_t clock = kn_backend_fpga_counts(b, &circuit) ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID;
     int64_t start_ns = read_ns(clock), best_ns = INT64_MAX;
@@ -196,12 +196,12 @@ int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
     return best_ns;
 }
 
-// Ticks of a blow (all tools hit the object); repetitions of the blow; deadline of a step during the measurement, in
-// units of work (core/deadline.h).
+// Number of ticks of a simulated impact (all tools hit the object); number of repetitions of the impact; deadline of a
+// step during the measurement, in units of work (core/deadline.h).
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
-// Measure the time and the units of work of each tick of a blow. Repeat the blow, and keep the shortest time of each
-// tick. Stop after 0.1 s of processor time.
+// Measure the time and the units of work of each tick of a simulated impact. Repeat the impact, and keep the shortest
+// time of each tick. Stop after 0.1 s of processor time.
 static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, int64_t took_ns[STRIKES],
                        int64_t units[STRIKES])
 {
@@ -228,11 +228,11 @@ int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s
     int64_t sum_ns = 0, sum = 0, longest = 0;
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT) return 0;
     strike_all(b, model, least > STRIKE_UNITS ? least : STRIKE_UNITS, took_ns, units);
-    // use only the long steps: a short one mostly consists of work that a deadline does not shorten
+    // use only the long steps, because a short step mostly consists of work that a deadline does not shorten
     for (int i = 0; i < STRIKES; i++) longest = units[i] > longest ? units[i] : longest;
     for (int i = 0; i < STRIKES; i++)
         if (4 * units[i] >= 3 * longest) sum_ns += took_ns[i], sum += units[i];
-    // number of units that fit into KN_SERVED_SHARE of the budget
+    // number of units of work that fit into KN_SERVED_SHARE of the time budget
     const int64_t most = (int64_t)(1e9 * KN_SERVED_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
     return most > least ? most : least;
 }

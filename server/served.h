@@ -8,21 +8,22 @@
 
 typedef struct kn_served_def {
     const char *scene_path;
-    const char *const *sets; // "key=value" settings that override the scene's
+    const char *const *sets; // "key=value" settings that override those of the scene file
     int set_count;
-    const char *name, *text; // name and checked text of the scene with all options; NULL: read scene_path
-    const char *state_dir;   // directory of snapshots; NULL: nothing is saved or restored
-    const char *device;      // URI of a circuit that steps the object; NULL: this processor does
-    bool local_model;        // identify local contact models and publish them as KNEAD_CONTACT
+    // Name of the scene, and its checked text with all options applied; NULL: read the file scene_path.
+    const char *name, *text;
+    const char *state_dir; // directory of snapshots; NULL: nothing is saved or restored
+    const char *device;    // URI of a circuit that steps the object; NULL: this processor steps the object
+    bool local_model;      // identify local contact models and publish them as KNEAD_CONTACT
 } kn_served_def;
 
 typedef struct kn_served {
-    kn_scene *base;  // scene of the file and the options
-    kn_scene *scene; // base with the restored settings; base itself when there are none
-    kn_sets sets;    // restored settings
-    kn_model *model; // of `scene`
+    kn_scene *base;  // scene of the file with the options applied
+    kn_scene *scene; // `base` with the restored settings; the same pointer as `base` if there are no restored settings
+    kn_sets sets;    // settings restored from the newest snapshot
+    kn_model *model; // model of `scene`
     kn_backend backend;
-    kn_audit *audit; // NULL: the solver has none
+    kn_audit *audit; // energy audit; NULL: the solver has no audit
 } kn_served;
 
 // Load the object that `def` describes. Return 0 on success. Otherwise put one line in error (`path: why`, or with the
@@ -35,13 +36,16 @@ int kn_served_load(kn_served *served, const kn_served_def *def, char *error, siz
 // arrives. The object is reset afterwards.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
 // Return the deadline of a step, in units of work (core/deadline.h), such that a step ends within KN_SERVED_SHARE of
-// `budget_s` on this machine. The time of a unit is measured in a blow: all tools of `model` hit the object at 5 cm/s,
-// on one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the
-// units of the shortest step. 0: the solver has no deadline. The object is reset afterwards.
+// `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object at 5 cm/s, on
+// one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the units
+// of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.
 int64_t kn_served_deadline(kn_backend *backend, const kn_model *model, double budget_s);
-#define KN_SERVED_SHARE 0.7 // the rest is for work that the units do not count, and for a busy hyperthread
-// Return the time of the longest tick of the same blow, ns. `deadline`: units of work of a step; 0: no deadline.
+// Fraction of the time budget for a step; the rest is for work that the units do not count, and for delays by a busy
+// hyperthread.
+#define KN_SERVED_SHARE 0.7
+// Return the duration of the longest tick while all tools of `model` hit the object at 5 cm/s, ns. `deadline`: largest
+// number of units of work per step; 0: no deadline.
 int64_t kn_served_worst(kn_backend *backend, const kn_model *model, int64_t deadline);
-void kn_served_free(kn_served *served); // a zeroed object is fine
+void kn_served_free(kn_served *served); // a zeroed object is allowed
 
 #endif

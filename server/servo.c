@@ -35,12 +35,12 @@ SAME_FAULT(STOPPING);
 SAME_FAULT(OVERLOAD);
 static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "every event of a tick has room");
 
-// A tool counts as lifted when its clearance from the object is more than this, m. A plate whose poses stop is moved on
-// for 3 ms, and dough stays where it was pushed. The dough is then slightly away from a tool that the hand never moved,
-// and this gap must not count as lifting.
+// A tool counts as lifted when its distance from the object exceeds this, m. When the poses of a plate stop, the servo
+// moves the plate on for 3 ms. Dough stays where the plate pushed it. The dough is then slightly away from a tool that
+// the hand never moved, and this gap must not count as lifting.
 #define LIFTED_M 5e-4
 
-// Working data of one tick, on the stack of kn_servo_tick.
+// Working data of one tick, a local variable of kn_servo_tick.
 typedef struct tick {
     kn_servo *servo;
     const kn_tick_in *in;
@@ -51,7 +51,7 @@ typedef struct tick {
     kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
     bool stepped, diverged, hashed;
     bool shadowed; // the circuit was late or not in step, and its twin's result is used
-    bool change;   // effort or material change in this tick: forces fade to 0 and return
+    bool change;   // the solver effort or the material changes in this tick, so forces fade to 0 and return
     uint64_t hash; // state hash before the step, taken when the first event needs it
 } tick;
 
@@ -69,7 +69,8 @@ void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model
 static kn_event *tell(tick *t, int kind, int probe)
 {
     kn_servo *servo = t->servo;
-    // compute the hash once per tick, and only for ticks with an event; after the step the state is another one
+    // compute the hash once per tick, and only for ticks with an event; the step changes the state, so a later hash
+    // would differ
     if (!t->hashed && !t->stepped) {
         t->hash = kn_state_hash(servo->model, servo->backend->state(servo->backend->self));
         t->hashed = true;
@@ -90,9 +91,10 @@ static void read_probe(tick *t, int p)
     // end the old session before a new one opens
     if (last->session && !same) {
         tell(t, KNEAD_EVENT_T_KIND_SESSION_END, p);
-        last->session = 0; // keep the position: the probe may still be in the model while its force fades
+        // clear the session but keep the position, because the tool may still act on the object while its force fades
+        last->session = 0;
     }
-    // input of the safety watch
+    // fill in the input of the safety watch (core/safety.h)
     w->live = pose != NULL;
     w->opened = pose && !same;
     w->fresh = pose && (t->in->fresh[p] || w->opened);
@@ -115,8 +117,8 @@ static void read_probe(tick *t, int p)
     memcpy(w->velocity_m_s, t->servo->tool[p].velocity_m_s, sizeof w->velocity_m_s);
 }
 
-// A step stops between its smallest and its largest number of iterations, where the tolerance is met. So neither bound
-// may rise.
+// The solver iterates between a smallest and a largest number of times, until the tolerance is met. A cheaper effort
+// must therefore raise neither bound.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
 {
     int least = a->passes * a->iterations - b->passes * b->iterations;
@@ -124,8 +126,8 @@ bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
     return least <= 0 && most <= 0 && (least < 0 || most < 0);
 }
 
-// Return the next lower point of quality that takes less work and keeps lattice and precision. Return the present point
-// if there is none.
+// Return the next lower quality point that takes less work and keeps lattice and precision. Return the present quality
+// point if there is no such point.
 static kn_quality next_lower(const kn_servo *servo)
 {
     const kn_point *point = servo->scene->point;
@@ -140,8 +142,8 @@ static bool has_points(const kn_scene *scene)
            scene->point[KN_QUALITY_ACCURATE].defined;
 }
 
-// Change to the point of quality `to`, and record the change as an event. If `to` is the present point, the event
-// records that there is no lower one.
+// Change to the quality point `to`, and record the change as an event. If `to` is the present quality point, the event
+// records that no lower quality point exists.
 static void take_point(tick *t, kn_quality to, bool commanded)
 {
     kn_servo *servo = t->servo;
@@ -156,36 +158,36 @@ static void take_point(tick *t, kn_quality to, bool commanded)
     servo->over = 0;
 }
 
-// Take the point of quality that was commanded or logged. Otherwise take a lower point after KN_OVER_TICKS ticks above
-// the budget.
+// Change to the quality point that an operator or the log requests. Otherwise change to a lower quality point after
+// KN_OVER_TICKS ticks above the time budget.
 static void judge_time(tick *t)
 {
     kn_servo *servo = t->servo;
-    // count the ticks in a row above the budget
+    // count the consecutive ticks above the time budget
     bool over = (double)t->in->execution_ns > 1e9 * servo->scene->budget_s;
     if (!over) servo->over = 0;
     else if (servo->over < KN_OVER_TICKS) servo->over++;
     if (t->in->take != KN_TAKE_NONE) {
         take_point(t, t->in->quality, t->in->take == KN_TAKE_COMMAND);
     } else if (servo->over == KN_OVER_TICKS && !t->in->stop && has_points(servo->scene)) {
-        // the same point means that there is none below; record this only once
+        // if no lower quality point exists, lower() returns the present one; record this only once
         kn_quality to = next_lower(servo);
         if (to != servo->quality || !servo->exhausted) take_point(t, to, false);
     }
 }
 
 // Begin an overload after KN_OVER_TICKS or more slow ticks in a row that together took KN_OVERLOAD_NS. End the overload
-// with the first tick in time. During an overload no tool is in the model, so ticks are in time unless the object alone
-// takes too long.
+// with the first tick in time. During an overload no tool acts on the object, so ticks are in time unless the object
+// alone takes too long.
 static void judge_overload(tick *t)
 {
     kn_servo *servo = t->servo;
-    // sum and count the slow ticks in a row
+    // sum up and count the consecutive slow ticks
     const bool slow = t->in->execution_ns > KN_PERIOD_NS;
     servo->slow_ns = slow ? servo->slow_ns + t->in->execution_ns : 0;
     servo->slow = !slow ? 0 : servo->slow < KN_OVER_TICKS ? servo->slow + 1 : KN_OVER_TICKS;
     const bool lasts = servo->slow == KN_OVER_TICKS && servo->slow_ns >= KN_OVERLOAD_NS;
-    // without a clock (execution_ns is 0, a replay) only an event of the log ends an overload
+    // in a replay there is no clock (execution_ns is 0), so only an event of the log ends an overload
     bool now = servo->overloaded ? t->in->execution_ns == 0 || slow : lasts;
     if (t->in->overload != 0) now = t->in->overload > 0;
     if (now == servo->overloaded) return;
@@ -206,15 +208,15 @@ static void take_deadline(tick *t)
     t->servo->deadline = to;
 }
 
-// Record a checkpoint with the energy audit and the servo's settings, so that a replay can start here. `untold`: cycles
-// were missed, and no force record tells how many because no probe has a session. The checkpoint then gives the number,
-// because a log must account for every tick.
+// Record a checkpoint with the energy audit and the servo's settings, so that a replay can start at this tick.
+// `untold`: true if cycles were missed and no force record tells how many, because no probe has a session. The
+// checkpoint then tells how many, because a log must account for every tick.
 static void tell_checkpoint(tick *t, bool untold)
 {
     const kn_audit_news *audit = t->servo->audit;
     kn_event *e = tell(t, KNEAD_EVENT_T_KIND_CHECKPOINT, -1);
     e->arg[0] = untold ? t->in->missed : 0;
-    // present settings; values of arg[7] begin at 1, because 0 means not set
+    // record the present settings; the values in arg[7] begin at 1, because 0 means not recorded
     e->arg[5] = (double)t->servo->deadline;
     e->arg[6] = t->servo->overloaded;
     e->arg[7] = 1 + (int)t->servo->quality + KN_QUALITIES * (int)t->servo->asked;
@@ -290,9 +292,9 @@ static void exchange(tick *t)
     servo->backend = &c->backend;
     servo->sets = &c->sets;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
-    // undo points are states of the old material
+    // undo points hold states of the old material, so drop them
     if (servo->undo) kn_undo_forget(servo->undo);
-    // the force fades under the old limits, and comes back under the new ones
+    // let the force fade under the old safety limits and come back under the new limits
     for (int p = 0; p < t->out->probes; p++) kn_safety_relimit(&servo->safety[p], &c->scene->limits);
     t->change = true;
     t->out->changed = c;
@@ -326,7 +328,7 @@ static void read_all(tick *t)
         read_probe(t, p);
         any |= t->watch[p].live;
     }
-    // make a checkpoint each second, at tick 0, and if no other record would tell missed cycles
+    // record a checkpoint each second, at tick 0, and when no other record would tell that cycles were missed
     bool untold = t->in->missed > 0 && !any;
     if (t->in->tick / 1000 != before / 1000 || t->in->tick == 0 || untold) tell_checkpoint(t, untold);
 }
@@ -340,7 +342,7 @@ static bool any_attached(const tick *t)
 
 static kn_fault latched(const kn_safety *s) { return s->latched ? s->fault : KN_FAULT_NONE; }
 
-// Decide whether a probe is in the model, and fill the probe's input of the step.
+// Decide whether a probe's tool acts on the object in this tick, and fill in the probe's input of the step.
 static void watch_probe(tick *t, int p)
 {
     kn_servo *servo = t->servo;
@@ -348,14 +350,15 @@ static void watch_probe(tick *t, int p)
     const kn_pose *tool = &servo->tool[p];
     bool was_attached = s->attached;
     kn_fault before = latched(s);
-    // only a probe that may engage needs its clearance from the object
+    // compute the distance from tool to object only for a probe that may engage
     if (t->watch[p].live && !s->attached)
         t->watch[p].clear = kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
                                          tool->orientation_wxyz) > LIFTED_M;
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
-    // Without a pose, extrapolate the tool for as long as the last force is held (hold_ms). Then leave it there.
+    // If there is no new pose, extrapolate the tool's position for hold_ms, the time for which the last force is held.
+    // After hold_ms the tool stays at the position reached.
     bool held = s->silent_ms <= s->limits.hold_ms;
     double ahead_s = 1e-3 * (held ? s->silent_ms : s->limits.hold_ms);
     for (int i = 0; i < 3; i++) {
@@ -365,7 +368,7 @@ static void watch_probe(tick *t, int p)
     input->grip = t->watch[p].live && tool->buttons & KN_BUTTON_GRIP;
     memcpy(input->orientation_wxyz, tool->orientation_wxyz, sizeof input->orientation_wxyz);
 
-    // record the decision of the watch
+    // record the safety watch's decision as an event
     if (was_attached && !s->attached) tell(t, KNEAD_EVENT_T_KIND_DETACH, p);
     if (!was_attached && s->attached) tell(t, KNEAD_EVENT_T_KIND_ATTACH, p);
     t->fault[p] = latched(s);
@@ -377,7 +380,7 @@ static void step(tick *t)
 {
     kn_backend *b = t->servo->backend;
     const kn_scene *scene = t->servo->scene;
-    // the model was built with the scene's own quality, so only another quality needs an effort
+    // pass a solver effort only if the quality differs from the scene's own, with which the model was built
     if (t->servo->quality != scene->quality) t->input.effort = scene->point[t->servo->quality].effort;
     t->input.deadline = t->servo->deadline;
     b->submit(b->self, &t->input);
@@ -421,7 +424,7 @@ static void guard_probe(tick *t, int p)
     const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) tell(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
-    // echo the pose that the tick used; the session may end once its force is 0
+    // echo the pose that the tick used; a session that left may end once its force is 0
     f->live = t->watch[p].live;
     f->left = t->watch[p].leaving && !s->attached && at_rest(s);
     f->session = last->session;
@@ -429,7 +432,7 @@ static void guard_probe(tick *t, int p)
     f->sent_ns = last->sent_ns;
     f->gain = s->gain;
     f->fault = (int32_t)s->fault;
-    // the proxy of a detached probe is at the position of its tool
+    // a detached probe has no proxy, so report the position of its tool
     memcpy(f->proxy_position_m, tool->position_m, sizeof f->proxy_position_m);
     kn_turn_unit(tool->orientation_wxyz, f->proxy_orientation_wxyz);
     if (s->attached && sane) {
@@ -456,7 +459,7 @@ static void tell_contact(tick *t, int p)
     kn_backend *b = t->servo->backend;
     kn_contact_unit *unit = t->out->contact[p];
     const kn_force *f = &t->out->force[p];
-    // a probe that touches nothing still sends one empty unit, with its session and flags
+    // send one empty contact unit, with session and flags, for a probe that touches nothing
     unit[0] = (kn_contact_unit){0};
     if (t->servo->safety[p].attached && !t->diverged) b->contact(b->self, p, unit);
     for (int c = 0; c == 0 || c < unit[0].contact_count; c++) {

@@ -40,7 +40,7 @@ bool kn_sets_add(kn_sets *sets, const char *set, char *error, int error_size)
     int count = kn_sets_list(sets, room, list), kept = 0;
     for (int i = 0; i < count; i++) {
         if (strncmp(list[i], set, key) == 0) continue;
-        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // fits, because the text does not get longer
+        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // the line fits, because the text does not get longer
         kept++;
     }
     if (kept == KN_SETS_MAX || at + strlen(set) + 2 > sizeof more.text) {

@@ -4,11 +4,11 @@
 // Plain text without pointers, so that a snapshot can hold the settings.
 #include <stdbool.h>
 
-#define KN_SETS_BYTES 1024 // bytes of the text with its NUL
-#define KN_SETS_MAX 32     // settings
+#define KN_SETS_BYTES 1024 // size of the text with its NUL, bytes
+#define KN_SETS_MAX 32     // largest number of settings
 
 typedef struct kn_sets {
-    char text[KN_SETS_BYTES]; // "material.c1=3 kPa*s\ndevice.clamp=2 N\n"
+    char text[KN_SETS_BYTES]; // one setting per line, for example "material.c1=3 kPa*s\ndevice.clamp=2 N\n"
 } kn_sets;
 
 // Add the setting `set`, or replace an earlier one with the same key. If `set` is not KEY=VALUE, holds control

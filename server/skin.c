@@ -24,7 +24,8 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-// If the scene asks for measures: a state per mailbox slot, the gauge, and two measures for each node and vertex.
+// If the scene asks for measures, count one state per mailbox slot, the gauge, and two measures for each node and
+// vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
@@ -154,11 +155,12 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
         g->model = frame->model;
-        if (!g->gauge) kn_say("kneadd: not enough memory to measure with: meshes tell places alone");
+        if (!g->gauge) kn_say("kneadd: not enough memory for mesh.measures: meshes carry positions only");
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);
-    bool finite = true; // an object with bad numbers may have finite positions, but no finite stress
+    // check the values, because an object with non-finite numbers may have finite positions but no finite stress
+    bool finite = true;
     for (int m = 0; m < KN_MEASURES; m++)
         for (int v = 0; g->node_value[m] && v < skin->surface->vertex_count; v++) {
             g->vertex_value[m][v] = (float)g->node_value[m][skin->surface->node[v]];
@@ -186,7 +188,7 @@ static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime
                                    .strain_count = strain ? count : 0,
                                    .stress_count = stress ? count : 0,
                                    .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE,
-                                   // arrays of lcm-gen are not const, though encoding only reads them
+                                   // cast: lcm-gen's arrays are not const, although encoding only reads them
                                    .positions_m = (float *)frame->xyz_m + 3 * first,
                                    .residual_strain = strain ? strain + first : NULL,
                                    .stress_pa = stress ? stress + first : NULL};
@@ -198,11 +200,11 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
     bool fresh;
     const kn_skin_frame *frame = kn_mailbox_latest(&skin->frames, &fresh);
     if (!fresh) return false;
-    // from here on the mesh thread uses no older model
+    // announce that the mesh thread uses no older model from here on
     atomic_store(&skin->told, frame->model);
     bool measured = measure(skin, frame);
     int told = measured ? __builtin_popcount((unsigned)skin->measures) : 0;
-    int size = KN_SKIN_BYTES / (12 + 4 * told); // number of vertices in a chunk
+    int size = KN_SKIN_BYTES / (12 + 4 * told); // number of vertices in one chunk of the message
     for (int i = 0; i * size < skin->surface->vertex_count; i++) {
         // pause 1 ms: without pauses, large meshes would overflow the usual 208 kB receive buffer of a viewer
         if (i > 0) kn_clock_sleep(kn_now_ns() + 1000000);

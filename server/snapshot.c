@@ -8,20 +8,20 @@
 #include <string.h>
 
 #define FORMAT 3  // version of the file layout; change it with every change of the layout
-#define DIGEST 32 // bytes of the checksum
-#define HEAD 24   // bytes of magic, format and total size
+#define DIGEST 32 // length of the checksum, bytes
+#define HEAD 24   // length of the fields magic, format and total size, bytes
 static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
 
 // --- plain part of the servo -----------------------------------------------------------------------------------------
 
-// A new field of these structs must be saved, too, and FORMAT must change. Otherwise a replay that continues from a
+// A new field of these structs must be saved as well, and FORMAT must change. Otherwise a replay that continues from a
 // snapshot does not give the same bits. Counters that affect nothing (slewed and the fields after it) need not be
 // saved.
 static_assert(offsetof(kn_safety, slewed) == 312 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120,
               "all of it is below");
 
 // Each put_ function measures, writes or reads, depending on the codec. So one description of the layout serves all
-// three.
+// three purposes.
 static void put_counter(kn_codec *c, int64_t *value) { kn_codec_i64(c, value, 0, INT64_MAX); }
 static void put_int(kn_codec *c, int *value) { kn_codec_i32(c, value, INT32_MIN, INT32_MAX); }
 
@@ -109,7 +109,7 @@ void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
         double guard = s->guard.most_n_per_ms;
         *s = from->safety[p];
         s->limits = limits;
-        s->relimiting = false; // no snapshot is made while new limits are pending
+        s->relimiting = false; // no new limits are pending, because no snapshot is made while they are
         s->guard.most_n_per_ms = guard;
     }
     // copy counters and quality; keep the pointers of `servo`
@@ -130,12 +130,13 @@ void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
 // Compute the checksum of some bytes.
 static void digest(const uint8_t *bytes, size_t size, uint8_t out[DIGEST])
 {
-    // sodium_init may be called more than once
-    if (sodium_init() < 0) memset(out, 0, DIGEST); // on failure no file is accepted
+    // Initialise libsodium; sodium_init may be called more than once. If the library fails, use a checksum of zeros, so
+    // that no file is accepted.
+    if (sodium_init() < 0) memset(out, 0, DIGEST);
     else crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
 }
 
-// The head: identity, settings and time, before any field that depends on the model.
+// The head of the file: identity, settings and time, before any field that depends on the model.
 static void put_head(kn_codec *c, kn_saved *s)
 {
     kn_codec_bytes(c, (uint8_t *)s->version, sizeof s->version);
@@ -199,7 +200,7 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     kn_codec c = {.from = bytes, .size = size, .at = sizeof magic};
     if (size == 0) return "truncated: empty";
     if (memcmp(bytes, magic, size < sizeof magic ? size : sizeof magic) != 0) return "not a snapshot";
-    if (size < HEAD) return "truncated: within its head";
+    if (size < HEAD) return "truncated: within its header";
     kn_codec_u64(&c, format);
     kn_codec_u64(&c, &whole);
     if (whole != size || size < HEAD + DIGEST) {
@@ -235,13 +236,13 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     put_head(c, s);
     kn_codec_u64(c, &lattice);
     if (c->wrong || !head_legible(s)) return range;
-    // version and scene of the file
+    // check version and scene of the file
     if (strcmp(s->version, KN_VERSION) != 0) {
-        snprintf(text, text_size, "another version: of knead %s, expected %s", s->version, KN_VERSION);
+        snprintf(text, text_size, "another version: knead %s, expected %s", s->version, KN_VERSION);
         return text;
     }
     if (strcmp(s->scene, scene->name) != 0) {
-        snprintf(text, text_size, "another scene: of %s, expected %s", s->scene, scene->name);
+        snprintf(text, text_size, "another scene: %s, expected %s", s->scene, scene->name);
         return text;
     }
     // decode the lattice, which core checks, then the servo, up to the last byte
@@ -251,7 +252,7 @@ static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec
     c->at += lattice;
     put_servo(c, &s->servo);
     if (c->wrong || c->at != c->size) return range;
-    return kn_state_hash(model, s->state) == s->state_hash ? NULL : "another state hash than it says";
+    return kn_state_hash(model, s->state) == s->state_hash ? NULL : "state hash: does not match the lattice";
 }
 
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
@@ -262,7 +263,7 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     uint64_t format = 0;
     const char *reason = damage(bytes, size, &format, text, sizeof text);
     if (!reason && format != FORMAT) {
-        snprintf(text, sizeof text, "another version: of format %llu, expected %d", (unsigned long long)format, FORMAT);
+        snprintf(text, sizeof text, "another version: format %llu, expected %d", (unsigned long long)format, FORMAT);
         reason = text;
     }
     if (!reason) {

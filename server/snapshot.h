@@ -10,25 +10,25 @@
 // version can be distinguished from a damaged file. A file is refused with a reason: not a snapshot, truncated,
 // checksum, another version, another scene, another lattice or material, a number out of its range.
 //
-// A snapshot fits a scene with the same name and the same lattice and material (kn_model_hash). Tools, device and point
-// of quality may differ. The forces have the same bits only if the whole text of the scene is the same. Compare
+// A snapshot fits a scene with the same name and the same lattice and material (kn_model_hash). Tools, device and
+// quality point may differ. The forces have the same bits only if the whole text of the scene is the same. Compare
 // `text_hash` to find out.
 #include "server/servo.h"
 
-#define KN_SAVED_MAX ((size_t)256 << 20) // largest file, bytes; a million nodes take 100 MB
+#define KN_SAVED_MAX ((size_t)256 << 20) // largest size of a snapshot file, bytes; a million nodes take 100 MB
 
 typedef struct kn_saved {
-    char scene[64], version[32]; // kn_scene.name and KN_VERSION
+    char scene[64], version[32]; // `scene`: kn_scene.name; `version`: KN_VERSION of the server that saved
     uint64_t text_hash, state_hash;
-    kn_sets sets;       // run-time settings that turn the scene of the server's start into the saved one
-    int64_t generation; // number of the file: 1, 2, ...
+    kn_sets sets;       // run-time settings that turn the scene of the server's start into the scene that was saved
+    int64_t generation; // generation, that is, number of the snapshot file: 1, 2, ...
     int64_t tick;       // last tick executed before the state was saved
     int64_t utime;      // time of that tick, us since 1970
-    kn_state *state;    // without solver scratch (kn_state_keep); the caller owns it
+    kn_state *state;    // state of the object, without solver scratch (kn_state_keep); owned by the caller
     kn_servo servo;     // plain part of the servo: safety, poses, clutches, quality, counters
 } kn_saved;
 
-size_t kn_saved_size_max(const kn_model *model); // largest file of this model, bytes
+size_t kn_saved_size_max(const kn_model *model); // return the largest size of a snapshot file of this model, bytes
 
 // Encode a snapshot. The caller sets state, servo (with its sets), generation, tick and utime of `saved`; this function
 // sets the rest. Return the number of bytes written, or 0 if `size` bytes are not enough.
@@ -40,8 +40,8 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
                      char *why, size_t why_size);
 
-// Read only the settings of a file; its lattice may be any. Return false if the file is damaged, of another version, or
-// of a scene with another name.
+// Read only the settings of a snapshot file; the file may have any lattice. Return false if the file is damaged, of
+// another version, or of a scene with another name.
 bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets);
 
 // Copy the saved plain part into `servo`, which then continues as the saved servo did. The caller restores the lattice

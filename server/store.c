@@ -12,10 +12,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define TEMPORARY ".tmp" // one name is enough, because the directory is locked
-#define ESTOP "estop"    // file of an emergency stop
+#define TEMPORARY ".tmp" // name of the temporary file; one name is enough, because the directory is locked
+#define ESTOP "estop"    // name of the file that stores an emergency stop
 #define SUFFIX ".knead"
-#define GENERATION_MAX 999999999 // nine digits: lasts sixteen years at two snapshots a second
+#define GENERATION_MAX 999999999 // largest generation, nine digits; enough for sixteen years at two snapshots a second
 
 // --- the system -----------------------------------------------------------------------------------------------------
 
@@ -61,7 +61,7 @@ static void file_name(const char *series, int64_t generation, char name[256])
 // of the scene. Return 0 for other files.
 static int64_t generation_of(const kn_store *s, const char *name, bool any_series)
 {
-    // for any series, the last eight characters (the hash) need not agree
+    // if any series is accepted, the last eight characters (the hash) need not agree
     size_t same = strlen(s->series) - (any_series ? 8 : 0), at = strlen(s->series);
     char *end;
     if (strncmp(name, s->series, same) != 0 || strlen(name) < at + 2 || name[at] != '.' ||
@@ -91,7 +91,7 @@ static found *list(const kn_store *s, int dir, size_t *count)
     int fd = openat(dir, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *stream = fd < 0 ? NULL : fdopendir(fd);
     if (!stream && fd >= 0) close(fd);
-    // if memory is short, the list has only the files found so far
+    // if memory is short, the list contains only the files found so far
     for (struct dirent *e; stream && (e = readdir(stream));) {
         int64_t generation = generation_of(s, e->d_name, true);
         if (generation == 0) continue;
@@ -123,15 +123,16 @@ static int open_directory(kn_store *s, char *error, size_t size)
     struct stat what;
     s->dir = open(s->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (s->dir < 0) return refuse(2, error, size, s->path, strerror(errno), "a directory");
-    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be looked at");
+    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be examined");
     if (what.st_uid != geteuid())
-        return refuse(2, error, size, s->path, "somebody else's", "one of the user that serves");
+        return refuse(2, error, size, s->path, "owned by another user", "a directory of this user");
     if (faccessat(s->dir, ".", W_OK | X_OK, AT_EACCESS) != 0)
         return refuse(2, error, size, s->path, strerror(errno), "a directory that can be written to");
-    if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "everybody may write there", "chmod o-w");
+    if (what.st_mode & S_IWOTH) return refuse(2, error, size, s->path, "writable by everybody", "chmod o-w");
     if (flock(s->dir, LOCK_EX | LOCK_NB) == 0) return 0;
     return refuse(3, error, size, s->path,
-                  errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno), "one for each");
+                  errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno),
+                  "a directory of its own");
 }
 
 static bool pinned(const kn_store *s, int64_t generation)
@@ -152,10 +153,11 @@ static void keep(kn_store *s, int64_t generation)
     char name[256];
     kn_kept_file *kept = s->kept;
     if (s->kept_count == KN_STORE_KEPT) {
-        int oldest = 0; // fewer files can be pinned than are kept, so the search finds one
+        // index of the oldest file that is not pinned; there is one, because fewer files can be pinned than are kept
+        int oldest = 0;
         while (pinned(s, kept[oldest].generation)) oldest++;
         file_name(kept[oldest].series, kept[oldest].generation, name);
-        s->files->unlink(s->dir, name); // if this fails, the next start removes the file
+        s->files->unlink(s->dir, name); // remove the file; if this fails, the next start removes the file
         memmove(kept + oldest, kept + oldest + 1, sizeof *kept * (size_t)(KN_STORE_KEPT - 1 - oldest));
         s->kept_count--;
     }
@@ -163,7 +165,7 @@ static void keep(kn_store *s, int64_t generation)
     memcpy(kept[s->kept_count++].series, s->series, sizeof s->series);
 }
 
-// Return whether a file stays, that is, is read-only.
+// Return whether a file is read-only, and so must not be removed here.
 static bool stays(const kn_store *s, const char *name)
 {
     struct stat what;
@@ -194,14 +196,14 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
     s->room = kn_saved_size_max(model);
     s->bytes = malloc(s->room);
     if (!s->bytes) return refuse(3, error, error_size, path, "not enough memory for a snapshot", "a smaller object");
-    s->files->unlink(s->dir, TEMPORARY); // remains of an interrupted save
+    s->files->unlink(s->dir, TEMPORARY); // remove the remains of an interrupted save
     take_series(s);
     return 0;
 }
 
 void kn_store_close(kn_store *store)
 {
-    if (store->dir >= 0) close(store->dir); // releases the lock
+    if (store->dir >= 0) close(store->dir); // closing the directory releases its lock
     free(store->bytes);
     *store = (kn_store){.dir = -1};
 }
@@ -251,10 +253,10 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     kn_store *s = store;
     char name[256];
     if (stays && count_staying(s) >= KN_STORE_STAY) {
-        snprintf(why, why_size, "%d that stay are there, expected some of them removed", KN_STORE_STAY);
+        snprintf(why, why_size, "%d snapshots that stay exist, expected some of them removed", KN_STORE_STAY);
         return false;
     }
-    // a setting may have changed the scene, and so the series
+    // a setting may have changed the scene, so determine the series again
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;
     if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);
@@ -270,7 +272,8 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     if (there && s->files->sync_dir(s->dir) != 0) failed = "fsync of the directory";
     if (failed) snprintf(why, why_size, "%s: %s", failed, size == 0 ? "no room" : strerror(errno));
     if (!there) s->files->unlink(s->dir, TEMPORARY);
-    else if (failed) s->generation = saved->generation; // the file may exist: do not reuse its number
+    // the save failed, but the file may exist, so do not reuse its number
+    else if (failed) s->generation = saved->generation;
     if (failed) return false;
     s->generation = saved->generation;
     if (!stays) keep(s, saved->generation);
@@ -315,7 +318,7 @@ static bool read_all(const kn_files *f, int fd, uint8_t *bytes, size_t size)
     for (size_t at = 0; at < size;) {
         ssize_t n = f->read(fd, bytes + at, size - at);
         if (n < 0 && errno == EINTR) continue;
-        if (n == 0) errno = EIO; // the file has become shorter
+        if (n == 0) errno = EIO; // the file has become shorter while it was read, so report an error
         if (n <= 0) return false;
         at += (size_t)n;
     }

@@ -18,9 +18,11 @@
 #include <stdio.h>
 #include <sys/types.h>
 
-#define KN_STORE_KEPT 8   // number of latest files that are kept
-#define KN_STORE_PINS 4   // number of restored files that are kept, too; fewer than KN_STORE_KEPT
-#define KN_STORE_STAY 100 // limit of read-only files of a scene; more are refused until the owner removes some
+#define KN_STORE_KEPT 8 // number of latest files that are kept
+#define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
+// Largest number of read-only files of a scene; an operator's further snapshots are refused until the owner removes
+// some.
+#define KN_STORE_STAY 100
 
 // The system calls of a save or a load, so that a test can make any of them fail. They behave like the system's calls,
 // which kn_files_system holds; `dir` is a directory descriptor, as in openat.
@@ -28,7 +30,7 @@ typedef struct kn_files {
     int (*open)(int dir, const char *name, int flags, mode_t mode);
     ssize_t (*read)(int fd, void *bytes, size_t size);
     ssize_t (*write)(int fd, const void *bytes, size_t size);
-    int (*sync)(int fd); // data only: fdatasync
+    int (*sync)(int fd); // write a file's data to disk, without its metadata (fdatasync)
     int (*close)(int fd);
     int (*rename)(int dir, const char *from, const char *to);
     int (*sync_dir)(int dir);
@@ -43,18 +45,21 @@ typedef struct kn_kept_file {
 
 typedef struct kn_store {
     const kn_files *files; // system calls; tests replace them
-    const kn_scene *scene; // scene and model of the latest save; before the first save, of the start
+    const kn_scene *scene; // scene and model of the latest save; before the first save, those of the server's start
     const kn_model *model;
-    uint64_t text_hash;               // text hash of `scene`, since another scene may reuse the address
-    const char *path;                 // path of the directory, as given
-    int dir;                          // descriptor of the directory, locked; -1: not open
-    char series[96];                  // "dough.1f0c9a7e"
-    int64_t generation;               // highest generation of any series of the scene; 0: none
-    kn_kept_file kept[KN_STORE_KEPT]; // files, oldest first, to be removed; settings may add a series
+    // Text hash of `scene`; a pointer alone does not identify a scene, because a later scene may reuse its address.
+    uint64_t text_hash;
+    const char *path;   // path of the directory, as given by the caller
+    int dir;            // descriptor of the directory, locked; -1: not open
+    char series[96];    // first part of the file names, for example "dough.1f0c9a7e"
+    int64_t generation; // highest generation of all files of the scene, in any series; 0: no file
+    // The latest files, oldest first; the oldest is removed first; a change of settings may begin another series.
+    kn_kept_file kept[KN_STORE_KEPT];
     int kept_count;
-    _Atomic int64_t pin[KN_STORE_PINS]; // latest restored generations: their files are kept for replays
+    // Latest restored generations; their files are kept so that a replay can use them.
+    _Atomic int64_t pin[KN_STORE_PINS];
     atomic_int pins;
-    uint8_t *bytes; // room for one file
+    uint8_t *bytes; // buffer for one file, `room` bytes
     size_t room;
 } kn_store;
 
@@ -64,11 +69,11 @@ typedef struct kn_store {
 // not suitable, 3 if another daemon uses it or the machine refuses.
 int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
-void kn_store_close(kn_store *store); // a store that was not opened is fine if its dir is -1
+void kn_store_close(kn_store *store); // a store that was never opened is allowed if its dir is -1
 
-// Read the settings of the newest whole snapshot of this scene; its lattice may be any. The settings are empty if there
-// is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only by
-// kn_store_open.
+// Read the settings of the newest whole snapshot of this scene; the snapshot may have any lattice. The settings are
+// empty if there is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only
+// by kn_store_open.
 void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
 
 // Save a snapshot as the next generation. `saved`: filled in as for kn_saved_encode, but without the generation. Scene
@@ -77,21 +82,22 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
 // the reason in `why`; older files are still there, and the next save may succeed.
 bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size_t why_size);
 
-// Keep a restored generation until KN_STORE_PINS others have been restored. Any thread.
+// Keep the file of a restored generation until KN_STORE_PINS other generations have been restored. Any thread may call
+// this.
 void kn_store_pin(kn_store *store, int64_t generation);
 
 // Load the newest snapshot that fits the scene and model of saved->servo. `saved`: prepared as for kn_saved_decode.
 // `generation`: load only this one; 0: the newest. `told`: receives one line for each newer snapshot that was refused;
-// may be NULL. `name`: receives the file name, 256 bytes. Return false if no snapshot fits; `why` is then the fault of
-// the last one, or "none" if there was no snapshot at all. Another thread may be saving.
+// may be NULL. `name`: receives the file name, 256 bytes. Return false if no snapshot fits; `why` is then the reason
+// why the last snapshot was refused, or "none" if there was no snapshot at all. Another thread may be saving.
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 
 // Return whether an emergency stop is in force. The stop is stored as an empty file `estop`, so that it outlives the
-// process. If the file cannot be looked for, return true.
+// process. If the directory cannot be searched for the file, return true.
 bool kn_store_estopped(const kn_store *store);
 // Create or remove the file `estop`. The change is on disk when this function returns. On failure return false and put
-// the reason in `why`; the next start may then find the file or not.
+// the reason in `why`; the file may then exist or not at the next start.
 bool kn_store_estop(const kn_store *store, bool stands, char *why, size_t why_size);
 
 typedef bool (*kn_store_look)(void *arg, const kn_saved *saved);

@@ -43,7 +43,7 @@ static bool keep_scene(kn_survey *s, const knead_scene_t *told)
 
 int64_t kn_survey_missed(const knead_event_t *e)
 {
-    // the log is not trusted: there cannot be more missed cycles than earlier ticks
+    // the log may be forged, so accept no more missed cycles than there were earlier ticks
     if (e->kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !(e->arg[0] > 0)) return 0;
     return (int64_t)fmin(e->arg[0], fmin((double)e->tick, INT32_MAX));
 }
@@ -77,12 +77,12 @@ static void keep_probe(kn_survey *s, const char *name)
     }
 }
 
-// Find the settings in force where the log begins. For each setting, the first event that tells it decides: the start,
-// a change, or a checkpoint, which repeats all settings.
+// Find the settings in force where the log begins. The first event that records a setting determines its value: the
+// server's start, a change of the setting, or a checkpoint, which repeats all settings.
 static void see_stood(kn_survey_stood *s, const knead_event_t *e)
 {
     const bool start = e->kind == KNEAD_EVENT_T_KIND_START, all = start || e->kind == KNEAD_EVENT_T_KIND_CHECKPOINT;
-    // a change implies the value before it; a checkpoint tells the value in force
+    // a change event implies the value before the change; a checkpoint gives the value in force
     if (!s->deadline_told && (all || e->kind == KNEAD_EVENT_T_KIND_DEADLINE)) {
         const double units = start ? 0 : e->arg[all ? 5 : 1];
         s->deadline_told = true;
@@ -92,7 +92,7 @@ static void see_stood(kn_survey_stood *s, const knead_event_t *e)
         s->overload_told = true;
         s->overloaded = !start && (all ? e->arg[6] != 0 : e->arg[0] == 0);
     }
-    // arg[7] packs both points of quality; 0: not set
+    // arg[7] packs both quality points (in use and requested); 0: not recorded
     const double points = all && !start ? e->arg[7] : 0;
     if (points >= 1 && points <= KN_QUALITIES * KN_QUALITIES && !s->quality_told) {
         s->quality_told = true;
@@ -106,8 +106,8 @@ static const char *note(kn_survey *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    // Check log times only until the first tick. A log with ticks is replayed by its ticks, whatever the clock showed,
-    // because a machine that was suspended ran no ticks.
+    // Check the times of the log only until the first tick. A log with ticks is replayed by its ticks, whatever the
+    // clock showed, because a machine that was suspended ran no ticks.
     if (first && s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
         return "more than an hour without records";
     s->told += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
@@ -130,14 +130,14 @@ static const char *note(kn_survey *s, const kn_log_record *record)
             s->restores += record->event.arg[0] != 0;
         }
         see_stood(&s->stood, &record->event);
-        return keep_event(s, &record->event) ? NULL : "more events than memory";
+        return keep_event(s, &record->event) ? NULL : "more events than fit into memory";
     case KN_LOG_SCENE:
         if (s->scene_text && (uint64_t)record->scene.text_hash != s->scene_hash) {
             if (strcmp(record->scene.name, s->scene_name) != 0) return "a second scene";
-            return keep_other(s, &record->scene) ? NULL : "more scenes than memory";
+            return keep_other(s, &record->scene) ? NULL : "more scenes than fit into memory";
         }
         if (s->scene_text) return NULL;
-        return keep_scene(s, &record->scene) ? NULL : "a scene larger than memory";
+        return keep_scene(s, &record->scene) ? NULL : "a scene too large for the memory";
     case KN_LOG_POSE:
         if (s->first_pose_utime < 0) s->first_pose_utime = record->utime;
         return NULL;
@@ -171,7 +171,7 @@ bool kn_survey_log(kn_survey *survey, const char *path, char *error, size_t erro
     if (log.damage[0]) snprintf(s->damage, sizeof s->damage, "%s", log.damage);
     kn_log_close(&log);
     if (s->forces > 0 || s->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected a hand's", path,
+    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected those of a hand", path,
              s->damage, s->damage[0] ? "; " : "", (long long)s->records);
     return false;
 }

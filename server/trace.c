@@ -3,7 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#define ROWS 4096 // rows in the ring: one second of four probes, the longest wait for a busy disk
+#define ROWS 4096 // capacity of the ring in rows: one second of four probes, the longest expected wait for a busy disk
 
 typedef struct row {
     char probe[KN_NAME_MAX];
@@ -13,7 +13,7 @@ typedef struct row {
 bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size)
 {
     *trace = (kn_trace){0};
-    // a second scene of the same process appends, without a second header
+    // write the column names only into a new file, because a second scene of the same process appends rows
     if (!path) return true;
     trace->file = fopen(path, append ? "ae" : "we");
     if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
@@ -32,7 +32,7 @@ void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_de
     for (int p = 0; trace->file && p < record->out.probes; p++) {
         const kn_force *force = &record->out.force[p];
         if (!force->live) continue;
-        // the fields have the names of the columns
+        // the fields have the same names as the columns of the file
         row r = {.tick = record->out.tick,
                  .session = force->session,
                  .seq = force->seq,

@@ -18,17 +18,19 @@
 #include <stdio.h>
 
 typedef struct kn_trace {
-    FILE *file; // NULL: no trace
+    FILE *file; // the open trace file; NULL: no trace
     kn_ring rows;
-    int64_t lost; // rows that found the ring full
-    bool failed;  // a write to the file has failed
+    int64_t lost; // number of rows lost because the ring was full
+    bool failed;  // true if a write to the file has failed
 } kn_trace;
 
 // Create a trace file, or append to it if `append` is true. `path` NULL: no trace. On failure return false and put one
 // line in error.
 bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size);
-void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_def *def); // real-time safe
+// Add the rows of a tick to the ring; real-time safe.
+void kn_trace_record(kn_trace *trace, const kn_record *record, const kn_model_def *def);
 void kn_trace_drain(kn_trace *trace); // write the rows in the ring to the file; one thread only
-bool kn_trace_close(kn_trace *trace); // drain and close; false: a write failed; a zeroed trace is fine
+// Write the rows in the ring and close the file; return false if a write failed; a zeroed trace is allowed.
+bool kn_trace_close(kn_trace *trace);
 
 #endif

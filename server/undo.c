@@ -30,7 +30,8 @@ static kn_state *newest(const kn_undo *u) { return u->point[(u->first + u->count
 void kn_undo_keep(kn_undo *u, const kn_state *now)
 {
     if (now->bad) return;
-    // if the object was touched, add a point (in place of the oldest if the ring is full); else overwrite the newest
+    // if the object was touched, add a point (replacing the oldest if the ring is full); otherwise overwrite the newest
+    // point
     if (u->count == 0 || u->touched) {
         if (u->count < u->room) u->count++;
         else u->first = (u->first + 1) % u->room;
@@ -43,7 +44,7 @@ const kn_state *kn_undo_take(kn_undo *u)
 {
     // if nothing touched the object since the newest point, that point equals the object: skip it
     if (u->count > 0 && !u->touched) u->count--;
-    u->touched = true; // the remaining points are older than the object
+    u->touched = true; // the object now equals the point taken, so the remaining points differ from the object
     if (u->count == 0) return NULL;
     const kn_state *point = newest(u);
     u->count--;

@@ -31,7 +31,7 @@ void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int 
     memcpy(message->proxy_orientation_wxyz, f->proxy_orientation_wxyz, sizeof message->proxy_orientation_wxyz);
 }
 
-// Fields with the same name in kn_contact_unit and contact_model_t. One list serves both directions.
+// Fields with the same name in kn_contact_unit and contact_model_t. One list serves the conversion in both directions.
 // clang-format off
 #define SAME_FIELDS(X)                                                                                                 \
     X(session) X(pose_seq) X(generation) X(flags) X(contact_index) X(contact_count) X(force_n) X(proxy_velocity_m_s)   \
@@ -108,7 +108,8 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose)
 
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime)
 {
-    static char version[] = KN_VERSION; // lcm-gen's strings are not const, although encoding only reads them
+    // a writable array, because lcm-gen's strings are not const, although encoding only reads them
+    static char version[] = KN_VERSION;
     *message = (knead_scene_t){
         .utime = utime,
         .text_hash = (int64_t)scene->text_hash,

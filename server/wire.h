@@ -23,7 +23,8 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose);
 // `initial_hash`: state hash of the object before anything touched it.
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime);
 
-// Convert a message back, for a client. Any content is accepted: the local contact model judges it.
+// Convert a contact model message back to a contact unit, for a client. Any content is accepted, because the local
+// contact model checks the content.
 void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 
 // Return whether the bytes of a scene_t hold strings of the lengths that they claim. The generated decoder trusts these

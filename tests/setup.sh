@@ -28,7 +28,7 @@ setup_consent() {
     printf '%s\n' "$@"
     [ "$yes" = 1 ] && return 0
     if [ ! -t 0 ] || [ ! -t 1 ]; then
-        echo "no terminal to ask on: run again with --yes to agree"
+        echo "no terminal to ask for consent: run again with --yes to agree"
         exit 2
     fi
     read -r -p "Go on? [y/N] " answer
@@ -42,7 +42,7 @@ setup_install() {
         if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || { [ -t 0 ] && sudo -v; }; }; then
             as=(sudo)
         else
-            printf 'packages are missing and this user is neither root nor may use sudo. As root:\n'
+            printf 'packages are missing, and this user is not root and may not use sudo. As root:\n'
             printf '    apt-get update\n    apt-get install -y --no-install-recommends %s\n' "$*"
             exit 3
         fi

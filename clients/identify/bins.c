@@ -15,7 +15,7 @@ static void close_bin(kn_bins *b, const sums *s)
     const int k = b->count - 1;
     const double mean = s->value / s->weight;
     b->time_s[k] = s->time / s->weight;
-    // Readings near 0 have no useful logarithm.
+    // Readings near 0 have no useful logarithm, so use the arithmetic mean for them.
     b->value[k] = s->least > 0.5 * mean ? exp(s->ln_value / s->weight) : mean;
     b->weight[k] = s->weight;
 }

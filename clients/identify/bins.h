@@ -7,15 +7,18 @@
 #define KN_BINS_PER_DECADE 20
 
 typedef struct kn_bins {
-    int count;
-    double *time_s; // arithmetic mean of the times since the strain was reached, s
-    double *value;  // geometric mean of the values; the arithmetic mean if one value is at most half of it
-    double *weight; // number of readings in the bin
-    int *line;      // line number in the file of the first reading of the bin
+    int count;      // number of bins, and of entries in each array below
+    double *time_s; // [count] arithmetic mean of the bin's times since the strain was reached [s]
+    // [count] geometric mean of the bin's stresses or moduli; their arithmetic mean if the least of them is at most
+    // half of the arithmetic mean
+    double *value;
+    double *weight; // [count] number of readings in the bin
+    int *line;      // [count] line number in the file of the first reading of the bin
 } kn_bins;
 
-// Average the readings after `begin_s`. `count` is 0 if there is no such reading. Return false if memory runs out.
+// Average the readings of `curve` after the time `begin_s`. If no reading is later, bins->count is 0. Return false if
+// memory runs out.
 bool kn_bins_make(kn_bins *bins, const kn_curve *curve, double begin_s);
-void kn_bins_free(kn_bins *bins); // a zeroed struct is fine
+void kn_bins_free(kn_bins *bins); // a zeroed struct is allowed
 
 #endif

@@ -9,8 +9,10 @@
 #include <time.h>
 
 static const double atm_pa = 101325;
-static const double weak = 0.1;  // least diagonal stiffness that the structure `diagonals` keeps from the scene
-static const double alike = 0.1; // share of the object's extent by which the mesh's extent may differ
+// if the scene's diagonal stiffness is below this, the structure `diagonals` uses 1 instead
+static const double weak = 0.1;
+// largest difference of a mesh's extent from the object's extent, as a share of the latter
+static const double alike = 0.1;
 static const double area_low = 0.2, area_high = 5;
 
 // ---- list of structures
@@ -18,12 +20,13 @@ static const double area_low = 0.2, area_high = 5;
 typedef struct kind {
     const char *name, *words;
     bool mesh, gas;
-    const char *stiffness; // stiffness of the diagonals; NULL: that of the scene, or 1 if it is below `weak`
+    // stiffness of the diagonals; NULL: the scene's stiffness, or 1 if the scene's is below `weak`
+    const char *stiffness;
 } kind;
 
 static const kind kinds[KN_CANDIDATES] = {
     {"diagonals", "diagonals", false, false, NULL},
-    {"pressure", "inside pressure, the least of diagonals", false, true, "0.02"},
+    {"pressure", "inside pressure with the fewest diagonals", false, true, "0.02"},
     {"both", "diagonals and inside pressure", false, true, NULL},
     {"mesh", "the edges of the mesh", true, false, NULL},
     {"mesh-pressure", "the edges of the mesh and inside pressure", true, true, NULL}};
@@ -37,7 +40,7 @@ static bool is_wanted(const char *only, const char *name)
     return !only;
 }
 
-// Complain about a name in the list that is not a structure.
+// Return whether all names in the list `only` are structures. If one is not, write an error to `error`.
 static bool are_known(const char *only, char *error, size_t error_size)
 {
     for (const char *at = only; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
@@ -46,8 +49,8 @@ static bool are_known(const char *only, char *error, size_t error_size)
             known |= strlen(kinds[k].name) == strcspn(at, ",") && !strncmp(at, kinds[k].name, strcspn(at, ","));
         if (known) continue;
         snprintf(error, error_size,
-                 "--only %s: '%.*s' is no structure, expected diagonals, pressure, both, mesh, "
-                 "mesh-pressure, with commas between",
+                 "--only %s: unknown structure '%.*s', expected a list of diagonals, pressure, both, mesh, "
+                 "mesh-pressure, separated by commas",
                  only, (int)fmin((double)strcspn(at, ","), 40), at);
         return false;
     }
@@ -86,7 +89,7 @@ static kn_scene *scene_of(const kn_scene *base, const kind *k, const kn_candidat
     return scene;
 }
 
-// Build the model and the surface at rest of a candidate that has its scene.
+// Build the model and the surface at rest of a candidate whose scene is already set.
 static bool prepare(kn_candidate *c, char *error, size_t error_size)
 {
     char why[200];
@@ -132,8 +135,8 @@ void kn_candidate_free(kn_candidate *c)
     memset(c, 0, sizeof *c);
 }
 
-// Compare the extents of mesh and object; both are centred in the scene. Without this check a mesh of another object
-// would be fitted, too.
+// Check that mesh and object have similar extents; both are centred in the scene. Without this check, a mesh of a wrong
+// object would be fitted without an error.
 static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn_candidate_def *def, char *error,
                            size_t error_size)
 {
@@ -144,8 +147,8 @@ static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn
     for (int k = 0; k < 3; k++) same &= fabs(is_m[k] - was_m[k]) <= alike * was_m[k];
     if (!same)
         snprintf(error, error_size,
-                 "--mesh %s: is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm but for a tenth; is "
-                 "--mesh-unit %s right?",
+                 "--mesh %s: the mesh is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm within 10 "
+                 "%%; is --mesh-unit %s right?",
                  def->mesh, 1e3 * is_m[0], 1e3 * is_m[1], 1e3 * is_m[2], 1e3 * was_m[0], 1e3 * was_m[1], 1e3 * was_m[2],
                  def->mesh_unit);
     return same;
@@ -217,7 +220,7 @@ static bool press(void *of, const double value[KN_SEARCH_UNKNOWNS], double *resi
     double shift_m[2] = {w->shift_m[0], w->shift_m[1]}, sum = 0;
     c->presses++;
     bool ok = model && kn_press_run(&e->press, &play, &x.pressed);
-    if (model && !ok) snprintf(c->why, sizeof c->why, "its press diverges");
+    if (model && !ok) snprintf(c->why, sizeof c->why, "the simulated press diverges");
     kn_model_destroy(model);
     ok = ok && kn_evidence_compare(e, &x, shift_m, residual, NULL);
     for (int i = 0; ok && i < e->readings; i++) sum += residual[i] * residual[i];
@@ -248,7 +251,7 @@ static kn_search plan_of(const kn_candidate *c, const kn_evidence *e)
         s.high[s.unknowns++] = area_high;
     }
     for (int i = 0; i < s.starts; i++) {
-        s.start[i][c->gas] = 1; // start of the factor on gamma, if it is an unknown
+        s.start[i][c->gas] = 1; // the search for the factor on gamma starts at 1
         if (c->gas) s.start[i][0] = start_atm[i] * atm_pa;
         else s.start[i][0] = 1;
     }
@@ -272,7 +275,7 @@ static void take(kn_candidate *c, const kn_search *s)
     c->area_factor = s->value[c->gas];
     *k = (kn_identified){0};
     kn_fit_interval i = kn_search_interval(s, c->gas, c->worth);
-    // The search has fitted the factor; gamma itself is reported.
+    // The search has fitted the factor on gamma. The interval of gamma itself is reported, so multiply by gamma.
     i.low *= c->gamma, i.high *= c->gamma;
     kn_identified_take(k, "gamma", "", c->gamma * c->area_factor, i);
 }

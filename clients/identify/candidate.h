@@ -25,32 +25,35 @@
 #define KN_MOST_PA 1e7
 
 typedef struct kn_candidate {
-    const char *name, *words; // "both", "diagonals and gas in every cell"
+    const char *name, *words; // for example name "both" and words "diagonals and gas in every cell"
     kn_scene *scene;          // owned
     kn_model *first;          // model with the scene's own parameters; it defines the surface; owned
-    kn_exhibit best;          // its surface is owned
+    kn_exhibit best;          // simulated press with the best parameters so far; the surface in it is owned
     float (*rest_m)[3];
-    bool gas, area; // whether P0, and the factor on gamma, are unknowns of the fit
-    bool one_skin;  // the scene asks for gas in one skin around all cells, which no structure has
+    bool gas, area; // gas: the inside pressure P0 is an unknown of the fit; area: the factor on gamma is an unknown
+    bool one_skin;  // the scene requests gas in one skin around all cells, which no candidate structure offers
     // Set by kn_candidate_fit:
-    bool found;    // false: the model has no solution at any start
-    char why[200]; // why there is no solution; set if not found
+    bool found;    // false: the model of this structure has no solution at any start of the search
+    char why[200]; // reason why the model has no solution; set if `found` is false
     double pressure_pa, area_factor, shift_m[2];
-    double gamma;           // of the model with area_factor 1
-    kn_identified known[2]; // P0, if it is an unknown; then gamma, if its factor is an unknown
-    // sought: number of these unknowns; unknowns: the same plus the two shifts of the images, if fitted
+    double gamma;           // gamma of the model whose area_factor is 1
+    kn_identified known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
+    // sought: how many of P0 and the factor on gamma are unknowns (0 to 2); unknowns: `sought`, plus 2 if the shift of
+    // the images along x and y is fitted
     int sought, unknowns;
-    bool no_gas_left;  // P0 ended near 0, below 0.05 atm, and has no lower limit: the fit removed the gas
-    double sum, worth; // sum of squared residuals S; number of independent readings
-    double *residual;  // [readings]
+    // the fit removed the gas: the fitted P0 is below 0.05 atm, and the data give P0 no lower limit
+    bool no_gas_left;
+    double sum, worth; // sum: sum of squared residuals S; worth: number of independent readings in the residuals
+    double *residual;  // [readings] residuals of the best press
     kn_relief_misfit misfit[KN_PRESS_MOMENTS];
-    double pull_share; // rms difference of the force over the largest measured force
+    double pull_share; // rms difference of measured and computed force, as a share of the largest measured force
     int presses;
-    bool settled, early; // as in kn_search
+    bool settled, early; // settled: the search converged; early: it ended early, far from the data (kn_search)
     double seconds;
 } kn_candidate;
 
-// Sources of a candidate's scene: the scene file, changed by the user's --set, then by the settings of the structure.
+// Sources of a candidate's scene: a scene file and the changes to it. The user's --set options are applied first, then
+// the settings of the candidate's structure.
 typedef struct kn_candidate_def {
     const char *scene_path;
     const char *const *sets;
@@ -64,24 +67,24 @@ int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate
                        char *error, size_t error_size);
 void kn_candidate_free(kn_candidate *candidate);
 
-// Return the model definition of the candidate's scene, with P0 and the factor on gamma replaced by these values.
+// Return the model definition of the candidate's scene with the given inside pressure P0 and the given factor on gamma.
 kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_pa, double area_factor);
 
-// Fit one candidate. Several threads may fit different candidates at once. `told` reports progress, as in
-// kn_press_play. Return false if memory runs out.
+// Fit one candidate to the evidence. Several threads may fit different candidates at once. The fit calls `told` with
+// `of` and the number of simulated ticks since the last call. Return false if memory runs out.
 bool kn_candidate_fit(kn_candidate *candidate, const kn_evidence *evidence, void (*told)(void *of, int64_t ticks),
                       void *of);
 
 // Estimate how many ticks of presses the fit will simulate.
 double kn_candidate_work(const kn_candidate *candidate, const kn_evidence *evidence);
 
-// Return a scene with the fitted parameters, as canonical text that kneadd loads; freed by the caller. On failure
+// Return a scene with the fitted parameters, as canonical text that kneadd loads. The caller frees the text. On failure
 // return NULL with one line in `error`.
 char *kn_candidate_scene(const kn_candidate *candidate, const kn_candidate_def *def, char *error, size_t error_size);
 
-// Make in `finer` the same block with the fitted parameters, but with cells of half the width and without unknowns. The
-// misfit of `finer` shows how much of the error comes from the lattice. On failure return false with one line in
-// `error`; `finer` is then freed.
+// Store in `finer` the block of `candidate` with the fitted parameters, but with cells of half the width and without
+// unknowns. The misfit of `finer` shows how much of the error comes from the lattice. On failure free `finer` and
+// return false with one line in `error`.
 bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *candidate, const kn_candidate_def *def, char *error,
                         size_t error_size);
 

@@ -70,7 +70,7 @@ kn_cell_content kn_cell_read(const kn_cell *c, char separator, double *value, bo
     char text[64];
     if (c->length == 0) return KN_CELL_MISSING;
     const bool may = separator != ',' || c->quoted;
-    // Most cells are plain numbers with a decimal point.
+    // Most cells are plain numbers with a decimal point, so try the fast conversion first.
     if (quick_number(c->text, c->text + c->length, '.', value)) {
         if (memchr(c->text, '.', (size_t)c->length)) *dot = true;
         return KN_CELL_NUMBER;

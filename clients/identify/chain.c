@@ -7,7 +7,7 @@ enum { STAGES = 5, UNITS = KN_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 200
 // Indices of the strains: the spring's, the Voigt elements', the damper's.
 enum { SPRING = 0, VOIGT = 1, DAMPER = KN_CHAIN_VOIGTS + 1 };
 
-static const double tolerance = 1e-7; // error of one step, as a share of the largest strain so far
+static const double tolerance = 1e-7; // allowed error of one time step, as a share of the largest strain so far
 
 #define GAMMA 0.25
 // Coefficients divided by the diagonal GAMMA: they multiply GAMMA h times the rates.
@@ -22,9 +22,9 @@ static const double against[STAGES] = {-3. / 16 / GAMMA, -27. / 32 / GAMMA, 25. 
 
 typedef struct drive {
     bool load;          // true: a load is given; false: the rate of the strain is given
-    double nominal_pa;  // under a load
-    bool constant_area; // under a load
-    double rate_per_s;  // under a strain drive
+    double nominal_pa;  // nominal stress W/S0, if `load` is true
+    bool constant_area; // the stress is the nominal stress, if `load` is true
+    double rate_per_s;  // rate of the strain, if `load` is false
 } drive;
 
 typedef struct state {
@@ -111,7 +111,7 @@ static bool meet(const kn_chain *chain, const drive *d, const stage *g, const do
         rate += steep * (next - p);
         p = next;
         if (there) break;
-        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // halving has reached rounding
+        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // halving has reached the rounding error, so accept p
     }
     *stress = p;
     for (int i = 0; i < UNITS; i++) taken[i] += g->share[i] * p;
@@ -163,7 +163,8 @@ static double step(const kn_chain *chain, const drive *d, const state *from, dou
     to->stress_pa = p;
     for (int i = 0; i < UNITS; i++) {
         double difference = 0;
-        to->x[i] = base[i] + taken[STAGES - 1][i]; // stiffly accurate: the last stage is the step
+        // the method is stiffly accurate, so the last stage is the result of the step
+        to->x[i] = base[i] + taken[STAGES - 1][i];
         for (int j = 0; j < STAGES; j++) difference += against[j] * taken[j][i];
         error = fmax(error, fabs(difference));
         to->largest = fmax(to->largest, fabs(to->x[i]));
@@ -200,7 +201,7 @@ static bool read_between(const kn_chain *chain, const drive *d, const state *a, 
     return true;
 }
 
-// Relax without a load: every Voigt element returns by itself, in closed form.
+// Advance without load: every Voigt element relaxes independently, in closed form.
 static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
 {
     double begun[UNITS], from = s->time_s;
@@ -220,7 +221,7 @@ static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
     s->stress_pa = 0;
 }
 
-// Integrate under one drive until a time.
+// Integrate until the time `until_s` while the load or the rate of the strain is constant.
 static bool follow(const kn_chain *chain, const drive *d, state *s, double until_s, readings *r)
 {
     double span = until_s - s->time_s;
@@ -274,7 +275,7 @@ bool kn_chain_stress(const kn_chain *chain, int steps, const kn_chain_step *at, 
 {
     state s = {.time_s = at[0].time_s};
     readings r = {.count = count, .time_s = time_s, .out = stress_pa};
-    if (at[0].value != 0) { // a jump at the start
+    if (at[0].value != 0) { // the strain jumps at the start, so the spring takes it up
         if (!(chain->spring_pa > 0)) return false;
         s.x[SPRING] = at[0].value;
     }

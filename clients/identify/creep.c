@@ -20,40 +20,44 @@
 
 static const char help[] =
     "usage: knead identify creep FILE... [OPTION]...\n\n"
-    "From how a lump gave way under a load, and what came back after it, to the numbers of a virtual one: k1 and c1, "
-    "which\n"
-    "bring it back, and the damper alpha exp(-beta P) between P0 and P1, which does not.\n\n"
+    "Fit the material of a virtual object to creep measurements: how far a specimen gave way under a load, and how far "
+    "it\n"
+    "recovered afterwards. The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between "
+    "P0\n"
+    "and P1, which does not.\n\n"
     "    knead identify creep 10gf.csv 30gf.csv 50gf.csv --out dough.yaml\n"
     "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n\n"
-    "A file is a table with a name and a unit over each column: time, and height, displacement or strain; load or "
+    "A file is a table with a name and a unit above each column: time; height, displacement or strain; and load or "
     "stress\n"
-    "where they are recorded. Lines before it may say what is the same for all of it:\n"
+    "if they were recorded. Lines before the table may give values that hold for the whole file:\n"
     "    # load: 50 gf       # height: 1 cm       # area: 1 cm^2       # release: 60 s\n"
     "    time (s); displacement (mm)\n"
-    "Commas, semicolons, tabs, decimal commas are found out; readings may be missing and in any order. Several columns "
-    "of\n"
-    "displacement with a load in their names are several curves. Every load adds to what can be known: one below P0 "
-    "for\n"
-    "P0, a large one sampled fast for P1.\n\n"
-    "  --load W, --stress P   of files that do not say it\n"
-    "  --height H, --area S   of the specimen, as made\n"
-    "  --release TIME         when the load was taken off\n"
-    "  --units NAME=UNIT,...  of columns that have none: --units time=s,height=mm\n"
-    "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
-    "  --late                 each load may have come, by up to the whole curve, and gone at other moments than\n"
-    "                         its file says: fitted, too, as how late it came and how much longer it stayed;\n"
-    "                         all that follows counts time from there\n" KN_IDENTIFY_OUTPUT_HELP
-    "\nTold are the best numbers over whole curves together, with intervals that hold the truth 95 times in 100 if\n"
-    "the model is right and the noise independent; whether that is so; what these curves cannot tell; and beside it\n"
-    "the first paper's way, in two stages.\n"
-    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
+    "The separator (comma, semicolon or tab) and decimal commas are detected. Readings may be missing and in any "
+    "order.\n"
+    "Several columns of displacement with a load in their names are several curves. Each additional load improves the\n"
+    "result: P0 needs a load below it, P1 a large load that is sampled fast.\n\n"
+    "  --load W, --stress P   load or stress, for files that do not state it\n"
+    "  --height H, --area S   initial height and area of the specimen\n"
+    "  --release TIME         time at which the load was removed\n"
+    "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,height=mm\n"
+    "  --constant-area        stress is load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
+    "  --late                 also fit a time offset and a duration for each load, in case they differ from the file; "
+    "the\n"
+    "                         offset is at most the length of the curve; all results count time from the fitted "
+    "start\n" KN_IDENTIFY_OUTPUT_HELP
+    "\nThe output gives the best parameters over all curves together, with 95 % intervals. The intervals are valid if "
+    "the\n"
+    "model is right and the noise is independent; the output tells if that is so, and which parameters these curves "
+    "cannot\n"
+    "determine. For comparison it also gives the result of the first paper's two-stage method.\n"
+    "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct work {
     kn_identify_options opt;
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     kn_joint joint;
-    double took_s; // duration of the fit
+    double took_s; // duration of the fit [s]
     kn_models models;
     bool compared, served; // served: a scene accepts the material
     int notes;
@@ -62,7 +66,7 @@ typedef struct work {
 
 // ---- printed results
 
-static const double gf_cm2 = 98.0665; // Pa
+static const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
 
 // Print a parameter in the units of the first paper, for a specimen of 1 cm.
 static void print_papers(const kn_identified *n, int which)
@@ -74,7 +78,7 @@ static void print_papers(const kn_identified *n, int which)
 
 static void print_numbers(const kn_joint *j)
 {
-    printf("\n%-7s %-44s   %s\n", "", "best, and within 95 %", "as the first paper says it, per cm");
+    printf("\n%-7s %-44s   %s\n", "", "best value and 95 % interval", "in the first paper's units, for 1 cm");
     for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
         char text[120];
         kn_identified_print(&j->number[i], text, sizeof text);
@@ -93,17 +97,19 @@ static void print_curves(const work *w)
         const kn_curve *c = &w->curve[k];
         double most = 0;
         for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-        char runs[20] = "-"; // too few readings to tell
+        char runs[20] = "-"; // shown if there are too few readings for the runs test
         if (isfinite(j->runs[k])) snprintf(runs, sizeof runs, "%.2g", j->runs[k]);
         printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
                100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
-        if (w->opt.late) printf("   came %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
+        if (w->opt.late) printf("   applied %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
         if (w->opt.late && isfinite(kn_joint_release(c)))
-            printf(", stayed %.3g s %s", fabs(j->held_s[k]), j->held_s[k] < 0 ? "shorter" : "longer");
+            printf(", held %.3g s %s", fabs(j->held_s[k]), j->held_s[k] < 0 ? "shorter" : "longer");
         printf("\n");
     }
-    printf("misfit: of the largest strain; runs: standard deviations fewer than noise has, above 3 the model bends "
-           "otherwise\nfitted in %.2g s, with intervals\n",
+    printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise. runs: number of sign "
+           "runs, in\n"
+           "standard deviations below that of noise; above 3 the model has another shape than the data\n"
+           "fit and intervals took %.2g s\n",
            w->took_s);
 }
 
@@ -114,7 +120,7 @@ static void print_stages(const work *w)
     for (int k = 0; k < w->curves; k++) {
         kn_stages s;
         if (!kn_stages_fit(&s, &w->curve[k])) continue;
-        if (first) printf("\nthe first paper's two stages, curve by curve, off the joint fit by\n");
+        if (first) printf("\nthe first paper's two-stage method, curve by curve: deviation from the joint fit\n");
         first = false;
         const kn_material *a = &s.material, *b = &w->joint.material;
         printf("%-20s k1 %+.3g %%   c1 %+.3g %%   alpha %+.3g %%   beta %+.3g %%\n", w->curve[k].name,
@@ -166,20 +172,21 @@ static void doubt_curves(work *w)
         // Without a recovery after the load, k1 and c1 are determined by the creep alone.
         if (!isfinite(kn_joint_release(c)))
             doubt(w,
-                  "%s: its load was never taken off, or the file does not say when: k1 and c1 rest on how it gave "
-                  "way, not on what came back",
+                  "%s: the load was never taken off, or the file does not say when: k1 and c1 follow from the creep "
+                  "alone, not from a recovery",
                   c->name);
-        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). Residuals far
-        // below the noise are no concern.
+        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). So residuals up
+        // to about three such errors above the noise are accepted. Long runs of one sign are accepted if the residuals
+        // are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             doubt(w,
-                  "%s: what is left after the fit is no noise (%.3g times as much, runs %.2g): the model, the "
-                  "moment of the load%s or a scale is wrong, and the intervals speak of noise alone",
+                  "%s: the residuals of the fit are not noise (%.3g times the noise, runs %.2g): the model, the time "
+                  "of the load%s or a scale is wrong, and the intervals cover noise only",
                   c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits it)");
         // Without readings under load, only the strain at the end of the load is known.
         if (under_load(c) == 0)
-            doubt(w, "%s: no reading under its load: how it gave way is known from its end alone", c->name);
+            doubt(w, "%s: no reading under the load: the creep is known only from the strain at its end", c->name);
     }
 }
 
@@ -189,25 +196,25 @@ static void doubt_all(work *w)
     char why[300];
     // The report writes the material only if a scene accepts it.
     w->served = kn_material_served(&j->material, why, sizeof why);
-    if (!w->served) doubt(w, "no scene takes this material: %s", why);
+    if (!w->served) doubt(w, "no scene accepts this material: %s", why);
     // A single load covers a short range of stresses, so the data can hardly separate beta, P0 and P1.
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
-        doubt(w, "one load alone: the damper is known only for the stresses that it passed through, and beyond them "
-                 "beta cannot be told from P0 and P1; another load would tell them apart");
+        doubt(w, "only one load: the damper is known only for the stresses under this load, and beyond them beta "
+                 "cannot be told from P0 and P1; measure another load");
     // If alpha and beta are strongly correlated, the data determine only a combination of both.
     if (fabs(j->alpha_beta) > 0.98)
         doubt(w,
-              "alpha and beta are known together, not apart (correlation %.3f): the stresses lie within %.3g to "
-              "%.3g kPa; a smaller and a larger load would part them",
+              "alpha and beta are not known separately (correlation %.3f): the stresses lie within %.3g to %.3g kPa; "
+              "measure a smaller and a larger load",
               j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
         // An outlier just after a change of load may come from a wrong time of that change.
         const kn_joint_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
-        doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve while those around it are not%s", c->file,
+        doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve, unlike its neighbours%s", c->file,
               o->line, o->deviations,
               !w->opt.late && follows_change(c, o->reading)
-                  ? "; it follows a change of the load, which may have come at another moment: --late"
+                  ? "; it follows a change of the load, whose time may be wrong: try --late"
                   : "");
     }
 }
@@ -339,14 +346,14 @@ static int identify(work *w, int argc, char **argv)
     kn_joint_options how = {.confidence = 0.95, .late = w->opt.late};
     int code = try_outputs(&w->opt);
     if (code == KN_EXIT_OK)
-        code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "A material by creep", argc, argv);
+        code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Material from creep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
     // Fit all curves at once, and shift the curves to the fitted times of their loads.
     const double began_s = seconds();
     if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "%s: no numbers of the element come near these curves; expected creep under a load%s",
-                           w->curve[0].file, how.late ? ", in more readings than --late has numbers to find" : "");
+                           "%s: no parameters of the element fit these curves; expected creep under a load%s",
+                           w->curve[0].file, how.late ? ", in more readings than --late has parameters to fit" : "");
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     w->took_s = seconds() - began_s;
     kn_joint_settle(&w->joint, w->curves, w->curve);

@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LAW = 100 }; // points of a plotted damper law
+enum { LAW = 100 }; // number of points in the plotted curve of a damper law
 
-enum { MEANS = 40 }; // means of the residuals in a plot
+enum { MEANS = 40 }; // number of mean residuals drawn in a plot
 
 typedef struct numbers { // values of one curve, in one block of memory
     double *fitted, *stress, *fitted_stress, *left, *since, *came_back, *fitted_back, *equation5;
@@ -35,7 +35,7 @@ static void average(numbers *n, const kn_curve *c)
     n->means = 0;
     for (int i = 0, end; i < c->count; i = end) {
         const double from = c->time_s[i];
-        // A mean ends when it has its equal share of the remaining readings, or when the time has grown by half.
+        // A mean ends when it contains an equal share of the remaining readings, or when the time has grown by half.
         const int most = (c->count - i) / (MEANS - n->means) + 1;
         double time = 0, sum = 0;
         for (end = i; end < c->count && end - i < most && (end == i || c->time_s[end] < 1.5 * from); end++)
@@ -87,7 +87,7 @@ typedef struct law {
     double stress[LAW], c2[LAW];
 } law;
 
-// Sample the damper law of a material over a range of stresses.
+// Compute points of the damper law of a material over a range of stresses.
 static void follow(law *l, const kn_material *m, double low_pa, double high_pa)
 {
     for (int i = 0; i < LAW; i++) {
@@ -126,14 +126,14 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     add(&p[0], "identified", c->count, c->time_s, n->fitted, height, KN_FIGURE_LINE, 2);
     p[1] =
         (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
-    add(&p[1], "of the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
-    add(&p[1], "of the identified one", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
-    // Without the two stages there are no figures 8 and 9.
+    add(&p[1], "from the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS, 1);
+    add(&p[1], "from the identified displacement", c->count, c->time_s, n->fitted_stress, 1e-3, KN_FIGURE_LINE, 2);
+    // If the paper's two stages could not be computed, figures 8 and 9 are left out.
     if (!s) return kn_figure_draw(subcommand, path, c->name, p, 2, 2);
 
     const int back = recover(n, c, s);
     p[2] = (kn_figure_panel){
-        .title = "what came back (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
+        .title = "recovery (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
     add(&p[2], "measured", back, n->since, n->came_back, height, KN_FIGURE_POINTS, 1);
     add(&p[2], "identified", back, n->since, n->fitted_back, height, KN_FIGURE_LINE, 2);
     add(&p[2], "equation 5 alone", back, n->since, n->equation5, height, KN_FIGURE_DASHES, 0);
@@ -174,8 +174,8 @@ typedef struct all { // too large for the stack
     int computed;
 } all;
 
-// Remove values of c2 by subtraction that differ from the law by more than a factor of 10^1.5, since they are only
-// noise.
+// Remove the values of c2 from the paper's two stages that differ from the fitted law by more than a factor of 10^1.5,
+// since such values are only noise.
 static void clip(kn_stages *s, const kn_material *m)
 {
     for (int i = 0; i < s->count; i++)
@@ -185,7 +185,7 @@ static void clip(kn_stages *s, const kn_material *m)
 static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
 {
     const numbers *n = &a->of[k];
-    // Only the first panel has names; the hues are the same in all panels.
+    // Only the first panel names the curves, since a curve has the same colour in all panels.
     add(&a->panel[0], c->name, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
     add(&a->panel[0], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
     add(&a->panel[1], NULL, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, k + 1);
@@ -208,12 +208,12 @@ static int draw_all(all *a, const char *subcommand, const char *path, int curves
         (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
     a->panel[1] = (kn_figure_panel){
         .title = "the same, logarithmic", .x_label = "time, s", .y_label = "strain", .log_x = true, .log_y = true};
-    a->panel[2] = (kn_figure_panel){.title = "what is left, means of neighbours; grey: two standard deviations",
+    a->panel[2] = (kn_figure_panel){.title = "residuals, means of neighbours; grey: two standard deviations",
                                     .x_label = "time, s",
                                     .y_label = "(measured - identified)/deviation",
                                     .log_x = true,
                                     .band = 2};
-    a->panel[3] = damper_panel("damper; points: by the first paper's two stages");
+    a->panel[3] = damper_panel("damper; points: by the first paper's two-stage method");
     for (int k = 0; k < curves; k++) {
         if (!compute(&a->of[k], &curve[k], joint))
             return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);

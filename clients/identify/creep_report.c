@@ -12,17 +12,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GF_CM2_PA 98.0665   // the paper's unit of stress
-enum { PAPER_FIGURES = 8 }; // number of curves that get a plot of their own
+#define GF_CM2_PA 98.0665   // 1 gf/cm^2 in Pa; gf/cm^2 is the unit of stress in the first paper
+enum { PAPER_FIGURES = 8 }; // largest number of curves that are also plotted one by one
 
 // ---- data and results
 
 static void curves(kn_document *d, const kn_creep_found *f)
 {
     const kn_joint *j = f->joint;
-    kn_document_section(d, "What was measured");
-    kn_document_table(d, "Curves, and what the fit leaves of each", "lrrrrr",
-                      "curve\tload, kPa\treadings\tlargest strain\tmisfit, % of it\tmisfit / noise");
+    kn_document_section(d, "Measurements");
+    kn_document_table(d, "Curves and their residuals", "lrrrrr",
+                      "curve\tload, kPa\treadings\tlargest strain\tmisfit, % of the largest strain\tmisfit / noise");
     for (int k = 0; k < f->curves; k++) {
         const kn_curve *c = &f->curve[k];
         double most = 0;
@@ -31,17 +31,17 @@ static void curves(kn_document *d, const kn_creep_found *f)
                         100 * j->rms[k] / most, j->rms[k] / c->noise);
     }
     kn_document_text(d,
-                     "Stress is the load over the area that the specimen has by then%s. Noise is what neighbouring "
-                     "readings differ by, whatever the model.",
-                     f->curve[0].constant_area ? ", taken as constant" : ", S h = S0 h0");
+                     "The stress is the load over the current area of the specimen%s. The noise is estimated from the "
+                     "differences between neighbouring readings, without any model.",
+                     f->curve[0].constant_area ? ", which is taken as constant" : ", S h = S0 h0");
 }
 
 // Write the table of parameters and the links to the material.
 static void numbers(kn_document *d, const kn_creep_found *f)
 {
     kn_document_section(d, "The material");
-    kn_document_table(d, "k1 beside c1, in a row with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
-                      "number\tbest, and within 95 %\twhat limits it");
+    kn_document_table(d, "k1 parallel to c1, in series with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
+                      "parameter\tbest value and 95 % interval\tremark");
     for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
         char text[120];
         const kn_identified *n = &f->joint->number[i];
@@ -49,22 +49,21 @@ static void numbers(kn_document *d, const kn_creep_found *f)
         kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
     }
     if (f->served) {
-        kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` of a scene");
-        kn_document_link(d, "scene.yaml", "a block of it under a plate: kneadd --scene scene.yaml");
+        kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` in a scene");
+        kn_document_link(d, "scene.yaml", "a block of this material under a plate: kneadd --scene scene.yaml");
     }
     kn_document_text(d,
-                     "Intervals hold the truth 95 times in 100 if the model is right and the noise independent. "
-                     "Stresses from %.4g to %.4g kPa were measured under load.",
+                     "The 95 %% intervals are valid if the model is right and the noise is independent. Stresses from "
+                     "%.4g to %.4g kPa were measured under load.",
                      f->joint->lowest_pa / 1e3, f->joint->highest_pa / 1e3);
 }
 
 // List the notes, or state that the residuals look like noise.
 static void trust(kn_document *d, const kn_creep_found *f)
 {
-    kn_document_section(d, "How far to trust it");
+    kn_document_section(d, "Reliability");
     for (int i = 0; i < f->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", f->note[i]);
-    if (f->notes == 0)
-        kn_document_verdict(d, KN_DOCUMENT_HOLDS, "What the fit leaves looks like noise in every curve.");
+    if (f->notes == 0) kn_document_verdict(d, KN_DOCUMENT_HOLDS, "The residuals look like noise in every curve.");
 }
 
 // ---- pictures of the fit
@@ -77,9 +76,9 @@ static int fits(kn_document *d, const kn_creep_found *f)
     kn_document_file(d, "fit.png", path);
     int code = kn_creep_figures_fits(f->subcommand, path, f->curves, f->curve, f->joint);
     if (code != KN_EXIT_OK) return code;
-    kn_document_picture(d, "fit.png", "Strain over time of every curve with its fit, what is left, and the damper law",
-                        "Points: measured. Lines: the one material. Below: what is left, in standard deviations of "
-                        "the noise, and the damper over the stresses that were measured.");
+    kn_document_picture(d, "fit.png", "Strain over time of every curve with its fit, the residuals, and the damper law",
+                        "Points: measured. Lines: the fitted material. Below: the residuals in standard deviations of "
+                        "the noise, and the damper over the measured stresses.");
     for (int k = 0; k < f->curves && k < PAPER_FIGURES; k++) {
         const kn_curve *c = &f->curve[k];
         snprintf(name, sizeof name, "figures-%d.png", k + 1);
@@ -89,8 +88,8 @@ static int fits(kn_document *d, const kn_creep_found *f)
         snprintf(name, sizeof name, "figures-%d.png", k + 1);
         char caption[300];
         snprintf(caption, sizeof caption,
-                 "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: displacement, stress "
-                 "by equation 4, what came back with equation 5, the damper.",
+                 "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: displacement, stress by equation 4, recovery "
+                 "with equation 5, and the damper.",
                  c->name);
         kn_document_picture(d, name, alt, caption);
     }
@@ -100,12 +99,12 @@ static int fits(kn_document *d, const kn_creep_found *f)
 // List how far the results of the first paper's two stages differ from the joint fit.
 static void two_stages(kn_document *d, const kn_creep_found *f)
 {
-    kn_document_section(d, "The first paper's two stages beside it");
-    kn_document_text(d,
-                     "The paper finds k1 and c1 from what came back, then the damper from what is left. A curve at "
-                     "a time, in %% off the joint fit; of dough k1 and c1 are 2.7 %% low even without noise, since the "
-                     "stress falls while a specimen creeps.");
-    kn_document_table(d, "Two stages, off the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
+    kn_document_section(d, "The first paper's two-stage method");
+    kn_document_text(
+        d, "The paper determines k1 and c1 from the recovery, then the damper from the displacement without its Voigt "
+           "part. Each curve is fitted alone; the table gives the deviation from the joint fit in %%. For dough, k1 "
+           "and c1 are 2.7 %% low even without noise, since the stress falls while a specimen creeps.");
+    kn_document_table(d, "Two-stage method: deviation from the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
     for (int k = 0; k < f->curves; k++) {
         kn_stages s;
         if (!kn_stages_fit(&s, &f->curve[k])) continue;
@@ -123,8 +122,8 @@ static void models(kn_document *d, const kn_models *m)
     char text[1000];
     if (!m) return;
     kn_document_section(d, "Other models");
-    kn_document_table(d, "Fitted to the early readings, judged by the later ones", "lrrrr",
-                      "model (figure 2 of the paper)\tnumbers\tfitted, %\tlater, %\tAICc");
+    kn_document_table(d, "Models, fitted to the early readings and tested on the later ones", "lrrrr",
+                      "model (figure 2 of the paper)\tparameters\terror fitted, %\terror later, %\tAICc");
     for (int i = 0; i < m->rows; i++) {
         const kn_models_row *r = &m->row[i];
         if (!r->fitted) continue;
@@ -136,14 +135,14 @@ static void models(kn_document *d, const kn_models *m)
     kn_document_text(d, "Verdict: %s.", text);
 }
 
-// ---- the material creeps again
+// ---- creep computed with the identified material
 
 // Write a scene with the paper's block of this material, for the lattices and for kneadd.
 static int write_scene(const kn_document *d, const char *subcommand, char path[PATH_MAX])
 {
     FILE *f = fopen(kn_document_file(d, "scene.yaml", path), "w");
     if (!f) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-    fprintf(f, "# The first paper's block, 5 x 5 x 3 cm, of the material that was identified, under its plate.\n"
+    fprintf(f, "# The first paper's block, 5 x 5 x 3 cm, of the identified material, under its plate.\n"
                "version: 1\n"
                "object: {size: [5 cm, 5 cm, 3 cm], spacing: 1 cm, structure: diagonals}\n"
                "material: material.yaml\n"
@@ -175,13 +174,14 @@ static void judge_lattices(kn_document *d, const double worst[KN_RECREEP_WAYS])
     const double diagonals = worst[KN_RECREEP_DIAGONALS], gas = worst[KN_RECREEP_GAS];
     // Lattices that differ from the element by less than 5 % count as equal to it.
     const bool near = fmax(diagonals, gas) < 0.05;
-    kn_document_verdict(d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
-                        near ? "Lattices of this material creep as its element does: %.2g %% off with diagonals, %.2g "
-                               "%% with gas."
-                             : "The numbers are those of one element. Lattices of them strain differently under these "
-                               "loads, by up to %.2g %% of the largest strain with diagonals alone, %.2g %% with gas. "
-                               "What a scene of them does is told by knead creep scene.yaml --lattice 2x2x2.",
-                        100 * diagonals, 100 * gas);
+    kn_document_verdict(
+        d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
+        near ? "Lattices of this material creep as its element does: they differ by %.2g %% with diagonals and by %.2g "
+               "%% with gas."
+             : "These are the parameters of one element. Under these loads, lattices of this material strain "
+               "differently, by up to %.2g %% of the largest strain with diagonals alone and by %.2g %% with gas. Run "
+               "knead creep scene.yaml --lattice 2x2x2 to see the creep of a lattice.",
+        100 * diagonals, 100 * gas);
 }
 
 // Compute the creep of the material under every curve's loads (recreep.h), and report and plot the differences.
@@ -192,7 +192,7 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
     kn_recreep *back = calloc((size_t)f->curves, sizeof *back);
     double worst[KN_RECREEP_WAYS] = {0}; // largest difference from the element, over all curves
     int code = panel && back ? KN_EXIT_OK : kn_complain(f->subcommand, KN_EXIT_DEVICE, "out of memory");
-    kn_document_table(d, "Root mean squares of differences, % of the largest strain", "lrrrrrr",
+    kn_document_table(d, "Root mean square differences, % of the largest strain", "lrrrrrr",
                       "curve\tlargest strain\telement from data\tdiagonals from data\twith gas from data\t"
                       "diagonals from element\twith gas from element");
     for (int k = 0; k < f->curves && code == KN_EXIT_OK; k++) {
@@ -207,12 +207,12 @@ static int loops(kn_document *d, const kn_creep_found *f, const char *scene)
     }
     if (code == KN_EXIT_OK) judge_lattices(d, worst);
     for (int p = 0; panel && p < 2; p++) {
-        panel[p].title = p ? "dashes: lattice, diagonals; lines: with gas" : "lines: the element";
+        panel[p].title = p ? "dashed: lattice with diagonals; solid: with gas" : "lines: the element";
         panel[p].x_label = "time, s";
         panel[p].y_label = "strain";
     }
     if (code == KN_EXIT_OK)
-        code = kn_figure_draw(f->subcommand, kn_document_file(d, "back.png", path), "measured, and creeping again",
+        code = kn_figure_draw(f->subcommand, kn_document_file(d, "back.png", path), "measured and simulated creep",
                               panel, 2, 2);
     for (int k = 0; back && k < f->curves; k++) kn_recreep_free(&back[k]);
     free(back);
@@ -235,11 +235,12 @@ static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
             kn_figure_draw(f->subcommand, kn_document_file(d, "press.png", path[2]), "the paper's press", &panel, 1, 1);
     }
     if (code == KN_EXIT_OK) {
-        kn_document_text(d,
-                         "A block of it, 5 x 5 x 3 cm, under the paper's plate: 1 cm deep at 1 cm/s, 30 s of hold. "
-                         "It takes %.3g N at most and %.3g N at the end of the hold; of %.3g mm, %.3g mm stay.",
-                         q.peak_n, q.held_n, 1e3 * q.pressed_m, 1e3 * q.left_m);
-        kn_document_picture(d, "press.png", "Force of the plate over time", "The force that the plate meets.");
+        kn_document_text(
+            d,
+            "A block of this material, 5 x 5 x 3 cm, under the paper's plate, pressed 1 cm deep at 1 cm/s and held for "
+            "30 s. The force is %.3g N at most and %.3g N at the end of the hold. Of %.3g mm, %.3g mm remain.",
+            q.peak_n, q.held_n, 1e3 * q.pressed_m, 1e3 * q.left_m);
+        kn_document_picture(d, "press.png", "Force of the plate over time", "The force on the plate.");
         kn_document_picture(d, "held.png", "The block under the plate", "At the end of the hold.");
         kn_document_picture(d, "left.png", "The block with its dent", "After the plate has left.");
     }
@@ -250,18 +251,18 @@ static int pressed(kn_document *d, const kn_creep_found *f, const char *scene)
 static int way_back(kn_document *d, const kn_creep_found *f)
 {
     char scene[PATH_MAX];
-    kn_document_section(d, "The way back");
-    kn_document_text(d,
-                     "The material that was found creeps again under the same loads: as one element, integrated to "
-                     "a tolerance by code of its own, and as blocks of %d x %d x %d cells through the solver that "
-                     "serves scenes. The edges of a lattice turn as it gives way, those of an element do not: the "
-                     "larger the strain, the farther apart they are. With diagonals alone a block gives way more, with "
-                     "gas in its cells, too, less.",
-                     KN_RECREEP_CELLS, KN_RECREEP_CELLS, KN_RECREEP_CELLS);
+    kn_document_section(d, "Simulated creep");
+    kn_document_text(
+        d,
+        "The fitted material creeps again under the same loads: as one element, integrated to a tolerance by separate "
+        "code, and as blocks of %d x %d x %d cells in the solver that serves scenes. The edges of a lattice turn as "
+        "the block gives way; those of a single element do not. So the two differ more as the strain grows. With "
+        "diagonals alone a block gives way more than the element; with gas in its cells as well, it gives way less.",
+        KN_RECREEP_CELLS, KN_RECREEP_CELLS, KN_RECREEP_CELLS);
     int code = write_scene(d, f->subcommand, scene);
     if (code == KN_EXIT_OK) code = loops(d, f, scene);
     if (code != KN_EXIT_OK) return code;
-    kn_document_picture(d, "back.png", "Measured strain with the element's and the lattices'",
+    kn_document_picture(d, "back.png", "Measured strain, and the strain of the element and of the lattices",
                         "Points: measured. Left: the element. Right: lattices.");
     return pressed(d, f, scene);
 }

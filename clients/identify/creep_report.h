@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_IDENTIFY_CREEP_REPORT_H
 #define KN_CLIENTS_IDENTIFY_CREEP_REPORT_H
-// The page of `knead identify creep --report DIR`: all printed results with plots. The page also checks the identified
-// material in two ways. It computes the creep of the material as one element and as a lattice and compares both with
-// the data (recreep.h). It also presses a block of the material (squeeze.h).
+// The HTML page of `knead identify creep --report DIR`: all printed results with plots. For the page, the identified
+// material is also checked in two ways. First, the creep of one element and of a lattice of the material are computed
+// and compared with the data (recreep.h). Second, a block of the material is pressed (squeeze.h).
 #include "clients/identify/document.h"
 #include "clients/identify/joint.h"
 #include "clients/identify/models.h"
@@ -14,14 +14,15 @@ typedef struct kn_creep_found {
     int curves;
     const kn_curve *curve;
     const kn_joint *joint;
-    const kn_models *models; // comparison with other models; NULL: none was made
-    int notes;
-    const char (*note)[400];
-    bool served; // whether a scene accepts the material
+    const kn_models *models; // comparison with other material models; NULL: no comparison was made
+    int notes;               // number of notes
+    const char (*note)[400]; // [notes] sentences on doubtful results
+    bool served;             // whether a scene accepts the identified material
 } kn_creep_found;
 
-// Fill an open report. If `served`, the report's folder must already hold material.yaml. If not, the report omits the
-// creep and the press of the material. Return an exit code.
+// Fill an open report. If found->served, the report's folder must already hold material.yaml. Otherwise the report
+// omits the computed creep and the simulated press of the material. Return 0, or print an error and return an exit
+// code.
 int kn_creep_report(kn_document *d, const kn_creep_found *found);
 
 #endif

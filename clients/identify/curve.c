@@ -31,7 +31,8 @@ void kn_curve_say(const kn_curve_file *f, const char *format, ...)
 
 // ---- noise
 
-// most triples of readings that are used: they suffice for a file of ten million readings, and are sorted quickly
+// largest number of triples of neighbouring readings from which the noise is estimated; so many triples suffice for a
+// file of ten million readings, and are sorted quickly
 enum { SAMPLES = 100000 };
 
 static double largest(int count, const double *value)
@@ -41,7 +42,7 @@ static double largest(int count, const double *value)
     return most;
 }
 
-// Return the smallest difference between two unequal neighbours: a step of the gauge.
+// Return the smallest difference between two unequal neighbouring readings, which is one step of the gauge.
 static double gauge(int count, const double *value)
 {
     double least = INFINITY;
@@ -66,7 +67,8 @@ static double bend(const double *t, const double *y, const double *weight)
 // Return the noise as kn_curve_noise does. `weight`: number of readings in each mean; NULL: one reading in each.
 static double noise_of(int count, const double *time_s, const double *value, const double *weight)
 {
-    static const double median_of_normal = 0.674489750196082; // median of |x| for x normal with standard deviation 1
+    // median of |x| if x is normally distributed with standard deviation 1
+    static const double median_of_normal = 0.674489750196082;
     const double floor = 1e-6 * largest(count, value);
     const int step = count / SAMPLES + 1;
     double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
@@ -77,7 +79,7 @@ static double noise_of(int count, const double *time_s, const double *value, con
         pairs++;
         if (isfinite(size)) sizes[n++] = size;
     }
-    // A coarse gauge repeats its readings. Its noise is the standard deviation of rounding.
+    // A coarse gauge repeats its readings. The noise of such readings is the standard deviation of rounding.
     if (2 * same > pairs) {
         noise = gauge(count, value) / sqrt(12);
     } else if (n > 0) {
@@ -134,9 +136,10 @@ int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int 
     return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
 }
 
-enum { FEW = 3 }; // fewer than this many successive rows count as single rows out of place
+// a series of fewer than FEW successive rows counts as single rows out of place, not as a new table
+enum { FEW = 3 };
 
-// Return whether the next step of time after row i is longer than longer_s.
+// Return whether the time between row i and the next row is longer than `longer_s`.
 static bool strides(const kn_sheet *s, const double *t, int i, double longer_s)
 {
     int next = i + 1;
@@ -165,7 +168,8 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
 {
     const double *t = s->column[time].value;
     double first = NAN, last = NAN, step = 0, before = NAN;
-    // number of falls of time; in a disordered file time falls often, and three rows in a row may rise by chance
+    // number of rows at which time falls; in a disordered file time falls often, and may rise in three successive rows
+    // by chance
     int falls = 0;
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
@@ -185,14 +189,14 @@ int kn_curve_range_end(const kn_sheet *s, int time, int begin)
     return s->rows;
 }
 
-// Complain if there are too few readings, or if the value never changes.
+// Print an error and return an exit code if there are too few readings, or if the value never changes.
 static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name)
 {
     const kn_sheet *s = &f->sheet;
     if (r->count < KN_CURVE_LEAST)
         return kn_sheet_complain(s, r->count ? r->line[0] : s->header_line, 1,
-                                 "%d reading%s of %s that can be used, expected at least %d", r->count,
-                                 r->count == 1 ? "" : "s", name, KN_CURVE_LEAST);
+                                 "%d usable reading%s of %s, expected at least %d", r->count, r->count == 1 ? "" : "s",
+                                 name, KN_CURVE_LEAST);
     int i = 1;
     while (i < r->count && r->value[i] == r->value[0]) i++;
     if (i == r->count)
@@ -201,7 +205,8 @@ static int check_enough(kn_curve_file *f, const kn_readings *r, const char *name
     return KN_EXIT_OK;
 }
 
-// Complain about numbers out of range that were computed from cells. The sheet has checked the cells themselves.
+// If a number that was computed from cells is out of range, print an error and return an exit code. The sheet has
+// already checked the numbers in the cells themselves.
 static int check_sane(kn_curve_file *f, const kn_readings *r)
 {
     const double *const all[] = {r->time_s, r->value, r->other, r->load};
@@ -234,20 +239,21 @@ int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name)
 
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
 {
-    // The sign is changed only if the negative part is twenty times the positive one.
+    // The signs are changed only if the sum of the negative values is twenty times the sum of the positive values.
     double below = 0, above = 0;
     for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
     if (!(below > 20 * above)) return;
     for (int i = 0; i < count; i++) value[i] = -value[i];
-    kn_curve_say(f, "%s is below 0, as of a file where compression is: its sign is changed", name);
+    kn_curve_say(f, "%s is negative, as in a file where compression is negative: its sign is changed", name);
 }
 
 void kn_curve_say_bare(const kn_curve_file *f, int column)
 {
     if (column < 0 || f->sheet.column[column].heading.has_unit) return;
     const char *name = f->sheet.column[column].heading.name;
-    kn_curve_say(f, "'%s' has no unit and is taken as a share of the height, 0.05 as 5 %%; were it per cent: '%s [%%]'",
-                 name, name);
+    kn_curve_say(
+        f, "'%s' has no unit and is read as a fraction of the height (0.05 is 5 %%); for per cent, name it '%s [%%]'",
+        name, name);
 }
 
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
@@ -255,9 +261,10 @@ double kn_curve_begin(const kn_curve_file *f, const kn_readings *r)
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = r->time_s[0], span = r->time_s[r->count - 1] - first;
     if (first <= span) return 0; // readings may also begin before the load
-    kn_curve_say(
-        f, "time counts from long before, from its first reading, %.6g s, on here; a note '# begin:' knows better",
-        first);
+    kn_curve_say(f,
+                 "time does not begin near 0: it is counted from the first reading, %.6g s; a line '# begin: TIME' "
+                 "sets another begin",
+                 first);
     return first;
 }
 
@@ -386,8 +393,8 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     const int before = *count;
     int code = kn_sheet_open(&f->sheet, file, options->units, options->subcommand);
     if (code == KN_EXIT_OK) code = load[kind](f);
-    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "numbers have decimal commas");
-    // After a complaint, free the curves that this file has added.
+    if (code == KN_EXIT_OK && f->sheet.commas) kn_curve_say(f, "the numbers have decimal commas");
+    // After an error, free the curves that were added from this file.
     while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
     kn_sheet_close(&f->sheet);
     free(f);

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, load, value;
     kn_role what, load_is;
     int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
@@ -24,7 +24,7 @@ static int choose_value(kn_curve_file *f, columns *c)
     c->value = kn_role_find_first(&f->sheet, 4, roles, &c->what, &code);
     if (c->value >= 0 || code != KN_EXIT_OK) return code;
     return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
-                             "no height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
+                             "no column of height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
 }
 
 // Choose the column of the load. A compliance needs no load. A column of stress is preferred to one of load, since a
@@ -89,13 +89,14 @@ static int height_to_strain(kn_curve_file *f, kn_readings *r, int unloaded, int 
                                      "height of %g m, expected one above 0", r->value[i]);
     if (!isfinite(f->height_m)) {
         c->height_m = unloaded ? mean(r->value, unloaded) : r->value[0];
-        kn_curve_say(f, "initial height %.5g mm, of the %s", 1e3 * c->height_m,
-                     unloaded ? "readings before the load" : "first reading: a note '# height: 1 cm' knows it better");
+        kn_curve_say(f, "initial height %.5g mm, from the %s", 1e3 * c->height_m,
+                     unloaded ? "readings before the load"
+                              : "first reading; a line '# height: 1 cm' sets another height");
     }
     for (int i = 0; i < r->count; i++) r->value[i] = 1 - r->value[i] / c->height_m;
     if (mean(r->value, r->count) < 0)
         return kn_sheet_complain(&f->sheet, r->line[0], 1,
-                                 "the height grows under the load or is above the initial one, expected compression");
+                                 "the height grows under the load or exceeds the initial height, expected compression");
     return KN_EXIT_OK;
 }
 
@@ -121,21 +122,21 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, int column,
     const double zero = unloaded ? mean(r->value, unloaded) : 0;
     for (int i = 0; i < r->count; i++) r->value[i] -= zero;
     kn_curve_upright(f, r->count, r->value, kn_role_name(what));
-    if (unloaded && zero != 0) kn_curve_say(f, "%s counts from that before the load", kn_role_name(what));
+    if (unloaded && zero != 0) kn_curve_say(f, "%s is counted from its mean before the load", kn_role_name(what));
     if (what == KN_COMPLIANCE && isfinite(f->stress_pa))
         for (int i = 0; i < r->count; i++) r->value[i] *= f->stress_pa;
     return KN_EXIT_OK;
 }
 
-// Complain about a strain of 1 or more. In shear, under a stress that is held, any strain is possible.
+// If a strain is 1 or more, print an error and return an exit code. Under a constant nominal stress, as in shear, any
+// strain is possible, so there is no check.
 static int check_strain(kn_curve_file *f, const kn_readings *r, int column, const kn_curve *c)
 {
     for (int i = 0; i < r->count && !c->constant_area; i++)
         if (r->value[i] >= 1)
-            return kn_sheet_complain(&f->sheet, r->line[i], kn_sheet_at(&f->sheet, r->line[i], column),
-                                     "strain of %.3g, more than the whole height: is the height "
-                                     "right? expected less than 1",
-                                     r->value[i]);
+            return kn_sheet_complain(
+                &f->sheet, r->line[i], kn_sheet_at(&f->sheet, r->line[i], column),
+                "strain of %.3g, more than the whole height, expected less than 1; is the height right?", r->value[i]);
     return KN_EXIT_OK;
 }
 
@@ -157,8 +158,8 @@ static void say_steps(const kn_curve_file *f, const kn_curve *c, const kn_readin
                  c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
 }
 
-// Make the time count from the moment of the first load. Readings before the load, and readings without a value, are
-// removed.
+// Shift the times so that the first load is applied at time 0. Readings before the first load, and readings without a
+// value, are removed.
 static int begin_at_load(kn_curve_file *f, kn_readings *r, kn_curve *c, const char *name)
 {
     const double begin = c->step[0].time_s;
@@ -194,8 +195,8 @@ static int add_curve(kn_curve_file *f, const columns *cols, int column, kn_readi
     if (code != KN_EXIT_OK) return code;
     say_steps(f, c, r, cols->what);
     double changes[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) // a reading at exactly this moment belongs to the piece before it
-        changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
+    // a reading at exactly the time of a load step belongs to the time before the step
+    for (int i = 0; i < c->steps; i++) changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
     return kn_curve_finish(f, c, r, c->steps, changes);
 }
 
@@ -249,8 +250,8 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
         const int next = kn_curve_range_end(s, c->time, end);
         const double from = last_time(t, begin, end);
         if (largest(s, key, end, next) < 0.02 * largest(s, key, begin, end) && from > 0 && t[end] >= 0) {
-            kn_curve_say(f, "time begins anew in line %d, without load: what came back, from %.5g s on", s->line[end],
-                         from);
+            kn_curve_say(f, "time restarts in line %d without load: read as the recovery, which begins at %.5g s",
+                         s->line[end], from);
             for (int i = end; i < next; i++) t[i] += from;
         } else {
             begin = end;
@@ -271,18 +272,18 @@ static bool is_thousand(const kn_curve_file *f, double last, double next)
     return f->sheet.commas && 1000 * next >= last && 1000 * next < 1.1 * last;
 }
 
-// Complain about a second table under the same load.
+// Print the error that a second table has the same load as the table before, and return an exit code.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const kn_sheet *s = &f->sheet;
     const double *t = s->column[c->time].value;
     if (is_thousand(f, last_time(t, begin, end), t[end]))
-        return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
-                                 "time begins anew where a thousand is reached, expected numbers without separators "
-                                 "of thousands");
-    return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
-                             "time begins anew, as a second table's does, expected one time for all, or another load "
-                             "from here on");
+        return kn_sheet_complain(
+            s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
+            "time restarts where it reaches a thousand, expected numbers without thousands separators");
+    return kn_sheet_complain(
+        s, s->line[end], kn_sheet_at(s, s->line[end], c->time),
+        "time restarts, as in a second table, expected one rising time, or another load from here on");
 }
 
 // Add one curve per range of rising time. Each range must have another load than the one before it.
@@ -354,7 +355,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_rows(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1; // the column has a name but no numbers
+    // the load column has a name but no numbers, so ignore it
+    if (c.load >= 0 && !has_numbers(&f->sheet, c.load)) c.load = key = -1;
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Complain if the specimen's area is unknown.
+// If the specimen's area is unknown, print an error and return an exit code.
 static int need_area(kn_curve_file *f)
 {
     if (isfinite(f->area_m2)) return KN_EXIT_OK;
@@ -24,7 +24,7 @@ static void to_nominal(kn_curve_file *f, kn_readings *r, bool *constant)
 {
     *constant = true;
     for (int i = 0; i < r->count; i++)
-        if (r->value[i] > 0.95) return; // a strain this large is not compression
+        if (r->value[i] > 0.95) return; // so large a strain cannot be compression, so leave the stress unchanged
     double *nominal = malloc((size_t)r->count * sizeof *nominal);
     if (!nominal) return;
     for (int i = 0; i < r->count; i++) nominal[i] = r->load[i] / (1 - r->value[i]);
@@ -44,10 +44,11 @@ static double moment(const kn_readings *r, const kn_load_step *s, double noise)
     const int a = s->begin - 1;
     if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
     const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    // the slope falls from the change on, so the slope right after the change is extrapolated from the next two
+    // after the change the slope of the strain falls, so the slope right after the change is extrapolated from the
+    // slopes of the next two intervals
     const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
     const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
-    // The noise of the meeting point must be below a quarter of the gap between the readings.
+    // The time at which both lines meet is used only if its noise is below a quarter of the time between the readings.
     if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
     return fmin(fmax(meet, s->early_s), s->late_s);
 }
@@ -63,22 +64,20 @@ static void say_begin(const kn_curve_file *f, const kn_readings *r, const kn_cur
     const double at_s = kn_onset(r->count, r->time_s, r->value, noise, &least_s);
     if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, r->time_s[0]) : begin) + 1e-3 * span)) return;
     kn_curve_say(f,
-                 "the strain begins at %.6g s, but the load is taken to have come at %.6g s, as nothing says when it "
-                 "did: a note '# begin: %.6g s' or --late",
+                 "the strain begins at %.6g s, but the load is assumed to begin at %.6g s, since the file does not say "
+                 "when it was applied: add a line '# begin: %.6g s' or use --late",
                  at_s, begin, at_s);
 }
 
-// Turn the plateaus of the recorded load into steps of the curve.
+// Convert the plateaus of the recorded load to load steps of the curve.
 static int take_steps(kn_curve_file *f, const kn_readings *r, const kn_load_steps *found, double noise, kn_curve *c)
 {
     for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
         const kn_load_step *s = &found->step[i];
-        if (s->load == 0 && c->steps == 0) continue; // before the first load
+        if (s->load == 0 && c->steps == 0) continue; // skip times without load before the first load
         if (s->load < 0)
             return kn_sheet_complain(&f->sheet, r->line[s->begin], 1,
-                                     "a load that presses and pulls, %.3g Pa here, expected "
-                                     "one that presses",
-                                     s->load);
+                                     "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
         if (i == 0) { // no reading comes before the first load, so the readings do not show its time
             const double begin = kn_curve_begin(f, r);
             c->step[c->steps++] = (kn_curve_step){begin, s->load, begin, begin};
@@ -109,7 +108,7 @@ int kn_curve_load_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_c
                      name);
     code = take_steps(f, r, &found, noise, c);
     if (code != KN_EXIT_OK || c->steps > 0) return code;
-    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 throughout, expected one that the specimen bears",
+    return kn_sheet_complain(&f->sheet, r->line[0], 1, "the %s is 0 in all readings, expected a load on the specimen",
                              name);
 }
 
@@ -135,7 +134,8 @@ int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance,
     return KN_EXIT_OK;
 }
 
-// Complain about a release outside the curve. The complaint names the note or the option that gives the release.
+// Print the error that the load was removed outside the times of the curve. The message names the note or the option
+// that gives the time of the removal.
 static int bad_release(const kn_curve_file *f, double from_s, double to_s)
 {
     const kn_sheet *s = &f->sheet;
@@ -160,7 +160,7 @@ int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c)
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];
     } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
-        kn_curve_say(f, "released at %g s, as the load says, not at %g s", last->time_s, f->release_s);
+        kn_curve_say(f, "released at %g s according to the load, not at %g s", last->time_s, f->release_s);
         return KN_EXIT_OK;
     }
     *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};

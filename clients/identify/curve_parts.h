@@ -10,64 +10,74 @@ typedef struct kn_curve_file {
     kn_sheet sheet;
     const kn_curve_options *opt;
     kn_curve *curve; // [KN_CURVES_MAX]
-    int *count;
-    // Values from notes, else from options; NAN: given by neither
+    int *count;      // number of curves in curve[]
+    // values from the notes of the file, or else from the options; NAN: neither a note nor an option gives the value
     double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain;
     bool constant_area;
 } kn_curve_file;
 
-// Read the rows and add the file's curves. Return an exit code.
+// Read the rows of the file and append the file's curves to f->curve. Return 0, or print an error and return an exit
+// code.
 int kn_curve_load_creep(kn_curve_file *f);
 int kn_curve_load_relax(kn_curve_file *f);
 int kn_curve_load_sweep(kn_curve_file *f);
 
-// Read the rows of these columns, then the values of notes and options. Return an exit code.
+// Read the rows of the columns wanted[], then the values of the notes and options. Return 0, or print an error and
+// return an exit code.
 int kn_curve_rows(kn_curve_file *f, int count, const int wanted[]);
 
-// Print one line on stdout, "creep.csv: ...".
+// Print one line on stdout that begins with the file's name, such as "creep.csv: ...".
 __attribute__((format(printf, 2, 3))) void kn_curve_say(const kn_curve_file *f, const char *format, ...);
 
-// Fill `r` with the readings of rows begin..end-1 of these columns. `other` and `load` may be -1 for no column. If
-// `only` (no other curve needs the columns) and all rows are used, the columns are moved, else copied. Return an exit
-// code.
+// Fill `r` with the readings in rows begin..end-1 of the columns `time`, `value`, `other` and `load`. `other` and
+// `load` may be -1 for no column. `only`: no other curve needs these columns. If `only` is true and all rows are used,
+// the columns are moved into `r`. Otherwise they are copied. Return 0, or print an error and return an exit code.
 int kn_curve_readings(kn_curve_file *f, kn_readings *r, int begin, int end, int time, int value, int other, int load,
                       bool only);
 
-// Find a second table in which time begins anew. Return its first row, or the number of rows if there is no second
-// table. `begin` is the first row of the present table.
+// Find the end of the table that begins at row `begin`. The next table begins where time falls back and rises again.
+// Return the first row of the next table, or the number of rows of the sheet if there is no next table. `time` is the
+// index of the time column.
 int kn_curve_range_end(const kn_sheet *s, int time, int begin);
 
-// Remove readings that lack a number, sort, and average readings of the same time. Report each change. Complain if
-// fewer than KN_CURVE_LEAST readings are left or if all their values are equal. Return an exit code.
+// Remove readings that lack a number, sort the readings by time, and average readings of the same time. Print each
+// change on stdout. It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal.
+// Return 0, or print an error and return an exit code.
 int kn_curve_order(kn_curve_file *f, kn_readings *r, const char *name);
 
-// Append a curve to f->curve and set its name from the file's name and `part`. Return the curve, or NULL after a
-// complaint.
+// Append a curve to f->curve and set the curve's name from the file's name and `part`. Return the curve, or print an
+// error and return NULL.
 kn_curve *kn_curve_add(kn_curve_file *f, kn_curve_kind kind, const char *part);
 
-// Compute the noise, thin the readings between the times `change_s`, and move all arrays of `r` into the curve. `r` is
-// empty afterwards. Return an exit code.
+// Finish the curve `c`: estimate the noise of the readings, thin the readings within each span between two times
+// change_s[], and move all arrays of `r` into `c`. `r` is empty afterwards. Return 0, or print an error and return an
+// exit code.
 int kn_curve_finish(kn_curve_file *f, kn_curve *c, kn_readings *r, int changes, const double *change_s);
 
-// Find the steps of a creep curve. Each returns an exit code.
-// kn_curve_load_column: from the column of load or stress beside the strain. The column is converted to nominal stress.
-// Readings that belong to no step get the value NAN.
-// kn_curve_load_given: from the load in the name of the column (`load_n`; NAN: none), else from notes or options.
-// kn_curve_load_release: the removal of the load, from a note or option. That time is more exact than the times of the
-// readings before and after.
+// Find the load steps of a creep curve. Each function returns 0, or prints an error and returns an exit code.
+// kn_curve_load_column takes the load steps from the column of load or stress beside the strain. The column is
+// converted to nominal stress. Readings that belong to no load step get the value NAN.
+//
+// kn_curve_load_given takes one constant load, which is given by the name of the strain's column (`load_n`; NAN: not
+// given), or else by a note or option.
+//
+// kn_curve_load_release takes the time at which the load was removed from a note or option. That time is more exact
+// than the times of the readings before and after the removal.
 int kn_curve_load_column(kn_curve_file *f, kn_readings *r, kn_role load_is, kn_curve *c);
 int kn_curve_load_given(kn_curve_file *f, const kn_readings *r, bool compliance, double load_n, kn_curve *c);
 int kn_curve_load_release(kn_curve_file *f, const kn_readings *r, kn_curve *c);
 
-// Change the sign of all values if nearly all of them are below 0, and report the change. Compression is positive in a
-// curve, but negative in some files.
+// If nearly all values are below 0, change the sign of all values and report the change on stdout. Compression is
+// positive in a kn_curve, but negative in some files. `name` is the name of the quantity.
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name);
 
-// Report that a strain without a unit is taken as a share of the height. Files often give per cent without a unit, too.
+// Report on stdout that the strain in `column`, which has no unit, is taken as a share of the height. The user may have
+// meant per cent, since files often give per cent without a unit.
 void kn_curve_say_bare(const kn_curve_file *f, int column);
 
-// Return the time at which the load was applied: the note `begin`, else 0. If the first reading comes later than the
-// length of the whole curve, return the time of the first reading and report that.
+// Return the time at which the load was applied: the value of the note `begin`, or else 0. Without the note, the first
+// reading may come later than 0 by more than the duration of the whole curve. In that case return the time of the first
+// reading and report the assumption on stdout.
 double kn_curve_begin(const kn_curve_file *f, const kn_readings *r);
 
 #endif

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct columns { // columns of the sheet; -1: there is none
+typedef struct columns { // indices of columns of the sheet; -1: the sheet has no such column
     int time, value, strain;
     kn_role what, strain_is;
 } columns;
@@ -24,7 +24,8 @@ static int choose(kn_curve_file *f, columns *c)
     if (code != KN_EXIT_OK) return code;
     if (c->time < 0) return kn_sheet_complain(s, s->header_line, 1, "no time, expected a column like 'time_s'");
     if (c->value >= 0) return KN_EXIT_OK;
-    return kn_sheet_complain(s, s->header_line, 1, "no stress, load or modulus, expected one, e.g. 'stress_kPa'");
+    return kn_sheet_complain(s, s->header_line, 1,
+                             "no column of stress, load or modulus, expected one, e.g. 'stress_kPa'");
 }
 
 // ---- strain
@@ -38,7 +39,7 @@ static int to_strain(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
                                      "a displacement without the specimen's height, "
                                      "expected a line '# height: 1 cm' or --height '1 cm'");
         c->height_m = r->other[0];
-        kn_curve_say(f, "initial height %.5g mm, of the first reading: a note '# height: 1 cm' knows it better",
+        kn_curve_say(f, "initial height %.5g mm, from the first reading; a line '# height: 1 cm' sets another height",
                      1e3 * c->height_m);
     }
     for (int i = 0; i < r->count && what != KN_STRAIN; i++)
@@ -80,7 +81,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
 {
     c->strain = held(r);
     if (!(c->strain > 0))
-        return kn_sheet_complain(&f->sheet, r->line[0], 1, "the strain is 0 throughout, expected one that is held");
+        return kn_sheet_complain(&f->sheet, r->line[0], 1,
+                                 "the strain is 0 in all readings, expected a strain that is held");
     int reached = 0, before = 0, end;
     // `reached` is the first reading at the strain, `before` the last one without strain, `end` the first one after the
     // hold.
@@ -92,7 +94,7 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
                  : reached > 0        ? ramp_end(r, reached, c->strain)
                                       : kn_curve_begin(f, r);
     if (end < r->count)
-        kn_curve_say(f, "%d reading%s after the strain was given up, left out", r->count - end,
+        kn_curve_say(f, "%d reading%s after the strain was released, left out", r->count - end,
                      r->count - end > 1 ? "s" : "");
     if (before > 0) kn_curve_say(f, "%d reading%s before the strain, left out", before, before > 1 ? "s" : "");
     r->count = end;
@@ -100,8 +102,8 @@ static int keep_hold(kn_curve_file *f, kn_readings *r, kn_curve *c)
     return KN_EXIT_OK;
 }
 
-// Return the begin of the hold if there is no column of strain: the reading with the largest stress, if the stress
-// rises up to that reading.
+// Return the time at which the hold begins if the file has no column of strain: the time of the largest stress, if the
+// stress rises up to that reading.
 static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
 {
     int peak = 0;
@@ -109,8 +111,10 @@ static double begin_of_hold(const kn_curve_file *f, const kn_readings *r)
         if (r->value[i] > r->value[peak]) peak = i;
     if (isfinite(f->begin_s) || r->value[0] > 0.8 * r->value[peak] || r->count - peak < KN_CURVE_LEAST)
         return kn_curve_begin(f, r);
-    kn_curve_say(f, "rises until %.5g s: the strain is taken as reached there; a note '# begin:' knows better",
-                 r->time_s[peak]);
+    kn_curve_say(
+        f,
+        "the stress rises until %.5g s: the hold is assumed to begin there; a line '# begin: TIME' sets another begin",
+        r->time_s[peak]);
     return r->time_s[peak];
 }
 
@@ -121,7 +125,8 @@ static int take_strain(kn_curve_file *f, kn_readings *r, const columns *cols, kn
         int code = to_strain(f, r, cols->strain_is, c);
         return code == KN_EXIT_OK ? keep_hold(f, r, c) : code;
     }
-    // Without the column the strain comes from a note or option, and the hold begins at the largest stress.
+    // The file has no column of strain, so the strain comes from a note or option, and the hold begins at the largest
+    // stress.
     if (isfinite(f->strain)) c->strain = f->strain;
     if (c->strain >= 1)
         return kn_complain(f->sheet.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
@@ -148,9 +153,8 @@ static int to_stress(kn_curve_file *f, kn_readings *r, kn_role what, kn_curve *c
                                  "'# area: 1 cm^2' or --area '1 cm^2'");
     if (what == KN_LOAD && !(c->strain > 0) && !c->constant_area)
         return kn_sheet_complain(&f->sheet, f->sheet.header_line, 1,
-                                 "a load without the strain, by which the section has "
-                                 "grown, expected a line '# strain: 10 %%' or '# section: constant', --strain or "
-                                 "--constant-area");
+                                 "a load without the strain, which is needed for the area, expected a line '# strain: "
+                                 "10 %%' or '# section: constant', --strain or --constant-area");
     for (int i = 0; i < r->count; i++) {
         // Stress is the load over the current area; a modulus times the strain is a stress.
         if (what == KN_LOAD) r->value[i] *= (c->constant_area ? 1 : 1 - strain_of(r, c, i)) / f->area_m2;
@@ -164,7 +168,7 @@ static void say(const kn_curve_file *f, const kn_curve *c, const kn_readings *r,
     char strain[60] = "strain unknown";
     if (c->strain > 0) snprintf(strain, sizeof strain, "strain of %.4g %%", 100 * c->strain);
     kn_curve_say(f, "%s: %d readings of %s, %s%s from %.4g s on, to %.5g s", c->name, r->count, kn_role_name(what),
-                 strain, r->other ? " and the way to it, held" : ", held", c->begin_s, r->time_s[r->count - 1]);
+                 strain, r->other ? " and the rise to it, held" : ", held", c->begin_s, r->time_s[r->count - 1]);
 }
 
 int kn_curve_load_relax(kn_curve_file *f)
@@ -177,7 +181,7 @@ int kn_curve_load_relax(kn_curve_file *f)
     const int end = code == KN_EXIT_OK ? kn_curve_range_end(&f->sheet, cols.time, 0) : 0;
     if (code == KN_EXIT_OK && end < f->sheet.rows)
         code = kn_sheet_complain(&f->sheet, f->sheet.line[end], kn_sheet_at(&f->sheet, f->sheet.line[end], cols.time),
-                                 "time begins anew, expected one relaxation in a file");
+                                 "time restarts, expected one relaxation per file");
     if (code == KN_EXIT_OK)
         code = kn_curve_readings(f, &r, 0, f->sheet.rows, cols.time, cols.value, cols.strain, -1, true);
     kn_curve *c = code == KN_EXIT_OK ? kn_curve_add(f, KN_CURVE_RELAX, "") : NULL;

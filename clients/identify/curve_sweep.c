@@ -5,7 +5,8 @@
 #include <math.h>
 #include <stdio.h>
 
-// Columns of the sheet; -1: there is none. modulus, tangent and phase are looked for only if G' or G'' is missing.
+// Indices of columns of the sheet; -1: the sheet has no such column. `modulus`, `tangent` and `phase` are searched only
+// if the sheet lacks G' or G''.
 typedef struct columns {
     int frequency, storage, loss, modulus, tangent, phase;
 } columns;

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-extern const char document_css[]; // a file of the source tree, linked into the program
+extern const char document_css[]; // text of document.css, which is linked into the program
 __asm__(".section .rodata\ndocument_css: .incbin \"" KN_CLIENTS_DIR "/identify/document.css\"\n.byte 0\n.previous\n");
 
 bool kn_document_is_open(const kn_document *d) { return d->body && !d->failed; }
@@ -221,7 +221,8 @@ static void remember(kn_document *d, int argc, char *const *argv)
 {
     for (int i = 0; i < argc; i++) {
         const bool plain =
-            i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")]; // argv[0] contains blanks of its own
+            // argv[0] is "knead identify ...", so its blanks need no quotes
+            i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")];
         if (i) append(d, " ");
         if (!plain) append(d, "'");
         for (const char *p = argv[i]; *p; p++) append(d, *p == '\'' && !plain ? "'\\''" : (const char[]){*p, '\0'});
@@ -239,7 +240,7 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     d->subcommand = subcommand;
     snprintf(d->title, sizeof d->title, "%s", title);
     remember(d, argc, argv);
-    kn_interrupt_watch(); // from here on there is a folder to remove
+    kn_interrupt_watch(); // from now on an interrupt must remove the folder
     if (!kn_batch_open(&d->batch, folder, &taken, error, sizeof error))
         return kn_complain(subcommand, taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
     if ((d->body = open_memstream(&d->text, &d->size))) return KN_EXIT_OK;

@@ -21,7 +21,8 @@ void kn_evidence_free(kn_evidence *e)
     memset(e, 0, sizeof *e);
 }
 
-// Compare the surfaces only. Return the end of their residuals, or NULL if memory runs out.
+// Compute the residuals of the surfaces, without those of the force. Return a pointer past the last residual, or NULL
+// if memory runs out.
 static double *surfaces(const kn_evidence *e, const kn_exhibit *x, const double shift_m[2], double *residual,
                         kn_relief_misfit *misfit)
 {

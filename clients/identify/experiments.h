@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_EXPERIMENTS_H
 #define KN_CLIENTS_IDENTIFY_EXPERIMENTS_H
-// The experiments of `knead identify COMMAND ...`. A new experiment needs one line here and one file <name>.c with
-// kn_identify_<name>_main. Its argv[0] is "knead identify <name>".
+// The experiments of `knead identify COMMAND ...`. A new experiment needs one line in this list and one file <name>.c
+// with the function kn_identify_<name>_main. That function is called with argv[0] = "knead identify <name>".
 #define KN_EXPERIMENTS(X)                                                                                              \
     X(creep, "creep curves under one load or several -> k1, c1 and the damper, with intervals")                        \
     X(relax, "stress relaxation, with the way to the strain or without -> the same; which model the data support")     \

@@ -3,8 +3,9 @@
 #include <math.h>
 #include <stdio.h>
 
-enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62, ROW = 22 }; // pixels
-enum { IN_A_CORNER = 4 }; // number of names that fit in a corner; more are below all panels
+// sizes of the parts of a plot [pixels]
+enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62, ROW = 22 };
+enum { IN_A_CORNER = 4 }; // number of names that fit in a corner of a panel; more names are drawn below all panels
 
 void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
 {
@@ -81,7 +82,8 @@ static void put_data(FILE *f, int number, const kn_figure_panel *p)
         for (int i = 0; i < p->of[s].count; i++) {
             double at[2];
             if (point(p, &p->of[s], i, at)) fprintf(f, "%.9g %.9g\n", at[0], at[1]);
-            else if (p->of[s].look != KN_FIGURE_POINTS) fputc('\n', f); // a gap in a line
+            // an empty line in the data makes a gap in the plotted line
+            else if (p->of[s].look != KN_FIGURE_POINTS) fputc('\n', f);
         }
         fprintf(f, "END\n");
     }
@@ -140,14 +142,14 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     double hidden;
     const char *corner = key_corner(p, &hidden);
     const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
-    if (rows > 0 && hidden > 0.01) { // no corner is free: make room above the plot
+    if (rows > 0 && hidden > 0.01) { // points are in all corners, so make room for the names above the points
         fprintf(f, "set offsets 0, 0, graph %g, 0\n", 0.06 + 0.075 * rows);
         corner = "top right";
     } else {
         fprintf(f, "set offsets 0, 0, 0, 0\n");
     }
     fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", corner);
-    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // gnuplot fails without a range if a panel has no point
+    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // a panel without points needs a range, otherwise gnuplot fails
     for (int s = 0; s < p->series; s++) put_series(f, number, s, &p->of[s], names(p) <= IN_A_CORNER);
     fprintf(f, "NaN notitle\n");
 }

@@ -4,16 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Difference quotients use this step of a logarithm, since models are accurate to about 1e-8.
+// step of difference quotients, in the logarithm of an unknown; it suits models that are accurate to about 1e-8
 static const double step_log = 1e-5;
-static const double wall = 1e3; // residual per unit of a logarithm beyond a bound
+static const double wall = 1e3; // extra residual that pushes the search back, per unit of the logarithm beyond a bound
 
 typedef struct search {
     kn_fit *fit;
     int count;                   // number of free unknowns
-    int number[KN_FIT_UNKNOWNS]; // their indices
-    double *ahead, *behind;      // residuals at two places
-    bool lost;                   // the model had no solution at the start
+    int number[KN_FIT_UNKNOWNS]; // indices of the free unknowns in fit->unknown[]
+    double *ahead, *behind;      // residuals on either side of the present place, for difference quotients
+    bool lost;                   // the model has no solution at the start of the search
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
@@ -87,7 +87,7 @@ static void stay_inside(const search *s, const double *x, const double *residual
     out[s->fit->readings + k] = wall;
 }
 
-// Callback of lmder: `what` is 1 if lmder asks for the residuals, and 2 for the Jacobian.
+// Callback of MINPACK's lmder. lmder requests the residuals by `what` = 1, and the Jacobian by `what` = 2.
 static int minpack_asks(void *p, int rows, int count, const double *x, double *residual, double *jacobian, int stride,
                         int what)
 {
@@ -95,7 +95,8 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     (void)count;
     if (what == 1) {
         if (residuals_at(s, x, residual)) return 0;
-        for (int i = 0; i < rows; i++) residual[i] = 1e10; // no solution there: large residuals make MINPACK step back
+        // the model has no solution at x, so large residuals make MINPACK step back
+        for (int i = 0; i < rows; i++) residual[i] = 1e10;
         return 0;
     }
     if (what == 2)
@@ -271,12 +272,13 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
 // search starts from the fit at the nearest value inside the interval. A start from outside might lie where the
 // residuals have no gradient, and the search would stay there.
 typedef struct side {
-    kn_fit fit; // the profiled unknown is fixed here
+    kn_fit fit; // copy of the fit, in which the profiled unknown is fixed
     int unknown;
-    double base, unit; // S at the best values; s^2
-    // best: best value, in the variable of the search; t: the rise to find, in standard deviations
+    double base, unit; // base: sum of squares S at the best values; unit: squared scale s^2
+    // best: best value of the profiled unknown, as a logarithm unless linear; t: rise of S at the end of the interval,
+    // in standard deviations
     double best, t;
-    double within[KN_FIT_UNKNOWNS]; // all values of the fit nearest to the end of the interval, but inside
+    double within[KN_FIT_UNKNOWNS]; // values of all unknowns in the fit inside the interval that is nearest to its end
 } side;
 
 // Return by how many standard deviations S has risen if the unknown has the value `in`, which is a logarithm unless the
@@ -291,8 +293,8 @@ static double risen(side *p, double in)
     return z;
 }
 
-// Find where the rise reaches t, between a place within the interval and one outside. The method is the Illinois
-// variant of regula falsi.
+// Find the value at which the rise of S reaches t, between the value `a` inside the interval and the value `b` outside.
+// The method is the Illinois variant of regula falsi.
 static double reach(side *p, double a, double za, double b, double zb)
 {
     const double t = p->t;
@@ -310,14 +312,14 @@ static double reach(side *p, double a, double za, double b, double zb)
     return b;
 }
 
-// Walk from the best value towards one bound, with doubling steps, until the rise reaches t. Set *open if the rise
-// never reaches t.
+// Step from the best value towards one bound, with doubling steps, until the rise of S reaches t. Set *open if the rise
+// does not reach t before the bound.
 static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
     side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale, .t = t};
     double from = p.best = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
-    // The first step is the half width by curvature, if there is one.
+    // The first step is the half width of the interval by curvature, if the curvature is known.
     double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
     double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
     for (int i = 0; i < fit->unknowns; i++) p.within[i] = fit->unknown[i].value;
@@ -395,7 +397,7 @@ double kn_fit_runs(int readings, const double *residual)
 
 double kn_fit_aicc(int readings, int unknowns, double sum)
 {
-    double n = readings, p = unknowns + 1; // the scale counts as one unknown, too
+    double n = readings, p = unknowns + 1; // the scale of the residuals counts as one more unknown
     if (n - p - 1 <= 0) return INFINITY;
     return n * log(sum / n) + 2 * p + 2 * p * (p + 1) / (n - p - 1);
 }

@@ -2,10 +2,11 @@
 #include <complex.h>
 #include <math.h>
 
-// each node adds 0.6 digits; with more nodes the rounding error, which grows as exp(0.4 NODES), would outweigh the gain
+// number of nodes of the Talbot inversion; each node adds 0.6 digits, but the rounding error grows as exp(0.4 NODES),
+// so more nodes would lose accuracy
 enum { NODES = 18 };
 
-// The contour at t = 1, and the two terms of 1/Z on it.
+// The contour of the Talbot inversion at time t = 1, and the two terms of 1/Z at the nodes of the contour.
 typedef struct contour {
     const kn_fractional *f;
     double complex node[NODES], weight[NODES], part_v[NODES], part_g[NODES];

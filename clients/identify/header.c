@@ -10,9 +10,9 @@ static char separator_of(const char *line)
     return strchr(line, '\t') ? '\t' : strchr(line, ';') ? ';' : strchr(line, ',') ? ',' : ' ';
 }
 
-typedef struct census { // contents of one line
+typedef struct census { // what one line of the file contains
     int cells, numbers, missing;
-    bool first; // the first cell is a number
+    bool first; // whether the first cell is a number
 } census;
 
 static census count_cells(const char *line, char separator)
@@ -32,11 +32,12 @@ static census count_cells(const char *line, char separator)
 
 // State of the search for the header.
 typedef struct search {
-    // numbers of the last plain line and of the last commented line that may hold the names; 0: none yet
+    // line number of the last plain line that may hold the names, and of the last commented line that may hold them; 0:
+    // no such line so far
     int header, commented;
     char separator, commented_separator;
     int cells, commented_cells;
-    int data; // the first line of numbers
+    int data; // line number of the first row of numbers; 0: not found so far
     char of_rows;
 } search;
 

@@ -71,7 +71,8 @@ static bool measure_of(kn_measure *m, const char *text, char *error, size_t erro
     kn_unit unit;
     if (!kn_unit_parse(&unit, text, error, error_size)) return false;
     *m = (kn_measure){.dimension = {.m = unit.m, .kg = unit.kg, .s = unit.s, .rad = unit.rad}, .over = 1};
-    for (; unit.ten < 0 && m->over < 1e22; unit.ten++) m->over *= 10; // exact up to 1e22
+    // powers of ten are exact in double precision up to 1e22
+    for (; unit.ten < 0 && m->over < 1e22; unit.ten++) m->over *= 10;
     kn_quantity one = {.digits = "1", .unit = unit};
     m->times = kn_quantity_in(&one, &m->dimension);
     return isfinite(m->times) && m->times > 0;
@@ -127,7 +128,8 @@ static void copy(char *to, size_t size, const char *text, size_t length)
     while (length > 0 && isspace((unsigned char)text[length - 1])) length--;
     snprintf(to, size, "%.*s", (int)length, text);
     for (char *p = to; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
+        // replace control characters, since the text is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
 }
 
 // Take the text as the unit of the heading, if it is one.
@@ -262,7 +264,7 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
     kn_measure m;
     text += strspn(text, " ");
     size_t n = strspn(text, "+-0123456789.,eE");
-    // an e after the number begins the unit; it is no exponent
+    // an e or E at the end of the number is the first letter of the unit, not an exponent
     while (n > 0 && (text[n - 1] == 'e' || text[n - 1] == 'E')) n--;
     snprintf(number, sizeof number, "%.*s", (int)n, text);
     if (strchr(number, ',') && !strchr(number, '.')) *strchr(number, ',') = '.';

@@ -2,7 +2,7 @@
 #include "clients/identify/special.h"
 #include <math.h>
 
-#define SMALL 1e-12 // beta P below which exp(-beta P) is 1
+#define SMALL 1e-12 // if beta P is below this limit, exp(-beta P) counts as 1
 enum { NEWTON_MAX = 60 };
 
 // Return exp(-beta clamp(P)): the damper as a share of alpha.
@@ -90,7 +90,7 @@ static double after(const kn_hold *h, double from, double wait, double least)
         else high = u;
         const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
         u += step;
-        if (fabs(step) < 3e-7) return u; // the remaining error is about the square of this step
+        if (fabs(step) < 3e-7) return u; // Newton's method squares the error, so u is exact enough after this step
     }
     return u;
 }
@@ -105,7 +105,7 @@ void kn_hold_stress(const kn_hold *h, int count, const double *time_s, double *s
     const double low = floor_of(h);
     const double at_p1 = h->begin_pa > h->p1_pa && low < h->p1_pa ? kn_hold_until(h, h->p1_pa) : 0;
     const double at_low = h->begin_pa > low ? kn_hold_until(h, low) : 0;
-    stretch s = {h->begin_pa, 0}; // the last stress found
+    stretch s = {h->begin_pa, 0}; // stress and time that were found last
     for (int i = 0; i < count; i++) {
         const double t = time_s[i];
         // Above p1 the fall is exponential.

@@ -1,9 +1,9 @@
 #ifndef KN_CLIENTS_IDENTIFY_HOLD_H
 #define KN_CLIENTS_IDENTIFY_HOLD_H
-// The papers' element held at a length: its stress over time in closed form.
+// The stress over time of the papers' element that is held at a constant length, in closed form.
 //
 //     +--k1--+
-//     |      |--[ c2(P) ]--     c2(P) = alpha exp(-beta clamp(P, P0, P1)),     x = xv + xd held
+//     |      |--[ c2(P) ]--     c2(P) = alpha exp(-beta clamp(P, P0, P1)),     x = xv + xd = constant
 //     +--c1--+
 //
 // P is the stress, xv the strain of the Voigt element, xd the strain of the damper. Both parts carry the stress P: k1
@@ -17,23 +17,23 @@
 // determines k1.
 
 typedef struct kn_hold {
-    double begin_pa;    // Pi, stress at time 0, > 0
+    double begin_pa;    // stress Pi at time 0, > 0
     double alpha_s;     // alpha/k1, > 0
     double c1_s;        // c1/k1, >= 0
-    double beta_per_pa; // >= 0
-    double p0_pa;       // >= 0; 0: never reached
-    double p1_pa;       // > p0; INFINITY: never reached
+    double beta_per_pa; // beta, >= 0
+    double p0_pa;       // P0, >= 0; 0: the stress never falls to P0
+    double p1_pa;       // P1, > P0; INFINITY: the stress never exceeds P1
 } kn_hold;
 
-// Return the time constant -P/P' at the stress, s.
+// Return the time constant -P/P' at the stress P = stress_pa [s].
 double kn_hold_time(const kn_hold *hold, double stress_pa);
 
-// Return the time at which the stress has fallen to `stress_pa`, s. It must be > 0 and <= begin_pa. P0 is taken as at
-// least 1e-12/beta. Return INFINITY if exp(beta P) overflows a double.
+// Return the time at which the stress has fallen to `stress_pa` [s]. `stress_pa` must be > 0 and <= begin_pa. If P0 is
+// below 1e-12/beta, the value 1e-12/beta replaces P0. Return INFINITY if exp(beta P) overflows a double.
 double kn_hold_until(const kn_hold *hold, double stress_pa);
 
-// Compute the stress at `count` rising times >= 0. Equation (1) is inverted by a search that starts at the previous
-// time. The relative error is at most 1e-11.
+// Compute the stress at `count` rising times >= 0. Equation (1) is inverted by a search, which starts from the stress
+// at the previous time. The relative error is at most 1e-11.
 void kn_hold_stress(const kn_hold *hold, int count, const double *time_s, double *stress_pa);
 
 #endif

@@ -61,7 +61,7 @@ static int may_write(const char *subcommand, const char *path)
     fclose(f);
     if (n == 0 || !strcmp(begin, mark)) return KN_EXIT_OK;
     return kn_complain(subcommand, KN_EXIT_USAGE,
-                       "%s: is there and was not written by knead identify; expected another name", path);
+                       "%s: exists and was not written by knead identify, expected another name", path);
 }
 
 // Return the parameter of this name, or NULL.
@@ -127,7 +127,8 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
     const bool plain = kn_key_quotable(base);
-    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : ""); // a name has at most 255 bytes
+    // the text fits, since a file name has at most 255 bytes
+    snprintf(text, KN_SOURCE_MAX, "%s%s", base, files > 1 ? " and others" : "");
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < ' ' || (!plain && (unsigned char)*c > '~')) *c = '?';
     return text;
@@ -175,14 +176,16 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
     int code = may_write(subcommand, path);
     if (code != KN_EXIT_OK) return code;
     if (!kn_material_served(material, why, sizeof why))
-        return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene takes it: %s", path, why);
+        return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene accepts it: %s", path, why);
     // Write to a file beside the path and rename it once it is complete.
     if (!kn_beside_open(&out, path, why, sizeof why)) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
     FILE *f = out.file;
-    fprintf(f, "%s %s\n# Intervals hold the truth 95 times in 100 if the model is right and the noise independent.\n",
+    fprintf(f,
+            "%s %s\n"
+            "# 95 %% intervals, valid if the model is right and the noise is independent.\n",
             mark, origin);
     print_material(f, material, count, number);
     if (density_kg_m3 > 0) fprintf(f, "density: %.6g kg/m^3\n", density_kg_m3);
-    else fprintf(f, "density: %d kg/m^3  # not measured: dough's; --density says another\n", DOUGH_KG_M3);
+    else fprintf(f, "density: %d kg/m^3  # not measured: the density of dough; --density sets another\n", DOUGH_KG_M3);
     return kn_beside_keep(&out, why, sizeof why) ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
 }

@@ -20,9 +20,10 @@ static const experiment experiments[] = {
 static void print_help(void)
 {
     printf("usage: knead identify COMMAND [OPTION]... FILE...\n\n"
-           "From what was measured on a lump to the numbers of a virtual one, each with what the data know of it.\n\n");
+           "Fit the parameters of a virtual object to measurements of a real specimen, each parameter with its "
+           "uncertainty.\n\n");
     for (const experiment *e = experiments; e->name; e++) printf("  %-6s %s\n", e->name, e->summary);
-    printf("\n`knead identify COMMAND --help` tells the rest.\n");
+    printf("\n`knead identify COMMAND --help` lists the options.\n");
 }
 
 int kn_identify_main(int argc, char **argv)
@@ -33,7 +34,7 @@ int kn_identify_main(int argc, char **argv)
     }
     for (const experiment *e = experiments; argc > 1 && e->name; e++) {
         if (strcmp(argv[1], e->name) != 0) continue;
-        char full[40]; // argv[0] of the experiment: getopt prints it in front of its messages
+        char full[40]; // argv[0] of the experiment; getopt prints this name in front of its messages
         snprintf(full, sizeof full, "knead identify %s", e->name);
         argv[1] = full;
         return e->main(argc - 1, argv + 1);

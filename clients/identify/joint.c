@@ -7,23 +7,27 @@
 #include <stdlib.h>
 #include <string.h>
 
-// After the six parameters, each curve has two unknowns: by how much later its load was applied (late_s), and by how
-// much longer the last load lasted (held_s). Both together are the lateness of the curve.
-enum { LATE = KN_JOINT_NUMBERS, ROW = 3 }; // ROW: more outliers than this side by side are the model's fault
+// The unknowns of the fit are six parameters, followed by two unknowns for each curve: how much later than the file
+// says the load was applied (late_s), and how much longer than the file says the last load lasted (held_s). Both
+// together are called the lateness of the curve.
+// LATE: index of the first unknown of the first curve; ROW: largest number of neighbouring outliers that are left out
+enum { LATE = KN_JOINT_NUMBERS, ROW = 3 };
 _Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
 _Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
 
-// limit of Huber's loss, in deviations: beyond the limit, the influence of a reading on the robust fit stays constant
+// limit of Huber's loss, in standard deviations of the noise; the influence of a reading on the robust fit does not
+// grow beyond this limit
 static const double huber = 3;
-static const double outlying = 5;      // deviations, in units of the curve's own median
+// limit from which a reading is an outlier, in standard deviations estimated from the curve's median deviation
+static const double outlying = 5;
 static const double one_stress = 0.97; // ratio of least to largest stress above which the damper is taken as constant
 
 typedef struct joint_work {
     int curves;
     const kn_curve *curve;
     bool robust, late;
-    double *strain; // fitted strain of one curve, scratch
-    bool *left_out; // one flag for each reading, curve by curve
+    double *strain; // scratch: fitted strain of one curve
+    bool *left_out; // [readings of all curves, in order] whether the reading is left out as an outlier
     int most;       // number of readings of the longest curve
 } joint_work;
 
@@ -33,7 +37,7 @@ typedef struct lateness {
     double late_s, held_s;
 } lateness;
 
-// Return the fitted time of a step of the load. A final release is also shifted by held_s.
+// Return the fitted time of a load step, shifted by late_s. The final removal of the load is also shifted by held_s.
 static double came(const kn_curve *c, int step, lateness l)
 {
     const bool release = step > 0 && step + 1 == c->steps && c->step[step].stress_pa == 0;
@@ -83,7 +87,7 @@ bool kn_joint_predict(const kn_material *material, const kn_curve *c, double *st
     return predict(material, c, (lateness){0, 0}, strain);
 }
 
-// Shift one curve to the fitted times and drop the readings before the load.
+// Shift the times of one curve by its fitted lateness, and drop the readings before the first load.
 static void settle(kn_curve *c, lateness l)
 {
     int early = 0;
@@ -149,7 +153,8 @@ static bool misfit(void *of, const double *value, double *residual)
 
 // ---- the measured range
 
-// Return the median of the last readings up to a time, so that one outlier does not matter. 0 before the first reading.
+// Return the median strain of the last readings up to a time, so that one outlier does not matter. Before the first
+// reading return 0.
 static double strain_at(const kn_curve *c, double until_s)
 {
     enum { LAST = 5 };
@@ -161,7 +166,7 @@ static double strain_at(const kn_curve *c, double until_s)
     return n ? last[n / 2] : 0;
 }
 
-// Return when a step ends: at the next step, or at the last reading.
+// Return the time at which a load step ends: the begin of the next step, or the time of the last reading.
 static double step_end(const kn_curve *c, int step)
 {
     return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
@@ -190,7 +195,8 @@ static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CUR
     j->lowest_pa = fmin(fmax(j->lowest_pa, 1e-3 * j->highest_pa), j->highest_pa);
 }
 
-// Estimate the range of stresses from the readings, which is accurate enough to begin a search.
+// Estimate the range of stresses under load from the measured strains. The estimate is accurate enough to begin a
+// search.
 static void visited(kn_joint *j, int curves, const kn_curve *curve)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
@@ -332,7 +338,7 @@ static bool seek_p1(kn_fit *fit, const kn_joint *j)
         start[count][KN_JOINT_P1] = share[k] * j->highest_pa;
         if (start[count][KN_JOINT_P1] > 1.02 * j->lowest_pa) count++;
     }
-    values(fit, start[count]); // beyond the largest stress, where it has no gradient
+    values(fit, start[count]); // a further start: P1 beyond the largest stress, where P1 has no effect
     start[count++][KN_JOINT_P1] = 1.1 * j->highest_pa;
     fit->unknown[KN_JOINT_P1].fixed = false;
     return kn_fit_run_from(fit, count, start);
@@ -381,7 +387,8 @@ static bool deviations(const joint_work *w, const kn_fit *fit, int k, double *ou
     return ok;
 }
 
-// Count the neighbouring readings, including this one, that deviate by more than half of the limit for outliers.
+// Return the length of the series of neighbouring readings around the reading `at` that deviate by more than half of
+// the limit for outliers. The reading `at` is included.
 static int beside(const double *d, int n, int at)
 {
     int from = at, to = at;
@@ -390,7 +397,7 @@ static int beside(const double *d, int n, int at)
     return to - from + 1;
 }
 
-// Leave out the outliers of all curves that are not part of a longer row.
+// Leave out the outliers of all curves, except outliers in a series of more than ROW neighbouring ones.
 static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
 {
     int count = 0;
@@ -418,47 +425,49 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
     const kn_fit_unknown *u = &fit->unknown[i];
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
-    if (constant(j) && i >= KN_JOINT_BETA) {   // the parameter does not exist
+    if (constant(j) && i >= KN_JOINT_BETA) {   // a constant damper has no beta, P0 or P1
     } else if (i == KN_JOINT_P0 && u->fixed) { // the interval states how high P0 could be
         kn_fit free_of = *fit;
         free_of.unknown[i].fixed = false;
-        free_of.unknown[i].low = 0.999 * j->lowest_pa; // everything below is equally good
+        free_of.unknown[i].low = 0.999 * j->lowest_pa; // every P0 below the least stress fits equally well
         if (!opt->no_intervals) known = kn_fit_interval_by(&free_of, i, opt->confidence, KN_FIT_PROFILE);
         fit->evaluations = free_of.evaluations;
         known.open_low = true;
     } else if (!opt->no_intervals) {
-        bool bent = i >= KN_JOINT_P0; // their likelihood has a kink at the end of the measured stresses
+        // the likelihood of P0 and P1 has a kink at the end of the measured stresses, so use the profile
+        bool bent = i >= KN_JOINT_P0;
         known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
                      : kn_fit_interval_of(fit, i, opt->confidence);
     }
-    // Beyond the largest stress every P1 is equally good.
+    // Every P1 beyond the largest stress fits equally well, so the interval ends at the largest stress.
     if (i == KN_JOINT_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
     kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
 }
 
-// State in words why a parameter is not known.
+// Set the words of each parameter that is not known: the reason, or the value used instead.
 static void say(kn_joint *j)
 {
     if (constant(j)) {
         snprintf(j->number[KN_JOINT_BETA].words, sizeof j->number[0].words,
-                 "one stress alone: how the damper depends on it is not in these curves; it is taken as constant");
+                 "only one stress: these curves do not show how the damper depends on it; it is taken as constant");
         return;
     }
     kn_identified *p0 = &j->number[KN_JOINT_P0], *p1 = &j->number[KN_JOINT_P1];
     if (p0->known != KN_KNOWN)
         snprintf(p0->words, sizeof p0->words,
-                 "no load went below %.4g Pa; taken as that, and not extrapolated: measure a smaller one",
+                 "no load was below %.4g Pa; this value is used and not extrapolated; measure a smaller load",
                  j->lowest_pa);
     if (p1->known != KN_KNOWN)
         snprintf(p1->words, sizeof p1->words,
-                 "the largest stress, %.4g Pa, did not last; a larger load, sampled faster at its start, would tell",
+                 "the largest stress, %.4g Pa, did not last; measure a larger load, sampled faster at its start",
                  j->highest_pa);
     for (int i = KN_JOINT_K1; i <= KN_JOINT_BETA; i++) {
         kn_identified *n = &j->number[i];
         if (n->known == KN_AT_MOST) snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
         else if (n->known == KN_AT_LEAST)
             snprintf(n->words, sizeof n->words, "these curves cannot tell it from infinity");
-        else if (n->known == KN_UNKNOWN) snprintf(n->words, sizeof n->words, "these curves do not depend on it alone");
+        else if (n->known == KN_UNKNOWN)
+            snprintf(n->words, sizeof n->words, "these curves do not determine it on its own");
     }
 }
 

@@ -9,7 +9,7 @@
 
 // ---- the list of laws
 
-// Return the law by which this experiment sees a class of one-ports.
+// Return the law by which a class of one-ports appears in a relaxation or creep experiment.
 static kn_fit_law of_class(const kn_oneport *o, bool relax)
 {
     kn_fit_law law = {.kind = KN_FIT_LAW_UNITS, .relax = relax};
@@ -105,7 +105,8 @@ static void add(kn_fit_unknown out[KN_FIT_UNKNOWNS], int *n, const char *name, d
     out[(*n)++] = (kn_fit_unknown){.name = name, .low = low, .high = high, .linear = linear};
 }
 
-// Each element has a modulus and a time. A free spring and a damper have one unknown each.
+// List the unknowns of springs and dampers. Each Maxwell or Voigt element has a modulus and a time. A single spring and
+// a single damper have one unknown each.
 static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     static const char *const k[] = {"k1", "k2", "k3"}, *const tau[] = {"tau1", "tau2", "tau3"};
@@ -123,14 +124,16 @@ static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknow
 static const char *const begin_name[KN_FIT_UNKNOWNS] = {"Pi",    "Pi(2)", "Pi(3)", "Pi(4)",  "Pi(5)",  "Pi(6)",
                                                         "Pi(7)", "Pi(8)", "Pi(9)", "Pi(10)", "Pi(11)", "Pi(12)"};
 
-// In a hold k1 is not known, so the unknowns are ratios to k1, and each curve has its stress at time 0.
+// List the unknowns of the papers' damper. A hold does not determine k1, so the unknowns are ratios to k1, and the
+// stress of each curve at time 0 is an unknown.
 static int unknowns_of_dough(const kn_fit_law *law, const size *z, int curves, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const double p = z->stress_pa, low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
     int n = 0;
     if (law->relax) {
         add(out, &n, "alpha/k1", 1e-3 * z->first_s, 1e80 * z->last_s, false);
-        add(out, &n, "beta", 1e-2 / p, 200 / p, false); // with a smaller beta, c2 hardly depends on the stress
+        // a beta below the lower bound would leave c2 almost independent of the stress
+        add(out, &n, "beta", 1e-2 / p, 200 / p, false);
         if (law->c1) add(out, &n, "c1/k1", 1e-4 * z->first_s, 10 * z->last_s, false);
     } else {
         add(out, &n, "k1", low, high, false);
@@ -172,7 +175,8 @@ const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
 {
     kn_fit_unknown u[KN_FIT_UNKNOWNS];
     const kn_fit_law_curve none = {.strain = 1};
-    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa"; // the stress of each curve
+    // the unknowns after the parameters are the stresses of the curves at time 0
+    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa";
     const char *name = u[unknown].name;
     if (law->kind == KN_FIT_LAW_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
     if (!strcmp(name, "beta")) return "1/Pa";
@@ -253,7 +257,7 @@ static kn_chain row_of(const kn_fit_law *law, const double *v)
         row = (kn_chain){.voigts = 1, .k_pa = {v[0]}, .c_pa_s = {v[1]}, .alpha_pa_s = v[2], .beta_per_pa = v[3]};
         n = 4;
         if (law->p0) row.p0_pa = v[n++];
-        row.p1_pa = law->p1 ? v[n] : 600 / v[3]; // exp(beta P1) would overflow beyond it
+        row.p1_pa = law->p1 ? v[n] : 600 / v[3]; // without P1, clamp the stress where exp(beta P) would overflow
         return row;
     }
     for (int i = 0; i < law->units && i < KN_CHAIN_VOIGTS; i++, n += 2) {
@@ -314,7 +318,7 @@ bool kn_fit_law_predict(const kn_fit_law *law, const double *value, kn_fit_law_c
         const kn_chain row = row_of(law, value);
         return !(row.p0_pa > row.p1_pa) && row_creep(&row, &curve[c], count, time_s, out);
     }
-    // The yardsticks creep by superposition, which needs the nodes.
+    // Laws that are no springs and dampers are computed by superposition (memory.h), which needs the nodes.
     if (!curve[c].memory.nodes) return false;
     const kn_fractional f = fractional_of(value);
     if (law->kind == KN_FIT_LAW_FRACTIONAL)

@@ -23,7 +23,7 @@ static double modulus_near(const kn_fit_law_curve *c, double time_s)
     return p->value[i] / c->strain;
 }
 
-// Fit the logarithm by least squares over all curves.
+// Fit P/strain = a - b ln t by least squares to the early readings of all curves.
 static look look_at(int curves, const kn_fit_law_curve *curve)
 {
     double n = 0, t = 0, y = 0, tt = 0, ty = 0;

@@ -4,7 +4,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { ROOM = 1 << 18 }; // size of the buffer; a header is searched for in the first buffer only
+// size of the buffer [bytes]; the header of a table is searched only in the first buffer of a file
+enum { ROOM = 1 << 18 };
 
 static bool fail(kn_lines *l, const char *why)
 {

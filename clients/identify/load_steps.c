@@ -1,7 +1,8 @@
 #include "clients/identify/load_steps.h"
 #include <math.h>
 
-// Shares of the largest load. The noise of a load cell is below them, a step by a weight is above.
+// Limits as shares of the largest load: loads closer than `near` count as one load, loads below `zero` as no load. The
+// noise of a load cell is below these limits, a change of load by a weight is above.
 static const double near = 0.04, zero = 0.02;
 
 static double largest(int count, const double *load)
@@ -11,7 +12,8 @@ static double largest(int count, const double *load)
     return most;
 }
 
-// Return the end of the plateau that begins at `begin`, and its mean. Single readings off the plateau are skipped.
+// Return the end of the plateau of the load that begins at the reading `begin`, and set *mean to the mean load of the
+// plateau. Single readings off the plateau are skipped.
 static int plateau(int count, const double *load, int begin, double tolerance, double *mean)
 {
     double sum = 0;

@@ -2,8 +2,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { PHASE = 40 }; // intervals between two changes of load
-// node i of a phase is at the share (i/PHASE)^GRADING of the phase, since x rises as a power of time after a change
+enum { PHASE = 40 }; // number of intervals between nodes in one phase, the time between two changes of load
+// node i of a phase is placed at the share (i/PHASE)^GRADING of the duration of the phase, since the strain rises as a
+// power of time after a change of load
 #define GRADING 3
 
 bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *step_s, const double *nominal_pa,
@@ -62,7 +63,7 @@ static double step(kn_memory *m, int n, double x, double nominal, double lag_k, 
     return x;
 }
 
-// March from node to node. jump[i] is the sudden change of stress at change i.
+// Compute the strain from node to node. jump[i] is the jump of the stress at the change of load i.
 static void march(kn_memory *m)
 {
     double p = 0, jump[KN_MEMORY_STEPS] = {0};

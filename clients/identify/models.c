@@ -128,7 +128,7 @@ static bool residuals(const work *w, const double *value, int part, bool scale, 
         kn_fit_law_curve *curve = &w->m->curve[c];
         const kn_fit_law_part *p = &curve->part[part];
         const double most = w->m->relax ? 0 : largest(curve);
-        // The unit of a creep residual is the noise, but at least a small share of the largest strain.
+        // A creep residual is divided by the noise, or by a small share of the largest strain if that is larger.
         const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
         if (!kn_fit_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
         for (int i = 0; i < p->count; i++, n++) {
@@ -175,10 +175,12 @@ static bool is_loose(const kn_fit *fit, int unknown)
     return u->at_bound || !(off < (u->linear ? fabs(u->value) : 1));
 }
 
-// Misfits below KN_MODELS_FINE count as equal, so that numerical errors do not decide between models.
+// Return the AICc of a fit. Misfits below KN_MODELS_FINE count as equal, so that numerical errors do not decide between
+// models.
 static double aicc_of(const kn_models *m, const kn_fit *fit)
 {
-    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE); // size of one residual
+    // residual of size KN_MODELS_FINE, in the units of the fit
+    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE);
     return kn_fit_aicc(fit->readings, fit->unknowns, fmax(fit->sum, fit->readings * fine * fine));
 }
 
@@ -192,7 +194,8 @@ static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, dou
         .law = *law, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
     row->unknowns = fit.unknowns = kn_fit_law_unknowns(law, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
-    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL; // the same law with fewer parameters
+    // row that was fitted before, which may be the same law with fewer parameters
+    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
     // The search of a law with more parameters may continue from the fit with fewer.
     const bool follows = last && last->fitted && last->law.kind == law->kind;
     const int starts = kn_fit_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0,
@@ -240,14 +243,16 @@ bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn
     if (curve->kind == KN_CURVE_RELAX && curves > KN_MODELS_HOLDS) return false;
     snprintf(error, error_size, "out of memory");
     if (!take(m, curves, curve, options)) return false;
-    snprintf(error, error_size, "%d readings up to the cut and %d behind it are too few to compare models: 8 and 3",
-             m->early, m->late);
+    snprintf(error, error_size,
+             "%d readings before the cut and %d after it are too few to compare models, expected 8 and 3", m->early,
+             m->late);
     if (m->early < 8 || m->late < 3) return false;
     for (int c = 0; m->relax && c < curves; c++)
         for (int part = EARLY; part <= LATE; part++)
             for (int i = 0; i < m->curve[c].part[part].count; i++)
                 if (!(m->curve[c].part[part].value[i] > 0)) {
-                    snprintf(error, error_size, "%s falls to 0 or below, so errors have no shares", curve[c].name);
+                    snprintf(error, error_size, "%s falls to 0 or below, so relative errors are undefined",
+                             curve[c].name);
                     return false;
                 }
     snprintf(error, error_size, "out of memory");

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define RUNS 3.0 // standard deviations of kn_fit_runs above which residuals are not noise
+#define RUNS 3.0 // limit of kn_fit_runs, in standard deviations; residuals above the limit are not noise
 // Models whose AICc differs from the best by at most this much count as equally supported (Burnham and Anderson, Model
 // selection, 2.6)
 #define NEAR_AICC 2
@@ -22,7 +22,7 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
-// Errors below KN_MODELS_SAME count as equal.
+// Return the error of the late part. Errors below KN_MODELS_SAME count as equal.
 static double held_of(const kn_models_row *row) { return fmax(row->held, KN_MODELS_SAME); }
 
 // Return the row that is best on the later part, or -1. `yardsticks`: whether laws that are no springs and dampers
@@ -97,13 +97,13 @@ static void say_support(const kn_models *m, char *text, size_t size)
     if (any) {
         append(text, size, "the data support ");
         append_names(m, supported, text, size);
-        append(text, size, ": best on what was fitted (AICc within 2) and on what came later (within 1.1 times)");
+        append(text, size, ": best on the fitted part (AICc within 2) and on the later part (within 1.1 times)");
         return;
     }
     const int count = append_names(m, describes, text, size);
-    append(text, size, count > 1 ? " describe best what was fitted, " : " describes best what was fitted, ");
+    append(text, size, count > 1 ? " describe the fitted part best, " : " describes the fitted part best, ");
     append_name(text, size, &m->row[best_held(m, true)]);
-    append(text, size, is_below_all(m) ? " what came later" : " what came later: none does both");
+    append(text, size, is_below_all(m) ? " the later part" : " the later part: none does both");
 }
 
 // Explain that the later stresses are below the fitted ones, if that is the reason of the failure.
@@ -112,9 +112,8 @@ static void say_below(const kn_models *m, char *text, size_t size)
     char words[300];
     if (!is_below_all(m)) return;
     snprintf(words, sizeof words,
-             ". The later stresses, down to %.3g Pa, are below all that were fitted, %.3g Pa and more: the damper "
-             "there, and a P0 between them, the fit has not seen, so this speaks against no thinning; a later --cut "
-             "shows more",
+             ". The later stresses, down to %.3g Pa, are below all fitted ones, %.3g Pa and more: the fit has not seen "
+             "the damper there, nor a P0 between them, so this does not rule out thinning; a later --cut shows more",
              m->late_pa, m->early_pa);
     append(text, size, words);
 }
@@ -125,10 +124,10 @@ static void say_elements(const kn_models *m, char *text, size_t size)
     const int element = best_held(m, false), any = best_held(m, true);
     char words[120];
     if (element < 0 || element == any) return;
-    snprintf(words, sizeof words, "; a yardstick wins, of springs and dampers ");
+    snprintf(words, sizeof words, "; a yardstick wins; among springs and dampers, ");
     append(text, size, words);
     append_name(text, size, &m->row[element]);
-    snprintf(words, sizeof words, " comes nearest, %.3g %% on what came later, against %.3g %%",
+    snprintf(words, sizeof words, " comes nearest, with an error of %.3g %% on the later part, against %.3g %%",
              100 * m->row[element].held, 100 * m->row[any].held);
     append(text, size, words);
 }
@@ -151,8 +150,7 @@ void kn_models_verdict(const kn_models *m, char *text, size_t size)
     }
     if (known && !noise)
         append(text, size,
-               ". All leave residuals in runs of one sign, which noise does not: none of them is the "
-               "material");
+               ". The residuals of all models have runs of one sign, unlike noise: none of them is the material");
 }
 
 void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
@@ -167,13 +165,13 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
     }
 }
 
-// Print one row of the table.
+// Print the row of one law in the table of models.
 static void print_row(const kn_models *m, const kn_models_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";
     append_name(name, sizeof name, row);
     if (!row->fitted) {
-        printf("%-42s %2d  no answer\n", name, row->unknowns);
+        printf("%-42s %2d  no fit\n", name, row->unknowns);
         return;
     }
     kn_models_numbers(row, numbers, sizeof numbers);
@@ -185,16 +183,18 @@ static void print_row(const kn_models *m, const kn_models_row *row)
 void kn_models_print(const kn_models *m)
 {
     char text[1000];
-    printf("\nmodels      fitted to %d readings up to %.4g s%s, judged by the %d after that\n", m->early, m->cut_s,
+    printf("\nmodels      fitted to %d readings up to %.4g s%s, tested on the %d after that\n", m->early, m->cut_s,
            m->relax ? " of the hold" : " of each load", m->late);
-    printf("            %s\n", m->relax ? "errors: mean of |model/measured - 1|; readings are means in 20 bins a decade"
-                                        : "errors: root mean square, of the curve's largest strain");
+    printf("            %s\n", m->relax
+                                   ? "errors: mean of |model/measured - 1|; readings are means in 20 bins per decade"
+                                   : "errors: root mean square, relative to the curve's largest strain");
     printf("%-42s %2s %9s %9s %9s %5s\n", "", "n", "fitted %", "later %", "AICc", "runs");
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
-    printf(
-        "letters: figure 2 of the first paper. n: numbers fitted. AICc: above the best one's. runs: of residuals, in\n"
-        "standard deviations of noise; above 3 the model bends otherwise than the data. (?): not known from what was\n"
-        "fitted, at a bound or anything\n");
+    printf("letters: figure 2 of the first paper. n: parameters. AICc: difference from the best model. runs: number of "
+           "sign runs,\n"
+           "in standard deviations below that of noise; above 3 the model has another shape than the data. (?): not "
+           "determined\n"
+           "by the fitted part, at a bound or arbitrary\n");
     kn_models_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }

@@ -17,10 +17,11 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     }
     while (n > 0 && isspace((unsigned char)note->key[n - 1])) n--;
     note->key[n] = '\0';
-    size_t length = strcspn(value, ";\t"); // spreadsheets pad their lines with separators
+    size_t length = strcspn(value, ";\t"); // spreadsheets fill up lines with separators, so cut the value there
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
     for (char *p = note->value; *p; p++)
-        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?'; // the text is shown on terminals
+        // replace control characters, since the text is shown on terminals
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
     return words <= 3 && *note->value;
 }

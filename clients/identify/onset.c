@@ -2,8 +2,9 @@
 #include <math.h>
 #include <stdbool.h>
 
-static const double sure = 4; // standard deviations
-enum { LEAST = 3 };           // readings of a line; their residuals show a stray reading
+static const double sure = 4; // a difference of more than this many standard deviations of the noise counts as certain
+// least number of readings in a fitted line; with three readings, residuals show a stray reading
+enum { LEAST = 3 };
 
 typedef struct level {
     double strain, variance;
@@ -49,7 +50,8 @@ double kn_onset(int count, const double *t, const double *x, double noise, doubl
     int begin = 0;
     *least_s = -INFINITY;
     for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
-    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s; // the gauge was not set to 0
+    // the first strain is clearly below the level, so the gauge was not set to 0
+    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
     // Skip the readings that are still at the level. Then try lines of 3, 6, 12, ... readings up to half of the strain.
     // Keep the line whose lower limit of the time (the meeting time minus four standard deviations) is the latest.
     while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;

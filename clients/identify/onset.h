@@ -5,10 +5,11 @@
 // or before, never later. This holds for any material, with or without flat readings before the load. The result is
 // thus a lower limit of the time of the load.
 
-// Return the time at which the line meets the initial level. The level is 0, or the mean of the first three readings if
-// they are flat. Set *least_s to the earliest time that is possible within four standard deviations of the noise.
-// Return -INFINITY if the noise hides the rise, or if the first reading is more than four standard deviations of the
-// noise below the initial level. There must be at least 3 readings, and the times must rise.
+// Return the time at which the straight line through the first rising strains meets the initial level of the strain.
+// The initial level is the mean of the first three readings if these are flat, or else 0. Set *least_s to the earliest
+// possible time, four standard deviations before the returned time. Return -INFINITY if the noise hides the rise of the
+// strain, or if the first reading is more than four standard deviations of the noise below the initial level. There
+// must be at least 3 readings, and the times must rise.
 double kn_onset(int count, const double *time_s, const double *strain, double noise, double *least_s);
 
 #endif

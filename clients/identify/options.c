@@ -116,7 +116,7 @@ static int take_density(kn_identify_options *opt, const char *text)
                                                                                 : code;
 }
 
-// Store one option. Return an exit code, after a complaint.
+// Store the value of one option. Return 0, or print an error and return an exit code.
 static int take_option(kn_identify_options *opt, int option, const char *text)
 {
     kn_curve_options *c = &opt->curve;
@@ -175,7 +175,7 @@ static int keep_apart(const kn_identify_options *opt)
 static const char *stopped_at(int c, char *const *argv)
 {
     const char *last = argv[optind - 1];
-    if (c == '?' && optopt > 0 && optopt < LOAD) // getopt complains about a single letter
+    if (c == '?' && optopt > 0 && optopt < LOAD) // getopt_long stopped at an unknown single-letter option
         return last[0] == '-' && last[1] == optopt && !last[2] ? last : argv[optind];
     return c != '?' && c != ':' && optarg == last ? argv[optind - 2] : last;
 }

@@ -5,22 +5,24 @@
 #include "clients/identify/curve.h"
 
 typedef struct kn_identify_options {
-    const char *subcommand; // "identify creep"
+    const char *subcommand; // "identify creep"; named in error messages
     kn_curve_options curve; // how to read the files
-    const char **file;
+    const char **file;      // [files] paths of the input files
     int files;
-    double density_kg_m3; // 0: not given
+    double density_kg_m3; // density of the material; 0: not given
     const char *out, *png, *csv, *report;
-    bool no_models;      // do not compare with other models
-    bool late;           // creep: also fit the moment of each load
-    bool shear;          // sweep: the moduli are shear moduli
-    bool constant_noise; // relax: noise has a constant size, not a constant share of the value
-    // models are fitted to readings before this time and judged by those after it; 0: chosen from the data
+    bool no_models;      // do not compare the result with other material models
+    bool late;           // creep: also fit the times at which the loads were applied and removed
+    bool shear;          // sweep: the measured moduli are shear moduli
+    bool constant_noise; // relax: the noise has the same size for all stresses, not the same share of each stress
+    // comparison of models: they are fitted to the readings before this time and judged by the later readings [s]; 0: a
+    // time is chosen from the data
     double cut_s;
 } kn_identify_options;
 
-// Parse the command line of one experiment: 'c' creep, 'r' relax, 's' sweep. Return an exit code. --help prints `help`
-// and sets *done. Call kn_identify_options_free in every case, also after an error.
+// Parse the command line of one experiment: 'c' for creep, 'r' for relax, 's' for sweep. Return 0, or print an error
+// and return an exit code. If --help is given, print `help` and set *done. Call kn_identify_options_free in every case,
+// even after an error.
 int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
                               int argc, char **argv, bool *done);
 void kn_identify_options_free(kn_identify_options *opt);

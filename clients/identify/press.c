@@ -10,14 +10,16 @@
 
 // part of the path before the descent, in which the plate catches the nodes it touches
 static const double lead_s = 0.2;
-// a tool within this distance of its lowest position counts as at the lowest position
+// a tool less than this distance above its lowest position counts as being at its lowest position
 static const double still_m = 1e-4;
 static const double shaking_m = 1e-6;
-static const double near_m = 1e-3; // distance from the top at rest that counts as touching
+// a tool less than this distance above the top of the object at rest counts as touching the top
+static const double near_m = 1e-3;
 static const double period_s = 1e-3;
-static const double thinnest = 0.2; // least share of the object's height under the tool at its lowest position
+// least height of the object under the tool at its lowest position, as a share of the height at rest
+static const double thinnest = 0.2;
 
-#define LONGEST_TICKS 3600000 // an hour: 350 MB for one probe
+#define LONGEST_TICKS 3600000 // largest number of ticks of a press: an hour, which takes 350 MB of memory for one probe
 
 void kn_press_free(kn_press *p)
 {
@@ -66,21 +68,22 @@ static void find_hold(kn_press *p)
         if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
     const int64_t rise = begin_of_rise(p, last);
     p->hold_end_s =
-        // in the tick of the rise the velocity is upwards, and the force has vanished
+        // in the tick of the rise the velocity is upwards and the force has vanished, so the hold ends one tick earlier
         p->time_s[rise > 0 ? rise - 1 : 0];
     p->end_s = p->time_s[p->ticks - 1];
 }
 
-// ---- a path
+// ---- press along the path of the first paper
 
-// Return the probe of this name, else the first plate, else the first probe. Return -1 after a complaint.
+// Return the probe of this name, else the first plate, else the first probe. On an error write the error to `error` and
+// return -1.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)
         if (name ? !strcmp(def->probe[i].name, name) : def->probe[i].shape == KN_PROBE_PLATE) return i;
     if (!name && def->probe_count > 0) return 0;
     snprintf(error, error_size,
-             name ? "--probe %s: the scene has none of that name"
+             name ? "--probe %s: the scene has no probe of that name"
                   : "the scene has no probe%s, expected one to press with",
              name ? name : "");
     return -1;
@@ -149,14 +152,16 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     return ok;
 }
 
-// ---- a log: the servo and its safety stage decide which poses reach the lattice. So the log is played by the servo,
-// and a listener between servo and backend records the poses.
+// ---- press from a log
+//
+// The servo loop and its safety stage decide which poses reach the lattice. So the servo replays the log, and a
+// listener between servo and backend records the poses.
 
 typedef struct listener {
-    kn_backend own; // the backend of the replay
+    kn_backend own; // the original backend of the replay, to which the listener passes every call
     kn_press *press;
     int64_t room;
-    bool short_of_memory; // or the log is longer than an hour
+    bool short_of_memory; // memory ran out, or the log is longer than an hour
 } listener;
 
 static bool grow(listener *l)
@@ -224,7 +229,7 @@ static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
     }
 }
 
-// Play the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in missed
+// Replay the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in missed
 // cycles, nor in ticks without contact, which a log may omit.
 static bool listen(kn_replay *r, listener *l)
 {
@@ -252,7 +257,7 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
     // The probes of both scenes must have the same names, since the poses belong to these probes.
     bool good = r->model->def.probe_count == p->probes;
     for (int i = 0; good && i < p->probes; i++) good = !strcmp(r->model->def.probe[i].name, scene->model.probe[i].name);
-    if (!good) snprintf(error, error_size, "%s: is of a scene with other probes, expected those of the scene", log);
+    if (!good) snprintf(error, error_size, "%s: was recorded with other probes, expected those of the scene", log);
     // Put the listener in the place of the replay's backend.
     listener l = {.own = r->backend, .press = p};
     r->backend.self = &l;
@@ -276,7 +281,7 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
     return good;
 }
 
-// ---- playing it
+// ---- simulation of the press on a model
 
 void kn_pressed_free(kn_pressed *p)
 {

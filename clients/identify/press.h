@@ -1,13 +1,14 @@
 #ifndef KN_CLIENTS_IDENTIFY_PRESS_H
 #define KN_CLIENTS_IDENTIFY_PRESS_H
-// A press: the recorded motion of the tools, tick by tick. It can be repeated on other models of the object. The
-// results are the force on the tool in every tick and the surface of the object at a few times (moments).
+// A press: the motion of the tools while they press the object, recorded for every tick. The press can be simulated on
+// different models of the object. The results are the force on the tool in every tick and the surface of the object at
+// a few times (moments).
 //
-// The default is the first paper's press: the tool comes down at 1 cm/s to 1 cm below the top, stays for 30 s, and
-// leaves. At time 0 the tool touches the top and begins to come down. Alternatively the poses come from a log, as the
-// server passed them to the lattice. The times are then those of `knead view --at` and `knead replay --csv`. These
-// times advance while a server misses cycles, but the lattice is not stepped then. Successive ticks are thus not always
-// 1 ms apart.
+// The default is the first paper's press: the tool moves down at 1 cm/s to 1 cm below the top of the object, stays for
+// 30 s, and leaves. At time 0 the tool touches the top and begins to move down. Alternatively the poses are read from a
+// log, as the server passed the poses to the lattice. The times are then those of `knead view --at` and
+// `knead replay --csv`. These times also advance during cycles that the server missed, in which the lattice was not
+// stepped. Successive ticks of a press are thus not always 1 ms apart.
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "core/surface.h"
@@ -17,51 +18,54 @@
 typedef struct kn_press {
     int probe; // index of the probe whose force is compared
     int probes;
-    int64_t ticks;         // number of ticks, of 1 ms each
-    double *time_s;        // [ticks] time at the end of each tick; rising
-    kn_probe_input *input; // [ticks * probes]
-    double *logged_n;      // [ticks] contact force from the log, upwards; NAN: not logged; NULL: no log
-    double hold_end_s;     // time at which the tool begins to rise from its lowest position (found to within 0.1 mm)
-    double end_s;
+    int64_t ticks;         // number of ticks; the lattice is stepped by 1 ms in each tick
+    double *time_s;        // [ticks] time at the end of each tick; the times rise
+    kn_probe_input *input; // [ticks * probes] poses and velocities of all probes, tick by tick
+    double *logged_n;      // [ticks] contact force from the log, upwards; NAN: not in the log; NULL: there is no log
+    double hold_end_s;     // time at which the tool begins to rise from its lowest position, which is known to 0.1 mm
+    double end_s;          // time of the last tick
 } kn_press;
 
 typedef struct kn_press_def { // a field of 0 means the default
-    const char *probe;        // name; NULL: the first plate, else the first probe; in a log the first one that touches
-    double depth_m;           // 10 mm
-    double speed_m_s;         // 10 mm/s
-    double hold_s;            // 30 s; < 0: no hold
+    // name of the pressing probe; NULL: the scene's first plate, or else the scene's first probe; with a log, the first
+    // probe that touches the object
+    const char *probe;
+    double depth_m;   // depth of the press below the top; default 10 mm
+    double speed_m_s; // speed of the tool; default 10 mm/s
+    double hold_s;    // duration of the hold at the lowest position; default 30 s; < 0: no hold
 } kn_press_def;
 
-// Make a press from the paper's path or from a log; free it with kn_press_free. Return false with one sentence in
-// error.
+// Make a press, from the path of the first paper's press or from a log. Free the press with kn_press_free. On failure
+// return false with one sentence in `error`.
 bool kn_press_path(kn_press *press, const kn_scene *scene, const kn_press_def *def, char *error, size_t error_size);
 bool kn_press_log(kn_press *press, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size);
-void kn_press_free(kn_press *press); // a zeroed struct is fine
+void kn_press_free(kn_press *press); // a zeroed struct is allowed
 
 // Return the first tick that ends at `time_s` or later, with a tolerance of half a tick, as `knead view --at` does. If
-// there is none, return the last tick.
+// all ticks end earlier, return the last tick.
 int64_t kn_press_tick(const kn_press *press, double time_s);
 
-typedef struct kn_pressed { // results of a press; owned
+typedef struct kn_pressed { // results of a simulated press; the arrays are owned
     double *force_n;        // [ticks] force on the probe, upwards
-    int64_t ticks;          // number of ticks played
+    int64_t ticks;          // number of simulated ticks
     int vertex_count;
-    float (*shape_m[KN_PRESS_MOMENTS])[3]; // [vertex_count] positions of kn_surface at each moment
+    float (*shape_m[KN_PRESS_MOMENTS])[3]; // [vertex_count] positions of the surface's vertices at each moment
 } kn_pressed;
 
-// Play the press on a model, up to `until_s`. The callback `told` is called after every second of the press and may be
-// NULL. Return false if the physics diverged, or if memory runs out.
+// Settings of kn_press_run, which simulates the press on a model up to the time play->until_s. kn_press_run calls
+// `told` after every second of the press; `told` may be NULL. kn_press_run returns false if the physics diverged or if
+// memory runs out.
 typedef struct kn_press_play {
     const kn_model *model;
     const kn_surface *surface; // surface of the model
     int moments;
-    const double *moment_s; // [moments]
-    double until_s;
-    void (*told)(void *of, int64_t ticks); // `ticks`: number of ticks since the last call
-    void *of;
+    const double *moment_s;                // [moments] times at which the surface is stored
+    double until_s;                        // time at which the simulation ends
+    void (*told)(void *of, int64_t ticks); // ticks: number of ticks simulated since the last call
+    void *of;                              // passed to `told`
 } kn_press_play;
 bool kn_press_run(const kn_press *press, const kn_press_play *play, kn_pressed *pressed);
-void kn_pressed_free(kn_pressed *pressed); // a zeroed struct is fine
+void kn_pressed_free(kn_pressed *pressed); // a zeroed struct is allowed
 
 #endif

@@ -6,9 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double exact = 0.005; // possible error of the solver, as a share of the largest force
-// LEAST: fewest readings. AROUND, MIDDLE: neighbours on either side, for strays and for the median. DENSE: in a series
-// of at least this many readings, a single high reading cannot be the true peak of a press.
+static const double exact = 0.005; // possible error of the computed force, as a share of the largest measured force
+// LEAST: least number of readings of the force. AROUND: number of neighbours on either side with which a possible stray
+// is compared. MIDDLE: number of neighbours on either side in a median. DENSE: in a series of at least this many
+// readings, a single high reading cannot be the true peak of a press.
 enum { LEAST = 10, AROUND = 3, MIDDLE = 2, DENSE = 100 };
 
 void kn_pull_free(kn_pull *p)
@@ -19,7 +20,8 @@ void kn_pull_free(kn_pull *p)
     memset(p, 0, sizeof *p);
 }
 
-// Sort the readings into spans and number the spans that hold any.
+// Assign the readings to spans of time, number the spans that hold readings, and compute the mean and sigma of each
+// span.
 static void fill_bins(kn_pull *p)
 {
     const double first_s = p->time_s[0], all_s = p->time_s[p->count - 1] - first_s;

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Return the median of the strain in the later half of the time. NAN if memory runs out.
+// Return the held strain: the median of the strain in the later half of the time. Return NAN if memory runs out.
 static double held(const kn_curve *c)
 {
     const double half = (c->time_s[0] + c->time_s[c->count - 1]) / 2;
@@ -69,7 +69,7 @@ bool kn_ramp_of(kn_ramp *r, const kn_curve *c, char *error, unsigned long error_
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
-    if (high == 0) { // held from the first reading on
+    if (high == 0) { // the strain is held from the first reading on
         r->start_s = r->end_s = fmin(c->begin_s, c->time_s[0]);
         return true;
     }

@@ -75,7 +75,7 @@ static int longest_in_order(const place *order, int count, int *last)
             if (last[middle] < order[i].index) low = middle + 1;
             else high = middle;
         }
-        last[low] = order[i].index; // the smallest last index of all series of length low + 1
+        last[low] = order[i].index; // last[i]: the smallest last index of all ordered series of length i + 1
         longest += low == longest;
     }
     return longest;
@@ -92,7 +92,7 @@ int kn_readings_sort(kn_readings *r)
     if (order && room) {
         for (int i = 0; i < r->count; i++) order[i] = (place){r->time_s[i], i};
         qsort(order, (size_t)r->count, sizeof *order, by_time);
-        // The room of doubles also serves the line numbers.
+        // The scratch memory for doubles is also used for line numbers.
         moved = r->count - longest_in_order(order, r->count, (int *)room);
         double *const all[] = {r->time_s, r->value, r->other, r->load, r->weight};
         for (int i = 0; i < 5; i++) permute(all[i], order, r->count, room);
@@ -170,7 +170,7 @@ int kn_readings_merge(kn_readings *r)
 
 // ---- thinning
 
-typedef struct piece { // readings between two changes
+typedef struct piece { // readings between two changes of load
     int begin, end;
     double from_s;
 } piece;
@@ -227,7 +227,8 @@ static void straighten(kn_readings *r, int begin, int end, const double *varianc
         r->value[i] -= 0.5 * bend * variance[i];
         before = here;
     }
-    r->value[end - 1] -= 0.5 * bend * variance[end - 1]; // the last mean has a neighbour on one side only
+    // the last mean has a neighbour on one side only, so the curvature of the mean before is used
+    r->value[end - 1] -= 0.5 * bend * variance[end - 1];
 }
 
 // Thin one piece into the readings from `to` on. Return the end of the new readings.

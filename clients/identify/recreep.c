@@ -43,7 +43,7 @@ static double apart(const double *a, const double *b, const kn_curve *c)
 static int run(kn_recreep *back, kn_recreep_way way, const char *subcommand, const char *scene, const kn_curve *c)
 {
     static const char *gas[] = {"object.pressure=cells"};
-    // A lattice of 0 cells is the element itself.
+    // The test bench treats a lattice of 0 cells as one element.
     const int n = way == KN_RECREEP_ELEMENT ? 0 : KN_RECREEP_CELLS;
     kn_bench_options opt = {.subcommand = subcommand,
                             .specimen = scene,

@@ -16,32 +16,38 @@
 
 static const char help[] =
     "usage: knead identify relax FILE... [OPTION]...\n\n"
-    "From how the stress fell while a lump was held compressed to the numbers of a virtual one: k1 and c1, which give\n"
-    "back, and the damper alpha exp(-beta P) between P0 and P1, which lets the stress go.\n\n"
+    "Fit the material of a virtual object to stress relaxation: how the stress fell while a specimen was held "
+    "compressed.\n"
+    "The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between P0 and P1, which "
+    "relaxes\n"
+    "the stress.\n\n"
     "    knead identify relax ramp.csv --height 1cm --area 1cm^2 --out dough.yaml\n"
     "    knead identify relax modulus.csv --strain 5% --png fit.png\n\n"
-    "A file is a table with a name and a unit over each column: time; stress, load or modulus; strain, displacement "
-    "or\n"
-    "height where they were recorded. Lines before it may say what is the same for all of it:\n"
+    "A file is a table with a name and a unit above each column: time; stress, load or modulus; and strain, "
+    "displacement or\n"
+    "height if they were recorded. Lines before the table may give values that hold for the whole file:\n"
     "    # strain: 10 %       # height: 1 cm       # area: 1 cm^2       # begin: 1.5 s\n"
     "    time (s); load (gf)\n"
-    "With the way to the strain in the file, rise and hold are fitted together, and all numbers are found: a slow "
-    "rise,\n"
-    "some 2 %/s, tells most. A hold alone knows c1/k1, alpha/k1 and beta; k1 then is at least what the strain says if\n"
-    "nothing had flowed by the first reading. A modulus without --strain makes no material.\n\n"
-    "  --strain S             held, of files that do not say it: 10% or 0.1\n"
-    "  --height H, --area S   of the specimen, as made\n"
-    "  --units NAME=UNIT,...  of columns that have none: --units time=s,modulus=Pa\n"
-    "  --constant-area        stress is load/S0; else the section grows as the height falls, S h = S0 h0\n"
-    "  --noise relative       what is left is judged in shares of the stress, of readings averaged in 20 bins a\n"
-    "                         decade of time, so that each decade counts the same (as it is without)\n"
-    "  --noise constant       in Pa, each reading the same: where the instrument's noise is what "
-    "limits\n" KN_IDENTIFY_OUTPUT_HELP
-    "\nTold are the best numbers, with intervals that hold the truth 95 times in 100 if the model is right and the "
+    "If the file contains the rise to the strain, rise and hold are fitted together and determine all parameters; a "
+    "slow\n"
+    "rise, about 2 %/s, is best. A hold alone determines c1/k1, alpha/k1 and beta, and a lower bound of k1, which is "
+    "exact\n"
+    "if nothing had flowed by the first reading. A modulus without --strain gives no material.\n\n"
+    "  --strain S             held strain, for files that do not state it, e.g. 10% or 0.1\n"
+    "  --height H, --area S   initial height and area of the specimen\n"
+    "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
+    "  --constant-area        stress is load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
+    "  --noise relative       weight residuals relative to the stress, over readings averaged in 20 bins per decade "
+    "of\n"
+    "                         time, so that each decade counts the same (default)\n"
+    "  --noise constant       weight residuals in Pa, each reading the same: for noise of the "
+    "instrument\n" KN_IDENTIFY_OUTPUT_HELP
+    "\nThe output gives the best parameters with 95 % intervals. The intervals are valid if the model is right and the "
     "noise\n"
-    "independent; whether that is so; what these curves cannot tell; and how other models fare that are fitted to the\n"
-    "early part and judged by the later one.\n"
-    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
+    "is independent; the output tells if that is so, and which parameters these curves cannot determine. It also "
+    "compares\n"
+    "other models, which are fitted to the early part and tested on the later one.\n"
+    "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct work {
     kn_identify_options opt;
@@ -65,7 +71,7 @@ static void print_number(const kn_identified *n)
 // Print the parameters that this experiment determines: in Pa after a rise, else the ratios to k1.
 static void print_numbers(const kn_relaxation *r)
 {
-    printf("\n%-9s best, and within 95 %%\n", "");
+    printf("\n%-9s best value and 95 %% interval\n", "");
     if (r->scale != KN_RELAXATION_MODULUS) {
         print_number(&r->number[KN_RELAXATION_K1]);
         if (r->scale == KN_RELAXATION_RISE)
@@ -88,9 +94,9 @@ static void print_curves(const kn_relaxation *r)
         printf("%-20s %9s %9d %9d %9d %9.2g %6s\n", k->curve->name, strain, k->curve->count, k->rise.count,
                k->hold.count, 100 * k->misfit, runs);
     }
-    printf(
-        "rise, hold: means that are fitted. misfit: mean of |fit/measured - 1|; runs: standard deviations fewer than "
-        "noise\nhas, above 3 the model bends otherwise\n");
+    printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|. runs: number of sign runs, in "
+           "standard\n"
+           "deviations below that of noise; above 3 the model has another shape than the data\n");
 }
 
 static void doubt(void *to, const char *words)
@@ -182,11 +188,9 @@ static int fit(work *w)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
     // A modulus without its strain makes no material.
     if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
-        return kn_complain(
-            w->opt.subcommand, KN_EXIT_USAGE,
-            "--out %s: without the strain that was held there is no material, expected it in the file or "
-            "by --strain",
-            w->opt.out);
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "--out %s: no material without the held strain, expected it in the file or by --strain",
+                           w->opt.out);
     return KN_EXIT_OK;
 }
 

@@ -7,19 +7,19 @@
 #include <stdlib.h>
 
 #define FAR 0.05
-#define NUMERICS 5e-4 // misfit that averages and finite differences leave even for a perfect curve
+#define NUMERICS 5e-4 // largest relative misfit that averages and finite differences leave even for a perfect curve
 
 const char *kn_relax_scale(const kn_relaxation *r)
 {
     switch (r->scale) {
-    case KN_RELAXATION_RISE: return "The scale, k1, is in how the stress rose with the strain.";
+    case KN_RELAXATION_RISE: return "The scale, k1, follows from the rise of the stress with the strain.";
     case KN_RELAXATION_BOUND:
-        return "A hold knows c1/k1, alpha/k1 and beta, not k1: that is at least this, c1 and alpha grow with it.";
+        return "A hold determines c1/k1, alpha/k1 and beta, but not k1: this is its lower bound, and c1 and alpha "
+               "scale with it.";
     case KN_RELAXATION_MODULUS: break;
     }
-    return "Stresses are in units of the modulus: beta, P0, P1 are those of the stress divided by the strain held, "
-           "which "
-           "--strain says.";
+    return "Stresses are in units of the modulus: beta, P0 and P1 refer to the stress divided by the held strain, "
+           "which --strain gives.";
 }
 
 // Return whether there is a material that no scene accepts.
@@ -35,32 +35,32 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         const kn_relaxation_curve *k = &r->curve[c];
         if (k->misfit > FAR) {
             snprintf(text, sizeof text,
-                     "%s: the fit is %.2g %% off on average: this is not the papers' element, and its "
-                     "numbers say little",
+                     "%s: the fit is off by %.2g %% on average: this is not the papers' element, and its parameters "
+                     "mean little",
                      k->curve->name, 100 * k->misfit);
             say(to, text);
         }
         // Runs of one sign mean that the model has another shape than the data.
         if (k->runs > 3 && k->misfit > NUMERICS) {
             snprintf(text, sizeof text,
-                     "%s: what is left after the fit comes in runs of one sign (%.2g standard "
-                     "deviations): the model bends otherwise than the material, and intervals are too narrow",
+                     "%s: the residuals have runs of one sign (%.2g standard deviations): the model has another shape "
+                     "than the data, and the intervals are too narrow",
                      k->curve->name, k->runs);
             say(to, text);
         }
         // The rise follows the strain column instead of a straight line, so the noise of the column affects c1.
         if (k->rises && !k->ramp.straight) {
             snprintf(text, sizeof text,
-                     "%s: the strain did not rise in a straight line (%.2g %% off): its own column is "
-                     "used, and its noise is in c1",
+                     "%s: the strain did not rise in a straight line (%.2g %% off): the recorded strain is used, and "
+                     "its noise affects c1",
                      k->curve->name, 100 * k->ramp.apart);
             say(to, text);
         }
         // In a fast rise, c1 carries most of the stress.
         if (k->rises && k->ramp.strain / (k->ramp.end_s - k->ramp.start_s) > 0.05) {
             snprintf(text, sizeof text,
-                     "%s: so fast a rise, %.3g %% a second, is met by c1, and tells little of the "
-                     "others; some 2 %% a second tell most",
+                     "%s: in a rise this fast, %.3g %% a second, c1 carries most of the stress, and little is known of "
+                     "the others; about 2 %% a second is best",
                      k->curve->name, 100 * k->ramp.strain / (k->ramp.end_s - k->ramp.start_s));
             say(to, text);
         }
@@ -69,20 +69,17 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         // If beta P stays below 1, the fall is nearly exponential and determines only the sum of the two time
         // constants.
         const double b = r->number[KN_RELAXATION_BETA].value * r->highest_pa;
-        snprintf(text, sizeof text, "c1/k1 and alpha/k1 are not known apart%s",
-                 b < 1 ? ": it falls exponentially, whose "
-                         "time constant is their sum"
-                       : "");
+        snprintf(text, sizeof text, "c1/k1 and alpha/k1 are not known separately%s",
+                 b < 1 ? ": the stress falls exponentially, and their sum is its time constant" : "");
         say(to, text);
     }
     if (is_refused(r, why, sizeof why)) {
-        snprintf(text, sizeof text, "no scene takes this material: %s", why);
+        snprintf(text, sizeof text, "no scene accepts this material: %s", why);
         say(to, text);
     }
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
-    say(to,
-        "without c1 the stress would have been infinite when the strain was reached at once; the virtual material has "
-        "none, and answers at once with a spring");
+    say(to, "c1 is 0: with any c1, reaching the strain at once would have taken an infinite stress; the virtual "
+            "material has none, and answers at once with a spring");
 }
 
 // ---- the plot
@@ -129,8 +126,8 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
     for (int i = 0; i < POINTS; i++) d->time_s[i] = from * pow(to / from, i / (POINTS - 1.0));
     kn_figure_add(
         p, (kn_figure_series){"fitted", early->count, early->time_s, early->value, 1, 1e-3, KN_FIGURE_POINTS, 1});
-    kn_figure_add(p,
-                  (kn_figure_series){"not seen", late->count, late->time_s, late->value, 1, 1e-3, KN_FIGURE_POINTS, 8});
+    kn_figure_add(
+        p, (kn_figure_series){"not fitted", late->count, late->time_s, late->value, 1, 1e-3, KN_FIGURE_POINTS, 8});
     // A dashed vertical line marks the end of the fitted part.
     d->cut_s[0] = d->cut_s[1] = m->cut_s;
     d->cut_pa[0] = early->value[0];
@@ -162,9 +159,9 @@ int kn_relax_draw(const kn_relax_told *t, const char *path)
         const char *since = "time since the strain was reached, s";
         p[0] = (kn_figure_panel){
             .title = "stress", .x_label = since, .y_label = "stress, kPa", .log_x = true, .log_y = true};
-        p[1] = (kn_figure_panel){
-            .title = "what is left", .x_label = since, .y_label = "measured/fit - 1, %", .log_x = true};
-        p[2] = (kn_figure_panel){.title = "models, fitted left of the dashes",
+        p[1] =
+            (kn_figure_panel){.title = "residuals", .x_label = since, .y_label = "measured/fit - 1, %", .log_x = true};
+        p[2] = (kn_figure_panel){.title = "models, fitted left of the dashed line",
                                  .x_label = since,
                                  .y_label = "stress, kPa",
                                  .log_x = true,
@@ -195,11 +192,12 @@ static void tell_number(kn_document *d, const kn_identified *n)
 static void tell_models(kn_document *d, const kn_models *m)
 {
     char text[1000];
-    kn_document_section(d, "Which model these data support");
+    kn_document_section(d, "Models that these data support");
     kn_models_verdict(m, text, sizeof text);
-    kn_document_text(d, "Fitted up to %.4g s of the hold, judged by what came after that: %s.", m->cut_s, text);
-    kn_document_table(d, "Models", "llrrrrl",
-                      "model\tfigure 2\tnumbers\tfitted, %\tlater, %\tAICc above the best\tnumbers found");
+    kn_document_text(d, "Fitted up to %.4g s of the hold, tested on the rest: %s.", m->cut_s, text);
+    kn_document_table(
+        d, "Models", "llrrrrl",
+        "model\tfigure 2\tparameters\terror fitted, %\terror later, %\tAICc above the best\tfitted values");
     for (int i = 0; i < m->rows; i++) {
         const kn_models_row *r = &m->row[i];
         kn_models_numbers(r, text, sizeof text);
@@ -212,7 +210,7 @@ static void tell_models(kn_document *d, const kn_models *m)
 // Write the tables of curves and parameters.
 static void tell_fit(kn_document *d, const kn_relaxation *r)
 {
-    kn_document_section(d, "What was measured");
+    kn_document_section(d, "Measurements");
     kn_document_table(d, "Curves", "lrrrr", "curve\tstrain, %\treadings\tmisfit, %\truns");
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
@@ -223,7 +221,7 @@ static void tell_fit(kn_document *d, const kn_relaxation *r)
     }
     kn_document_section(d, "The material");
     kn_document_text(d, "%s", kn_relax_scale(r));
-    kn_document_table(d, "The papers' element", "lrl", "number\tbest, and within 95 %\twhat to know");
+    kn_document_table(d, "The papers' element", "lrl", "parameter\tbest value and 95 % interval\tremark");
     for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) tell_number(d, &r->number[i]);
     for (int i = 0; i < 2 && r->scale != KN_RELAXATION_RISE; i++) tell_number(d, &r->ratio[i]);
     kn_relax_doubts(r, say_doubt, d);
@@ -239,9 +237,8 @@ int kn_relax_report(kn_document *d, const kn_relax_told *t,
     if (code == KN_EXIT_OK) {
         kn_document_section(d, "Pictures");
         kn_document_picture(d, "fit.png",
-                            "Stress over time since the strain was reached, with the fit; what is left; "
-                            "models",
-                            "Points: means of the readings, 20 in a decade of time. Lines: the fit.");
+                            "Stress over time since the strain was reached, with the fit; residuals; models",
+                            "Points: means of the readings, 20 per decade of time. Lines: the fit.");
     }
     if (t->models) tell_models(d, t->models);
     if (code == KN_EXIT_OK) code = write_csv(t, kn_document_file(d, "readings.csv", path));
@@ -249,7 +246,7 @@ int kn_relax_report(kn_document *d, const kn_relax_told *t,
     kn_document_link(d, "readings.csv", "readings and fit");
     if (code == KN_EXIT_OK && t->fit->scale != KN_RELAXATION_MODULUS && !is_refused(t->fit, why, sizeof why)) {
         code = write_material(t, kn_document_file(d, "material.yaml", path));
-        kn_document_link(d, "material.yaml", "the material, for a scene");
+        kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` in a scene");
     }
     return code;
 }

@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
 #define KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
-// The results of `knead identify relax`: notes, plots and the report.
+// Output of the results of `knead identify relax`: notes on doubtful results, plots and the HTML report.
 #include "clients/identify/document.h"
 #include "clients/identify/models.h"
 #include "clients/identify/options.h"
@@ -15,14 +15,15 @@ typedef struct kn_relax_told {
 // Return a sentence on how well the curves determine the scale k1, and which parameters depend on k1.
 const char *kn_relax_scale(const kn_relaxation *fit);
 
-// Call `say` with each sentence of doubt about the fit.
+// Call `say` once for each doubt about the fit, with `to` and one sentence.
 void kn_relax_doubts(const kn_relaxation *fit, void (*say)(void *to, const char *words), void *to);
 
-// Draw the stress over time with the fit, the residuals, and the models beside the first curve. The result is one PNG.
-// Return an exit code.
+// Draw one PNG file: the stress over time with the fit, the residuals, and the predictions of other models beside the
+// first curve. Return 0, or print an error and return an exit code.
 int kn_relax_draw(const kn_relax_told *told, const char *path);
 
-// Fill an open report with the pictures, the readings and the material. Return an exit code.
+// Fill an open report with the plots, the readings and the material. The functions `write_csv` and `write_material`
+// write the files of the readings and of the material to `path`. Return 0, or print an error and return an exit code.
 int kn_relax_report(kn_document *d, const kn_relax_told *told,
                     int (*write_csv)(const kn_relax_told *told, const char *path),
                     int (*write_material)(const kn_relax_told *told, const char *path));

@@ -16,9 +16,10 @@ enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN };
 typedef struct work {
     kn_relaxation *r;
     bool constant_noise;
-    kn_fit fit;             // unknowns as in the enum, then a stress Pi for each curve
+    kn_fit fit;             // the unknowns are the parameters of the enum, followed by a stress Pi for each curve
     double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
-    double lowest, highest; // measured stresses: lowest of the holds, highest of all
+    // lowest: least stress measured in the holds; highest: largest stress measured in holds and rises
+    double lowest, highest;
 } work;
 
 // ---- the element's stress
@@ -50,7 +51,8 @@ static void by_hold(const double *v, double begin_pa, double begin_s, const kn_b
                        .beta_per_pa = v[BETA],
                        .p0_pa = v[P0],
                        .p1_pa = v[P1]};
-    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s; // out serves as room for the times
+    // out[] holds the times first, then the stresses
+    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s;
     kn_hold_stress(&h, b->count, out, out);
 }
 
@@ -369,7 +371,7 @@ static void know_dampers(work *w, const kn_relaxation_options *o)
                            kn_fit_interval_of(&w->fit, P0, o->confidence));
     else {
         put_bound(&n[P0], "P0", "Pa", true, bound(&w->fit, P0, lowest, 0.99 * highest, o->confidence),
-                  "the fit is no better with one; it has the lowest stress measured");
+                  "fitting P0 does not improve the fit; the lowest measured stress is used");
         n[P0].value = lowest;
     }
     if (r->p1)
@@ -377,7 +379,7 @@ static void know_dampers(work *w, const kn_relaxation_options *o)
                            kn_fit_interval_of(&w->fit, P1, o->confidence));
     else {
         put_bound(&n[P1], "P1", "Pa", false, bound(&w->fit, P1, highest, 1.01 * lowest, o->confidence),
-                  "the fit is no better with one; it has the highest stress measured");
+                  "fitting P1 does not improve the fit; the highest measured stress is used");
         n[P1].value = highest;
     }
 }
@@ -388,7 +390,7 @@ static void know_c1(work *w, const kn_relaxation_options *o, const char *name, c
     kn_identified_take(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
     if (n->known != KN_AT_MOST) return;
     n->value = 0;
-    snprintf(n->words, sizeof n->words, "cannot be told from 0, which is taken");
+    snprintf(n->words, sizeof n->words, "cannot be told from 0; 0 is used");
 }
 
 // Determine the parameters of a hold without a rise. The fit gives them as ratios to k1. In Pa and Pa s they are given
@@ -402,8 +404,8 @@ static void know_without_rise(work *w, const kn_relaxation_options *o)
     kn_identified_take(&r->ratio[1], "alpha/k1", "s", w->fit.unknown[ALPHA].value,
                        kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
     put_bound(&r->number[K1], "k1", "Pa", false, k1,
-              modulus ? "a hold without its strain does not know it"
-                      : "equal if nothing had flowed by the first reading; c1 and alpha go with it");
+              modulus ? "a hold without its strain does not determine it"
+                      : "exact if nothing had flowed by the first reading; c1 and alpha scale with it");
     if (modulus) r->number[K1].known = KN_UNKNOWN;
     for (int i = 0; i < 2; i++) {
         r->number[C1 + i] = r->ratio[i];
@@ -488,8 +490,7 @@ bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, cons
     if (!kn_relaxation_take(r, curves, curve, options->constant_noise, error, error_size)) return false;
     work w = {.r = r, .constant_noise = options->constant_noise};
     snprintf(error, error_size,
-             "%s: no numbers of the element come near; expected a stress that falls while the strain "
-             "is held",
+             "%s: no parameters of the element fit; expected a stress that falls while the strain is held",
              curve->file);
     if (!choose(&w)) return false;
     judge(&w);

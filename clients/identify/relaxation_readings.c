@@ -5,7 +5,7 @@
 
 enum { RISE_LEAST = 5 };
 #define FALLS 0.98
-// Share of the largest stress. The logarithms of smaller readings are mostly noise.
+// Readings of the rise below this share of the largest stress are left out, since their logarithms are mostly noise.
 #define LEAST_RISE 0.05
 
 // Return whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
@@ -105,15 +105,16 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
     return true;
 }
 
-// Complain about stresses that are not positive, since they have no logarithm. With constant noise only the first mean
-// of a hold must be positive, since every model's stress is.
+// Return whether all files or no file have a strain, and whether all stresses are positive, as their logarithms
+// require. If not, write an error to `error`. With constant noise only the first mean of a hold must be positive, since
+// the stress of every model is positive there.
 static bool check(const kn_relaxation *r, bool constant_noise, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
         if (r->scale == KN_RELAXATION_MODULUS && k->ramp.strain > 0) {
             snprintf(error, size,
-                     "%s: has a strain, and another file has none; expected one for all or for none, --strain",
+                     "%s: has a strain, but another file has none, expected one in all files or in none, or --strain",
                      k->curve->file);
             return false;
         }
@@ -136,8 +137,8 @@ static double quarter(const kn_bins *b, bool last)
     return sum;
 }
 
-// Complain about a stress that does not fall. Such a stress has no relaxation time, and the search would run to ever
-// larger values.
+// Return whether the stress of every hold falls; if not, write an error to `error`. A stress that does not fall has no
+// relaxation time, so the search would run to ever larger values.
 static bool check_falls(const kn_relaxation *r, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SUBRAYS 8 // per ray, each a quarter of a degree
+#define SUBRAYS 8 // number of subrays averaged in a ray; subrays are a quarter of a degree apart
 #define ALL_RAYS (KN_RELIEF_RAYS * SUBRAYS)
 
-static const double march = 0.25; // step along a ray, in pixels
-static const double exact = 1e-3; // possible error of the solver, as a share of the height
+static const double march = 0.25; // length of a step along a ray [pixels]
+static const double exact = 1e-3; // possible error of the solver in a position, as a share of the object's height
 static const double finest_step_m = 1e-6;
 enum { PATCHES = 32, PATCH_LEAST = 4, LEVELS = 65534 };
 
@@ -42,7 +42,7 @@ static bool seen(const kn_relief *r, double x_m, double y_m)
     return r->level[(size_t)row * (size_t)r->frame.width + (size_t)column] > 0;
 }
 
-// Set the middle of the rays to the centre of all pixels that are seen.
+// Set the middle of the object, from which the rays start, to the centre of all pixels that show the object.
 static void find_middle(kn_relief *r)
 {
     double sum[2] = {0}, count = 0;
@@ -55,8 +55,8 @@ static void find_middle(kn_relief *r)
     r->centre_m[1] = r->frame.top_m - sum[1] / count * r->frame.pixel_m;
 }
 
-// March from outside inwards to the first pixel that is seen and not isolated: at least two of the next three are seen,
-// too.
+// Step along a ray from outside to the first place where the image shows the object and at least two of the next three
+// places also show it.
 static double march_in(const kn_relief *r, double angle, double from_m)
 {
     const double step_m = march * r->frame.pixel_m, way[2] = {cos(angle), sin(angle)};
@@ -72,7 +72,7 @@ static double march_in(const kn_relief *r, double angle, double from_m)
     return 0;
 }
 
-// Return whether a place is at the border of the image, where the outline may be cut off.
+// Return whether a place is at the border of the image, so that the image may cut off the outline of the object there.
 static bool at_border(const kn_relief *r, double x_m, double y_m)
 {
     const kn_range *f = &r->frame;
@@ -204,20 +204,21 @@ static bool fits(const kn_relief *r, const double low_m[3], const double high_m[
     }
     for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
     if (r->frame.highest_m > 2 * r->tall_m)
-        snprintf(error, error_size, "stands %.3g mm high, expected about the object's %.3g mm",
+        snprintf(error, error_size, "shows a height of %.3g mm, expected about the object's %.3g mm",
                  1e3 * r->frame.highest_m, 1e3 * r->tall_m);
     else if (reach_m[0] < 0.6 * there_m[0] || reach_m[0] > 1.8 * there_m[0] || reach_m[1] < 0.6 * there_m[1] ||
              reach_m[1] > 1.8 * there_m[1])
-        snprintf(error, error_size, "sees something of %.3g x %.3g mm, expected about the object's %.3g x %.3g mm",
+        snprintf(error, error_size, "shows an extent of %.3g x %.3g mm, expected about the object's %.3g x %.3g mm",
                  1e3 * reach_m[0], 1e3 * reach_m[1], 1e3 * there_m[0], 1e3 * there_m[1]);
     else if (fabs(r->centre_m[0] - 0.5 * (low_m[0] + high_m[0])) > 0.25 * there_m[0] ||
              fabs(r->centre_m[1] - 0.5 * (low_m[1] + high_m[1])) > 0.25 * there_m[1])
         snprintf(error, error_size,
-                 "has its middle at %.3g, %.3g mm, expected the object's place; is left or top right?",
+                 "has its centre at %.3g, %.3g mm, expected the object's place; is left or top right?",
                  1e3 * r->centre_m[0], 1e3 * r->centre_m[1]);
     else if (r->rays < KN_RELIEF_RAYS / 6 || r->patches < 10)
-        snprintf(error, error_size, "shows %d of %d rays of the outline and %d patches of the top, expected more of it",
-                 r->rays, KN_RELIEF_RAYS, r->patches);
+        snprintf(error, error_size,
+                 "shows %d of %d rays of the outline and %d patches of the top, expected more of the object", r->rays,
+                 KN_RELIEF_RAYS, r->patches);
     else return true;
     return false;
 }
@@ -254,7 +255,7 @@ static void sweep(outline *o, const float a[3], const float b[3])
     double p[2] = {a[0] - o->centre_m[0], a[1] - o->centre_m[1]}, q[2] = {b[0] - o->centre_m[0], b[1] - o->centre_m[1]};
     double turn = p[0] * q[1] - p[1] * q[0];
     if (!isfinite(turn) || turn == 0) return;
-    if (turn < 0) { // make it counter-clockwise
+    if (turn < 0) { // the edge runs clockwise, so exchange its ends
         const double other[2] = {p[0], p[1]};
         memcpy(p, q, sizeof p);
         memcpy(q, other, sizeof q);
@@ -337,7 +338,7 @@ bool kn_relief_compare(const kn_relief *r, const double shift_m[2], const float 
 {
     double squares[2] = {0}, ray_m[KN_RELIEF_RAYS], low_m[3], high_m[3];
     const double centre_m[2] = {r->centre_m[0] + shift_m[0], r->centre_m[1] + shift_m[1]};
-    // Points are compared by their distance only.
+    // If the relief holds points, compare only their distances from the model.
     if (r->points > 0) {
         for (int i = 0; i < r->points; i++) {
             const double off_m = -kn_relief_distance(r->point_m[i], now_m, triangles, triangle);
@@ -385,12 +386,12 @@ bool kn_relief_points(kn_relief *r, int count, double (*point_m)[3], int vertice
     r->readings = r->points;
     if (r->points >= 20 && far <= count / 2) return true;
     if (far > count / 2)
-        snprintf(
-            error, error_size,
-            "%d of %d points are farther from the object than it is high, expected its surface, in the scene's frame",
-            far, count);
+        snprintf(error, error_size,
+                 "%d of %d points are farther from the object than its height, expected points on its surface, in the "
+                 "scene's frame",
+                 far, count);
     else
-        snprintf(error, error_size, "%d points of the surface that the tool does not hide, expected 20 or more",
+        snprintf(error, error_size, "%d points on the surface that the tool does not hide, expected 20 or more",
                  r->points);
     kn_relief_free(r);
     return false;

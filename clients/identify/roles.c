@@ -92,16 +92,16 @@ static bool is_it(const kn_heading *h, kn_role role)
     return h->has_unit ? fits(h, role) : may_be_bare[role] && !*h->unit_text;
 }
 
-// Return whether the column is sure: it has a unit, or its name is the quantity's own word or letter. A bare x may be
-// anything.
+// Return whether the quantity in the column is certain: the column has a unit, or its name is the quantity's own word
+// or letter. A column named x without a unit may hold anything.
 static bool is_sure(const kn_heading *h, kn_role role)
 {
     const bool letter = role == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
     return h->has_unit || letter || strstr(h->word, kinds[role].name);
 }
 
-// Return another column with exactly this name and dimension that is at least as sure, or -1. If there are two such
-// columns, the intended one is unknown.
+// Return a second column with exactly the same name and dimension as `column`, or -1. An uncertain second column does
+// not count if `column` is certain. If there are two columns, the intended one is unknown.
 static int twin(const kn_sheet *s, kn_role role, const char *name, int column)
 {
     const bool sure = is_sure(&s->column[column].heading, role);
@@ -116,9 +116,9 @@ bool kn_role_is_sure(const kn_sheet *s, kn_role role, int column) { return is_su
 
 int kn_role_find(kn_sheet *s, kn_role role, int *code)
 {
-    int other = -1; // a column with the name but the wrong unit
+    int other = -1; // a column that has the name of the quantity, but a wrong unit or no unit
     bool sure = false;
-    // If any column is sure, columns that are not sure are ignored.
+    // If the quantity is certain in any column, uncertain columns are ignored.
     for (int c = 0; c < s->columns; c++)
         for (int n = 0; n < 14 && names[role][n]; n++) {
             const kn_heading *h = &s->column[c].heading;
@@ -133,7 +133,7 @@ int kn_role_find(kn_sheet *s, kn_role role, int *code)
                 const int again = twin(s, role, names[role][n], c);
                 if (again >= 0 && code)
                     *code = kn_sheet_complain(s, s->header_line, s->column[again].at,
-                                              "a second column of %s, '%s', expected one: cut the other out",
+                                              "a second column of %s, '%s', expected one: remove the other",
                                               kinds[role].name, s->column[again].heading.name);
                 if (again >= 0 && code) return -1;
                 convert(h, role);

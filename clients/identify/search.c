@@ -4,13 +4,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double first_trust = 0.8, most_trust = 1.6; // size of the trust region, in a logarithm
-// length of a new secant, and the longest one that is trusted at the end
+// initial and largest size of the trust region, in the logarithm of an unknown
+static const double first_trust = 0.8, most_trust = 1.6;
+// secant: length of a new secant; short_secant: longest secant that is trusted when the search ends; both in the
+// logarithm of an unknown
 static const double secant = 0.2, short_secant = 0.3;
-// settled: shorter steps end the search; near: looks closer than this count as one look; far: no limit of the distance
+// distances in the logarithm of an unknown. settled: a shorter step ends the search; near: looks closer than this count
+// as one look; far: larger than any distance
 static const double settled = 0.005, near = 1e-3, far = 1e9;
-static const double promise = 1e-3; // a short step with a predicted decrease below this share is not tried
-// the same share if the sum is above 100 per reading, so that the residuals are ten times the noise
+// a short step is not tried if its predicted decrease is below this share of the sum of squares
+static const double promise = 1e-3;
+// promise_far replaces `promise` if the sum of squares is above far_off per reading, so the residuals are ten times the
+// noise
 static const double promise_far = 1e-2, far_off = 100;
 
 void kn_search_free(kn_search *s)
@@ -132,7 +137,7 @@ static kn_fit fit_of(const kn_search *s, double trust)
 
 // ---- the search
 
-// Take a look beside the best one, along one unknown: upwards, or downwards if the upper bound is near.
+// Evaluate the model beside the best look, with one unknown larger, or smaller if the upper bound is near.
 static bool look_beside(kn_search *s, int unknown)
 {
     double there[KN_SEARCH_UNKNOWNS];
@@ -172,7 +177,9 @@ static void note_bounds(kn_search *s)
 static bool step(kn_search *s, double *trust)
 {
     int number[KN_SEARCH_UNKNOWNS];
-    for (int i = 0; i < 2; i++) { // neighbours in all directions at any distance; one of them may become the best look
+    // find neighbours of the best look in all directions, at any distance; twice, since a neighbour may become the best
+    // look
+    for (int i = 0; i < 2; i++) {
         if (!look_around(s, far)) return false;
         choose_best(s);
     }

@@ -21,7 +21,7 @@ typedef struct crew {
     int count, next;
     bool short_of_memory;
     kn_progress bar;
-    double done, total; // ticks
+    double done, total; // number of ticks simulated so far, and expected in all fits
     pthread_mutex_t lock;
 } crew;
 
@@ -31,13 +31,14 @@ static void told(void *of, int64_t ticks)
     crew *w = of;
     pthread_mutex_lock(&w->lock);
     w->done += (double)ticks;
-    if (w->done > 0.95 * w->total) w->total = w->done / 0.95; // more presses than usual were needed
+    // the fits need more presses than expected, so increase the expected total
+    if (w->done > 0.95 * w->total) w->total = w->done / 0.95;
     w->bar.total = w->total;
     kn_progress_step(&w->bar, w->done);
     pthread_mutex_unlock(&w->lock);
 }
 
-// Thread: fit the next candidate until none is left.
+// Thread function: fit the next candidate until all candidates are fitted.
 static void *toil(void *of)
 {
     crew *w = of;
@@ -122,8 +123,8 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh) { // a mesh beside blocks; without blocks --finer was refused
-        printf("\n%s has elements of its own: not pressed once more in halved cells.\n", best->name);
+    if (best->scene->model.mesh) { // the cells of a mesh cannot be halved, so only report that
+        printf("\n%s is a mesh: not pressed again with halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))
@@ -139,11 +140,9 @@ static int press_finer(const kn_shape_options *o, const kn_evidence *e, const kn
 static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate)
 {
     if (candidate[0].scene->model.thickness_m > 0)
-        return kn_complain(me, KN_EXIT_USAGE, "%s: is flat, expected an object of three dimensions",
-                           o->scene.scene_path);
+        return kn_complain(me, KN_EXIT_USAGE, "%s: the object is flat, expected three dimensions", o->scene.scene_path);
     if (o->finer && candidate[0].scene->model.mesh)
-        return kn_complain(me, KN_EXIT_USAGE,
-                           "--finer: %s has elements of its own, expected a block among the structures",
+        return kn_complain(me, KN_EXIT_USAGE, "--finer: %s is a mesh, expected a block among the structures",
                            candidate[0].name);
     if (o->png && o->depths == 0 && !o->force && !o->log)
         return kn_complain(me, KN_EXIT_USAGE, "--png %s: expected --depth or a force, points are not drawn", o->png);

@@ -7,9 +7,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { WIDE = 1180, HIGH = 900, ACROSS = 200 }; // pixels of the plot; largest number of places along a map
+// width and height of the plot [pixels]; largest number of heights drawn along one axis of a map
+enum { WIDE = 1180, HIGH = 900, ACROSS = 200 };
 
-// Write one map of heights, or of the difference a - b, thinned to about ACROSS places.
+// Write one map of heights, or of the difference a - b, thinned to about ACROSS heights along each axis.
 static void map(FILE *f, const kn_range *r, const uint16_t *a, double a_step_m, const uint16_t *b, double b_step_m)
 {
     const int every = (r->width > r->height ? r->width : r->height) / ACROSS + 1;

@@ -4,6 +4,6 @@
 // that the scene names, or another output.
 #include "clients/identify/shape_options.h"
 
-int kn_shape_files_try(const kn_shape_options *options); // an exit code, after a complaint
+int kn_shape_files_try(const kn_shape_options *options); // return 0, or print an error and return an exit code
 
 #endif

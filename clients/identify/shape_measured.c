@@ -13,7 +13,8 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-static const double beside_m = 1e-3; // margin around the outline of the tool that counts as hidden, too
+// width of the margin around the outline of the tool that counts as hidden by the tool
+static const double beside_m = 1e-3;
 
 // ---- the area hidden by the tool
 
@@ -76,7 +77,7 @@ static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candid
     return KN_EXIT_OK;
 }
 
-// Return the column of this name and dimension, or -1 after a complaint.
+// Return the column of this name and dimension. On an error print the error and return -1.
 static int named(const kn_sheet *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
@@ -152,8 +153,8 @@ static int rank_of(const kn_heading *h)
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
 }
 
-// Return the column of the force, or -1 after a complaint. If several columns have the same rank, the intended one is
-// unknown, since the z axis of a sensor may have any direction.
+// Return the column of the force. On an error print the error and return -1. If several columns have the same rank, the
+// intended one is unknown, since the z axis of a sensor may have any direction.
 static int force_of(const kn_sheet *s)
 {
     char names[300] = "";
@@ -169,7 +170,7 @@ static int force_of(const kn_sheet *s)
         kn_sheet_complain(s, s->header_line, 1, "no column of force with its unit, expected e.g. time [s], force [N]");
     if (several < 2) return best;
     kn_sheet_complain(s, s->header_line, s->column[best].at,
-                      "%s: %d columns of a force, expected one, of the contact force along z, or that one called force",
+                      "%s: %d columns of a force, expected one: the contact force along z, or a column named force",
                       names, several);
     return -1;
 }
@@ -215,7 +216,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     const int end = kn_curve_range_end(s, wanted[0], 0);
     if (end < s->rows)
         return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], wanted[0]),
-                                 "time begins anew, expected one press in a file");
+                                 "time restarts, expected one press per file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
     *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
@@ -223,7 +224,7 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
     if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; i < s->rows; i++) {
         const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
-        if (isnan(t) || isnan(f)) continue; // missing
+        if (isnan(t) || isnan(f)) continue; // the time or the force is missing, so skip the reading
         (*time_s)[*count] = t;
         s->line[*count] = s->line[i];
         (*force_n)[(*count)++] = f;
@@ -250,7 +251,7 @@ static int logged_force(const kn_press *p, double **time_s, double **force_n, in
 static void print_force(const kn_pull *p, const char *file, const char *told)
 {
     printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->bins,
-           p->most_n, p->turned ? ", compression being negative there" : "", p->noise_n);
+           p->most_n, p->turned ? ", where compression is negative" : "", p->noise_n);
     if (p->strays > 0)
         printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->strays,
                p->stray_n, p->stray_s);
@@ -269,7 +270,7 @@ static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candid
         kn_sheet_close(&s);
         for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
     } else code = logged_force(&e->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // a log without forces still has poses
+    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // the log has no forces, so only its poses are used
         free(time_s);
         free(force_n);
         return code;

@@ -14,52 +14,64 @@
 static const char help[] =
     "usage: knead identify shape SCENE --depth IMAGE.png [--force FILE.csv | --log LOG] [OPTION]...\n"
     "       knead identify shape SCENE --points FILE.csv [--force FILE.csv | --log LOG] [OPTION]...\n\n"
-    "Which structure of the first paper behaves as a lump did that was pressed: diagonals, inside pressure, or both;\n"
-    "and with which inside pressure P0 and stress area gamma of its edges. The scene says the object, its material\n"
-    "(knead identify creep finds it) and the tool. Each structure is pressed as the lump was, and its numbers are\n"
-    "fitted to what was measured: the surface seen from above, and the force, each by its own noise.\n\n"
+    "Find the structure of the first paper that behaves like a pressed specimen: diagonals, inside pressure, or both. "
+    "Fit\n"
+    "its inside pressure P0 and the stress area gamma of its edges. The scene gives the object, its material (see "
+    "knead\n"
+    "identify creep) and the tool. Each structure is pressed as the specimen was, and its parameters are fitted to "
+    "the\n"
+    "measurements: the surface seen from above, and the force, each weighted by its own noise.\n\n"
     "    knead identify shape dough.yaml --depth dent-range.png --force force.csv --out found.yaml\n"
     "    knead identify shape dough.yaml --log press.lcmlog --depth held.png --at 36\n"
     "    knead identify shape bun.yaml --points scan.csv --at end --probe finger\n\n"
-    "what was measured:\n"
+    "measurements:\n"
     "  --depth FILE      range image from above, as knead view --depth writes it: PNG of 16-bit grey; up to 4\n"
-    "  --points FILE     places on the surface, m in the scene's frame: columns x, y, z with their units\n"
-    "  --at WHEN[,WHEN]  when each was taken: hold, its end, or end, of the whole press, or seconds (hold; with --log\n"
-    "                    end). 0 is when the press begins; of a log as in knead view --at\n"
+    "  --points FILE     points on the surface, m in the scene's frame: columns x, y, z with their units\n"
+    "  --at WHEN[,WHEN]  time of each image: hold (its end), end (of the whole press), or seconds from the begin of "
+    "the\n"
+    "                    press, with --log as in knead view --at (default: hold; with --log: end)\n"
     "  --force FILE      contact force over time: a column in s, one in N, gf or the like; compared until the hold "
     "ends\n"
-    "  --force-begin S   when the press begins by the clock of that file, seconds (0)\n"
-    "  --align           the images may lie a little beside where they say, as a foreign camera's: found to parts of "
+    "  --force-begin S   begin of the press on the clock of the force file, seconds (default: 0)\n"
+    "  --align           fit a small shift of the images, as for a foreign camera, to fractions of a pixel\n"
+    "  --step L, --pixel L, --left L, --top L    for images that do not state it, or instead of their texts: height of "
     "a\n"
-    "                    pixel\n"
-    "  --step L, --pixel L, --left L, --top L    of images that do not say it: height of a grey level, side of a\n"
-    "                    pixel, x and y of the middle of the first one, e.g. '0.1 mm'; over their texts\n"
-    "the press:\n"
-    "  --log LOG         the poses of a recording, and its forces unless --force gives some; else the paper's press:\n"
-    "  --down L          how far below the top ('10 mm')\n"
-    "  --speed V         ('10 mm/s')\n"
-    "  --hold TIME       at the bottom ('30 s')\n"
-    "  --probe NAME      which tool (the first plate, else the first; of a log the first that touches)\n"
-    "the structures:\n"
-    "  --only LIST       of diagonals, pressure, both, mesh, mesh-pressure (all that the scene can have)\n"
+    "                    grey level, side of a pixel, x and y of the centre of the first pixel, e.g. '0.1 mm'\n"
+    "press:\n"
+    "  --log LOG         use the poses of a recording, and its forces unless --force is given (default: the paper's "
+    "press,\n"
+    "                    given by the next three options)\n"
+    "  --down L          depth below the top (default: '10 mm')\n"
+    "  --speed V         speed of the tool (default: '10 mm/s')\n"
+    "  --hold TIME       time at the bottom (default: '30 s')\n"
+    "  --probe NAME      tool that presses (default: the first plate, else the first probe; with --log: the first one "
+    "that\n"
+    "                    touches the object)\n"
+    "structures:\n"
+    "  --only LIST       list of diagonals, pressure, both, mesh, mesh-pressure (default: all that the scene can "
+    "have)\n"
     "  --mesh FILE --mesh-unit mm    tetrahedra of the same object, as one more structure, with and without gas\n"
-    "  --set KEY=VALUE   any key of the scene\n"
-    "  --jobs N          structures at a time (as many as there are processors)\n"
-    "  --finer           presses the best one once more in cells half as wide: what of the misfit is the lattice's; "
-    "takes\n"
-    "                    some ten times as long as a press\n"
-    "what comes of it:\n"
-    "  --out FILE        the scene with the structure that fits best and its numbers: kneadd loads it\n"
-    "  --out-depth FILE  range image of that structure, in the frame of the first --depth\n"
-    "  --png FILE        measured, found, their difference, and the forces, by gnuplot\n"
-    "  --json            what is printed, as JSON\n\n"
-    "Columns: P0 and gamma with 95 % intervals, were the model right; rms of the height, of the outline and, over its\n"
-    "largest, of the force; how far the sides bulge along x and y, measured > model; off: rms residual in units of "
+    "  --set KEY=VALUE   set any key of the scene\n"
+    "  --jobs N          structures to fit at the same time, 1 to 64 (default: the number of processors)\n"
+    "  --finer           press the best structure once more with cells half as wide, to find the lattice's part of "
     "the\n"
-    "noise; dAICc: how much worse supported than the best (10: hardly any support left). Residuals of neighbours that\n"
-    "agree count as fewer readings. From above only the widest place of a side is seen, not its height. At the end of "
-    "a\n"
-    "row: stopped early, so far off that its last per cent was not looked for; not settled, its presses were used up.\n"
+    "                    misfit; takes about ten times as long as a press\n"
+    "output:\n"
+    "  --out FILE        scene with the best structure and its parameters; kneadd loads it\n"
+    "  --out-depth FILE  range image of the best structure, in the frame of the first --depth\n"
+    "  --png FILE        plot of the measurement, the result, their difference and the forces, by gnuplot\n"
+    "  --json            print the results as JSON\n\n"
+    "Columns: P0 and gamma with 95 % intervals, valid if the model is right; rms of the height, of the outline and, "
+    "over\n"
+    "its largest value, of the force; bulge of the sides along x and y, measured > model; off: rms residual in units "
+    "of the\n"
+    "noise; dAICc: difference from the best structure (at 10, hardly any support is left). Neighbouring residuals that "
+    "agree\n"
+    "count as fewer readings. A view from above shows the widest place of a side, not its height. At the end of a "
+    "row:\n"
+    "\"stopped early\" means that the misfit is so large that the last per cent was not searched for; \"not settled\" "
+    "means\n"
+    "that the limit of presses was reached.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 enum {
@@ -170,7 +182,7 @@ static const char *take(kn_shape_options *o, int option, const char *text)
         o->depth[o->depths++] = text;
         return NULL;
     case POINTS: o->points = text; return NULL;
-    case AT: return take_moments(text, o) ? NULL : "hold, end, or seconds from 0 to 3600; up to 4, with commas between";
+    case AT: return take_moments(text, o) ? NULL : "hold, end, or seconds from 0 to 3600; up to 4, separated by commas";
     case FORCE: o->force = text; return NULL;
     case FORCE_BEGIN: return take_si(text, "s", -1e6, 1e6, &o->force_begin_s) ? NULL : "seconds";
     case ALIGN: o->align = true; return NULL;
@@ -208,13 +220,12 @@ static int check(kn_shape_options *o, int argc, char **argv)
     o->scene.scene_path = argv[optind];
     // At least one surface is needed, with at most one moment for each.
     const int surfaces = o->depths + (o->points != NULL);
-    if (surfaces == 0) REFUSE("expected --depth IMAGE.png or --points FILE.csv: a shape");
+    if (surfaces == 0) REFUSE("expected a shape: --depth IMAGE.png or --points FILE.csv");
     if (surfaces > KN_PRESS_MOMENTS) REFUSE("--points: expected at most %d surfaces", KN_PRESS_MOMENTS);
-    if (o->moments > surfaces)
-        REFUSE("--at: %d moments, expected one of each of the %d surfaces", o->moments, surfaces);
+    if (o->moments > surfaces) REFUSE("--at: %d times for %d surfaces, expected one for each", o->moments, surfaces);
     for (int i = o->moments; i < surfaces; i++) o->at_s[i] = o->log ? INFINITY : KN_SHAPE_HOLD;
     if (o->log && (o->press.depth_m > 0 || o->press.speed_m_s > 0 || o->press.hold_s != 0))
-        REFUSE("--down, --speed, --hold: expected no --log, which has a press of its own");
+        REFUSE("--down, --speed, --hold: expected no --log, which contains the press");
     if (o->force_begin_s != 0 && !o->force) REFUSE("--force-begin: expected --force");
     if ((o->align || o->out_depth) && o->depths == 0) REFUSE("--align, --out-depth: expected --depth");
     if (!o->scene.mesh != !o->scene.mesh_unit) REFUSE("--mesh: expected --mesh-unit with it: m, cm, mm or um");

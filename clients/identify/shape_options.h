@@ -4,15 +4,16 @@
 #include "clients/identify/candidate.h"
 #include "clients/viewer/range_file.h"
 
-#define KN_SHAPE_HOLD (-INFINITY) // special value of at_s: the end of the hold. INFINITY: the end of the press
+// special value of kn_shape_options.at_s: the end of the hold. The value INFINITY means the end of the press
+#define KN_SHAPE_HOLD (-INFINITY)
 
-typedef struct kn_shape_options { // paths point into argv
+typedef struct kn_shape_options { // all paths are pointers into argv
     kn_candidate_def scene;
-    const char **sets; // owned
+    const char **sets; // values of the --set options; the array is owned
     const char *depth[KN_PRESS_MOMENTS], *points, *force, *log;
-    int depths;
-    double at_s[KN_PRESS_MOMENTS]; // time of each image, then of the points
-    int moments;                   // number of times given
+    int depths;                    // number of range images in depth[]
+    double at_s[KN_PRESS_MOMENTS]; // time of each range image in depth[], followed by the time of the points
+    int moments;                   // number of times in at_s[]
     double force_begin_s;          // time in the force file at which the press begins
     kn_press_def press;
     kn_range_given given;
@@ -22,13 +23,14 @@ typedef struct kn_shape_options { // paths point into argv
     const char *png, *out, *out_depth;
 } kn_shape_options;
 
-// Parse the command line. Return an exit code, after a complaint. If --json is given, kn_result is open afterwards.
+// Parse the command line. Return 0, or print an error and return an exit code. If --json is given, kn_result is open
+// afterwards.
 int kn_shape_options_parse(kn_shape_options *options, int argc, char **argv);
 void kn_shape_options_free(kn_shape_options *options);
 
 // Read the measurements that the options name. `candidate` may be any candidate, since all candidates share the object
-// and the press. Return an exit code; after a complaint `evidence` is zeroed. Changes to the readings are reported on
-// stdout.
+// and the press. Report changes to the readings on stdout. Return 0, or print an error, set all bytes of `evidence` to
+// 0 and return an exit code.
 int kn_shape_measured(kn_evidence *evidence, const kn_shape_options *options, const kn_candidate *candidate);
 
 #endif

@@ -13,7 +13,7 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
            1e3 * extent_m[1], 1e3 * extent_m[2], c->first->node_count);
     kn_result_text(kn_result(), "scene", o->scene.scene_path);
     if (c->one_skin)
-        printf("note       the scene's object.pressure=object is left out: each structure has gas in every cell, or "
+        printf("note       the scene's object.pressure=object is ignored: each structure has gas in every cell or in "
                "none\n");
 }
 
@@ -37,12 +37,12 @@ static const char *millimetres(double m, char text[16])
     return text;
 }
 
-// Print one row of the table.
+// Print the row of one candidate in the table of structures.
 static void print_row(const kn_evidence *e, const kn_candidate *c, double off, double delta)
 {
     char text[2][48], mm[6][16], share[16] = "-", apart[16] = "-";
     if (!c->found) {
-        printf("%-13s has no answer: %s\n", c->name, c->why);
+        printf("%-13s could not be fitted: %s\n", c->name, c->why);
         return;
     }
     const kn_relief_misfit *m = &c->misfit[0];
@@ -116,7 +116,7 @@ void kn_shape_print(const kn_shape_options *o, const kn_evidence *e, const kn_ca
     if (v->best < 0) return;
     const kn_candidate *best = &c[v->best];
     if (e->align)
-        printf("the images lie %.3g mm to the right and %.3g mm up of where they say\n", 1e3 * best->shift_m[0],
+        printf("the images lie %.3g mm to the right of and %.3g mm above their stated place\n", 1e3 * best->shift_m[0],
                1e3 * best->shift_m[1]);
     printf("\n%s\n", v->words);
     kn_result_text(kn_result(), "best", best->name);
@@ -137,16 +137,15 @@ void kn_shape_print_finer(const kn_evidence *e, const kn_candidate *best, const 
     for (int i = 0; finer->found && i < e->readings; i++)
         sum += pow(finer->residual[i] - best->residual[i], 2) / e->readings;
     const double moved = sqrt(sum);
-    if (!finer->found) printf("so nothing is known of the lattice's part.\n");
+    if (!finer->found) printf("so the lattice's part of the misfit is unknown.\n");
     // A change of more than half of the misfit means that the lattice matters.
     else if (moved > 0.5 * was)
-        printf("Halving the cells moves what these numbers predict by %.1f times the noise: structure and numbers hold "
-               "for "
-               "this lattice; --set object.spacing='%g mm' for a finer one.\n",
+        printf("Halving the cells changes the predictions by %.1f times the noise: structure and parameters hold for "
+               "this lattice only; --set object.spacing='%g mm' sets a finer one.\n",
                moved, 1e3 * finer->scene->model.spacing_m);
     else
-        printf("Halving the cells moves what these numbers predict by %.1f times the noise: the lattice is not what is "
-               "wrong.\n",
+        printf("Halving the cells changes the predictions by %.1f times the noise: the lattice is not the cause of the "
+               "misfit.\n",
                moved);
     if (!kn_result()) return;
     json_t *row = json_object();

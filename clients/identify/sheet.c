@@ -66,8 +66,8 @@ int kn_sheet_note_take(const kn_sheet *s, const char *key, const char *unit, dou
         if (!kn_heading_quantity(n->value, unit, value, error, sizeof error))
             return kn_sheet_complain(s, n->line, n->at, "%s: %s", key, error);
         if (first && *value != before)
-            return kn_sheet_complain(s, n->line, n->at, "%s of %s here, of %s in line %d, expected one", key, n->value,
-                                     first->value, first->line);
+            return kn_sheet_complain(s, n->line, n->at, "%s of %s here, but of %s in line %d, expected one value", key,
+                                     n->value, first->value, first->line);
         first = n;
     }
     return KN_EXIT_OK;
@@ -217,13 +217,14 @@ static bool grow(kn_sheet *s, int count, const int wanted[])
     return ok;
 }
 
-// Complain about text in place of a number after which the names were not repeated.
+// Print the error that a cell holds text in place of a number, and return an exit code. The text is an error since the
+// names were not repeated below it.
 static int bad_text(const kn_sheet *s)
 {
     const char *text = s->strange.text;
     if (s->strange.lines > 1)
         return kn_sheet_complain(s, s->strange.line, 1,
-                                 "'%s' and more text, expected one table in a file: cut the others out", text);
+                                 "'%s' and more text, expected one table in a file: remove the others", text);
     const bool thousands = strchr(text, ',') && strchr(text, '.');
     return kn_sheet_complain(
         s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
@@ -280,10 +281,11 @@ static int take_row(kn_sheet *s, int cells, const int slot[])
                                      "%g in SI units, expected at most %g", value, KN_SHEET_MOST);
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
-    for (; index < cells; index++) // a row with too few cells: the absent cells are missing readings
+    for (; index < cells; index++) // if the row has too few cells, the absent cells count as missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
-    if (of_bad || numbers == 0) return KN_EXIT_OK; // text was found, or the row has no number in the columns asked for
+    // skip a row with text in place of a number, or without any number in the requested columns
+    if (of_bad || numbers == 0) return KN_EXIT_OK;
     if (s->strange.name) return bad_text(s);
     s->line[s->rows++] = s->lines.number;
     if (s->commas && s->points)
@@ -316,7 +318,8 @@ static bool is_skipped(kn_sheet *s, bool *repeated)
         take_note(s);
         return true;
     }
-    const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"'; // rows begin with a digit
+    // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
+    const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
     *repeated = words && is_repeated(s, text);
     // The names are repeated, so the text before them was the heading of the instrument's next interval.
     if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
@@ -346,7 +349,7 @@ int kn_sheet_read(kn_sheet *s, int count, const int wanted[])
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
     if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
         return kn_sheet_complain(s, s->header_line, s->column[s->only.column].at,
-                                 "%d rows of another %s than '%s', expected rows of it", s->only.left_out,
+                                 "%d rows, all of another %s than '%s', expected rows of it", s->only.left_out,
                                  s->column[s->only.column].heading.name, s->only.text);
     if (code == KN_EXIT_OK && s->rows == 0)
         return kn_sheet_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",

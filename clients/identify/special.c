@@ -3,7 +3,7 @@
 
 #define EULER_GAMMA 0.57721566490153286061
 
-// -gamma - ln x - sum of (-x)^k/(k k!)
+// Return E1(x) by the power series -gamma - ln x - sum of (-x)^k/(k k!), where gamma is Euler's constant.
 static double by_series(double x)
 {
     double sum = 0, term = 1; // (-x)^k/k!
@@ -15,7 +15,8 @@ static double by_series(double x)
     return -EULER_GAMMA - log(x) - sum;
 }
 
-// exp(-x) (1/(x+1- 1/(x+3- 4/(x+5- ...)))), evaluated from the front (Lentz). About 80/x terms are needed.
+// Return E1(x) by the continued fraction exp(-x) (1/(x+1- 1/(x+3- 4/(x+5- ...)))), evaluated from the front by Lentz's
+// method. About 80/x terms are needed.
 static double by_fraction(double x)
 {
     double b = x + 1, c = INFINITY, d = 1 / b, h = d;

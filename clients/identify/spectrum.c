@@ -6,8 +6,8 @@
 #include <string.h>
 
 enum { STARTS = 16 };
-#define NONE 1e10 // a spring or damper that is stiffer or softer than all measurements by this factor has no effect
-// no rheometer is more accurate than this; a smaller misfit is rounding and must not decide between elements
+#define NONE 1e10 // a spring or damper that is stiffer or softer than all measured moduli by this factor has no effect
+// relative accuracy of the best rheometer; a smaller misfit comes from rounding and must not decide between elements
 #define EXACT 1e-4
 
 typedef struct work {
@@ -248,7 +248,8 @@ bool kn_spectrum_fit(kn_spectrum *s, int curves, const kn_curve *curve, double s
     for (int c = 0; c < curves; c++) s->readings += curve[c].count;
     const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
     add_classes(s);
-    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++) // smaller elements first: larger ones start from them
+    // fit smaller elements first, since larger elements start from them
+    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++)
         for (int i = 0; i < s->rows; i++)
             if (s->row[i].parts == parts) fit_row(&w, s, &s->row[i], confidence);
     s->best = choose(s, false);

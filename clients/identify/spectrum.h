@@ -1,11 +1,12 @@
 #ifndef KN_CLIENTS_IDENTIFY_SPECTRUM_H
 #define KN_CLIENTS_IDENTIFY_SPECTRUM_H
 // A fit of the springs and dampers of the first paper's figure 2 to storage and loss modulus over frequency. Elements
-// that no experiment can tell apart form one class (core/oneport.h). Each class has one row, in its Voigt form.
+// that no experiment can tell apart form one class (core/oneport.h). Each class has one row in the table of results and
+// is represented by its Voigt form.
 //
 // The residuals are differences of ln G' and ln G'' with equal weights, so that all decades of the modulus count the
-// same. The oscillations are small, so the experiment shows the papers' damper only at rest, with the damping c2 =
-// c_max.
+// same. The oscillations are small, so the experiment shows the papers' force-dependent damper only near zero stress,
+// where its damping c2 is c_max.
 #include "clients/identify/curve.h"
 #include "clients/identify/identified.h"
 #include "core/network.h"
@@ -16,30 +17,33 @@
 #define KN_SPECTRUM_NEAR 4
 
 typedef struct kn_spectrum_row {
-    char expression[KN_ELEMENT_TEXT]; // "(s|d)-d"
-    char letters[16];                 // "d f"
-    const char *name;                 // "Jeffreys"; NULL: none
-    kn_network net;                   // with the fitted parameters
+    char expression[KN_ELEMENT_TEXT]; // the element as an expression of springs s and dampers d, such as "(s|d)-d"
+    char letters[16];                 // letters of the elements in the first paper's figure 2, such as "d f"
+    const char *name;                 // name of the model, such as "Jeffreys"; NULL: the model has no name
+    kn_network net;                   // the element with the fitted parameters
     bool fitted, is_material;         // is_material: whether a scene can have this element
-    kn_material material;             // if is_material
-    int parts;
-    kn_identified number[KN_SPECTRUM_PARTS]; // one for each spring and damper; for a material k1, c1, c2
+    kn_material material;             // the fitted material; set if is_material is true
+    int parts;                        // number of springs and dampers
+    kn_identified number[KN_SPECTRUM_PARTS]; // [parts] values of the springs and dampers; for a material k1, c1, c2
     double error;                            // mean of |model/measured - 1| over both moduli
-    double aicc, runs;
+    double aicc, runs;                       // AICc of the fit; result of kn_fit_runs for the residuals
 } kn_spectrum_row;
 
 typedef struct kn_spectrum {
-    int rows, readings; // readings: number of frequencies
+    int rows, readings; // number of rows in row[]; number of measured frequencies
     kn_spectrum_row row[KN_SPECTRUM_ROWS];
-    // Indices of rows. `best`: the row with the fewest parameters among all rows whose AICc is within KN_SPECTRUM_NEAR
-    // of the least. `material`: the same among the rows that a scene can have.
+    // Indices of rows; -1: no row. `best`: the row with the fewest parameters among all rows whose AICc exceeds the
+    // least AICc by at most KN_SPECTRUM_NEAR. `material`: the row chosen by the same rule among the rows that a scene
+    // can have.
     int best, material;
 } kn_spectrum;
 
-// Run the fit. `scale` multiplies the moduli: 3 converts shear moduli to parameters for compression. `confidence`:
-// 0.95. Return false if memory runs out, or if no element comes near.
+// Run the fit. `scale` multiplies the moduli: a scale of 3 converts shear moduli to parameters for compression.
+// `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no element
+// could be fitted.
 bool kn_spectrum_fit(kn_spectrum *s, int curves, const kn_curve *curve, double scale, double confidence);
 
+// Compute storage and loss modulus of a row's fitted element at one frequency.
 void kn_spectrum_modulus(const kn_spectrum_row *row, double frequency_hz, double *storage_pa, double *loss_pa);
 
 #endif

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { WIDE = 560, HIGH = 400 }; // pixels
+enum { WIDE = 560, HIGH = 400 }; // width and height of a picture [pixels]
 
 typedef struct bar {
     kn_progress progress;
@@ -22,7 +22,8 @@ static void told(void *of, int64_t ticks)
     kn_progress_step(&b->progress, (double)(b->done += ticks));
 }
 
-// Return how far the lowest vertex of the former top has come down.
+// Return the depth of the dent: how far the lowest of the vertices that formed the top at rest is below the top at
+// rest.
 static double dent(const kn_model *model, const kn_surface *s, const float (*now)[3])
 {
     double top = -INFINITY, deepest = 0, rest[3];

@@ -7,7 +7,7 @@
 
 enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 
-// ---- 1: equation 5
+// ---- stage 1: fit of equation 5 to the recovery
 
 typedef struct recovery {
     int count;
@@ -56,7 +56,7 @@ double kn_stages_recovered(const kn_stages *s, double since_release_s)
     return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
 }
 
-// ---- 2: the Voigt part under the measured stress, which is linear between two readings
+// ---- stage 2: strain of the Voigt element under the measured stress, which is linear between two readings
 
 static void subtract_voigt(kn_stages *s, const kn_curve *c)
 {
@@ -74,7 +74,7 @@ static void subtract_voigt(kn_stages *s, const kn_curve *c)
     }
 }
 
-// ---- 3: the damper
+// ---- stage 3: damping c2 and its law
 
 // Return the slope of the best line through the readings around one reading: HALF_LINE on either side. Thinned readings
 // (means) are denser just after the load was applied. There the line spans as long a time as the same number of evenly
@@ -125,7 +125,7 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
         count++;
     }
     if (count < FEWEST || !(high > low)) return false;
-    // Start from several values of beta, with P0 and P1 just outside the stresses.
+    // Start the fit from several values of beta, with P0 and P1 just outside the range of the measured stresses.
     double alpha = exp(mean / count), start[STARTS][KN_FIT_UNKNOWNS];
     kn_fit fit = {.unknowns = 4, .readings = count, .misfit = damper_misfit, .of = s};
     fit.unknown[0] = (kn_fit_unknown){.name = "alpha", .low = alpha * 1e-6, .high = alpha * 1e12};
@@ -165,7 +165,8 @@ bool kn_stages_fit(kn_stages *s, const kn_curve *c)
     size_t n = (size_t)s->count;
     s->stress_pa = calloc(4 * (size_t)c->count, sizeof *s->stress_pa);
     if (!s->stress_pa) return false;
-    // All arrays share one allocation; the stress has an entry for every reading.
+    // All arrays share one block of memory. The stress has an entry for every reading of the curve, even after the
+    // release.
     s->voigt = s->stress_pa + c->count;
     s->damper = s->voigt + n;
     s->c2_pa_s = s->damper + n;

@@ -18,34 +18,39 @@
 
 static const char help[] =
     "usage: knead identify sweep FILE... [OPTION]...\n\n"
-    "From storage modulus G' and loss modulus G'' over frequency to springs and dampers: every element of the first\n"
-    "paper's figure 2 that such a measurement can tell from the others, and which of them the data support.\n\n"
+    "Fit springs and dampers to the storage modulus G' and the loss modulus G'' over frequency. Every element of the "
+    "first\n"
+    "paper's figure 2 that such a measurement can distinguish is fitted, and the output names the one that the data "
+    "support.\n\n"
     "    knead identify sweep sweep.csv --out putty.yaml --png fit.png\n\n"
-    "A file is a table with a name and a unit over each column: frequency, Hz or rad/s; G' and G'', or |G*| with tan\n"
+    "A file is a table with a name and a unit above each column: frequency, Hz or rad/s; G' and G'', or |G*| with tan\n"
     "delta or the phase angle. Several files are of one material.\n\n"
-    "  --shear           the moduli are of shear; the numbers are of compression, three times as much of what keeps\n"
-    "                    its volume\n"
-    "  --units NAME=UNIT,...  of columns that have none: --units omega=rad/s,storage=Pa\n"
-    "  --out FILE        the material, for `material: FILE` of a scene; every number with its interval beside it; of\n"
-    "                    the elements that a scene can have, s|d, s-d, (s|d)-d, the best supported; none that is more\n"
-    "                    than 30 % off on average is written\n"
-    "  --density D       written beside it, e.g. '1.2 g/cm^3' (1.2 g/cm^3, and said)\n"
-    "  --report DIR      a page, DIR/index.html, with all that is told here, the picture, moduli and the material\n"
-    "  --png FILE        moduli, fit and what is left, by gnuplot\n"
-    "  --csv FILE        moduli and fit\n"
-    "  --json            what is printed, as JSON\n"
-    "\nSwings are small: of a damper that depends on the stress they know c2 at rest, not beta, P0, P1. For these: "
-    "knead\n"
-    "identify creep or relax.\n"
-    "Exit codes: 0 ok, 1 no material of a scene, 2 bad input, 3 a file cannot be written.\n";
+    "  --shear           read the moduli as moduli of shear; the result is for compression, three times as much for a\n"
+    "                    material that keeps its volume\n"
+    "  --units NAME=UNIT,...  units of columns that have none, e.g. omega=rad/s,storage=Pa\n"
+    "  --out FILE        the material, for `material: FILE` in a scene, every parameter with its interval beside it; "
+    "the\n"
+    "                    best supported of the elements that a scene can have: s|d, s-d, (s|d)-d; nothing is written "
+    "if the\n"
+    "                    element is off by more than 30 % on average\n"
+    "  --density D       density of the material, written to the file (default: 1.2 g/cm^3, with a remark)\n"
+    "  --report DIR      folder for a page, DIR/index.html, with all results, the plot, the moduli and the material\n"
+    "  --png FILE        plot of moduli, fit and residuals, by gnuplot\n"
+    "  --csv FILE        table of moduli and fit\n"
+    "  --json            print the results as JSON\n\n"
+    "In a sweep of small amplitude, a damper that depends on the stress shows c2 at rest, but not beta, P0 and P1. For "
+    "these\n"
+    "use knead identify creep or relax.\n"
+    "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 
 #define AT_REST                                                                                                        \
-    "a sweep of small swings knows the damper at rest, c2 = c_max, not how it thins: beta, P0 and P1 take creep or "   \
+    "a sweep of small amplitude shows the damper at rest, c2 = c_max, not how it thins: beta, P0 and P1 need creep "   \
+    "or "                                                                                                              \
     "relax"
 
 #define FAR 0.05    // misfit above which noise must explain it, as in relax
-#define ABSURD 0.30 // misfit above which a scene's material has nothing to do with the data
-#define FLOOR 1e-3  // a misfit below this cannot be felt
+#define ABSURD 0.30 // a material whose relative misfit exceeds this limit does not describe the data and is not written
+#define FLOOR 1e-3  // a relative misfit below this limit cannot be felt, so it does not lead to a note
 
 typedef struct work {
     kn_identify_options opt;
@@ -115,17 +120,17 @@ static void verdict(const kn_spectrum *s, char *text, size_t size)
     for (int i = 0; i < s->rows; i++) {
         const size_t n = strlen(text);
         if (i != s->best && s->row[i].fitted && s->row[i].aicc < best->aicc + KN_SPECTRUM_NEAR)
-            snprintf(text + n, size - n, "; as well %s (%s)", s->row[i].expression, s->row[i].letters);
+            snprintf(text + n, size - n, "; equally %s (%s)", s->row[i].expression, s->row[i].letters);
     }
     size_t n = strlen(text);
     if (best->runs > 3 && best->error > 5e-4)
         snprintf(text + n, size - n,
-                 "; but what is left comes in runs of one sign: it bends otherwise than the data, and "
+                 "; but the residuals have runs of one sign: the model has another shape than the data, and the "
                  "intervals are too narrow");
     n = strlen(text);
     if (s->material >= 0 && s->material != s->best)
         snprintf(text + n, size - n,
-                 "; no material of a scene is it, the nearest that is one is %s, mean error %.3g %%",
+                 "; a scene cannot have this element; the nearest one that it can have is %s, mean error %.3g %%",
                  s->row[s->material].expression, 100 * s->row[s->material].error);
 }
 
@@ -148,21 +153,22 @@ static void print(const work *w)
     const kn_spectrum *s = &w->found;
     char text[700], why[300], runs[16];
     printf("\n%-16s %-9s %2s %8s %9s %6s  %s\n", "element", "figure 2", "n", "misfit %", "AICc", "runs",
-           "numbers, and within 95 %");
+           "parameters with 95 % intervals");
     for (int i = 0; i < s->rows; i++) {
         const kn_spectrum_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
         printf("%-16s %-9s %2d %8.3g %9.1f %6s  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
                r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
     }
-    printf("misfit: mean of |model/measured - 1| of both moduli. AICc: above that of the element chosen. runs: of what "
-           "is left, in\n"
-           "standard deviations of noise, above 3 it bends otherwise\n");
+    printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element. runs: "
+           "number of sign\n"
+           "runs of the residuals, in standard deviations below that of noise; above 3 the model has another shape "
+           "than the data\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
     if (doubt(w, text, sizeof text)) note(text);
     if (!is_served(w, why, sizeof why)) {
-        snprintf(text, sizeof text, "no scene takes this material: %s", why);
+        snprintf(text, sizeof text, "no scene accepts this material: %s", why);
         note(text);
     }
     if (s->material >= 0 && s->row[s->material].material.damper != KN_DAMPER_NONE) note(AT_REST);
@@ -226,7 +232,8 @@ static int write_material(const work *w, const char *path)
     snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
              kn_material_source(w->opt.file[0], w->opt.files, source), row->expression, w->found.readings,
              100 * row->error, w->scale > 1 ? ", moduli of shear times 3" : "",
-             row->material.damper == KN_DAMPER_NONE ? "It has no damper in series: nothing stays" : AT_REST);
+             row->material.damper == KN_DAMPER_NONE ? "It has no damper in series, so no deformation remains"
+                                                    : AT_REST);
     const size_t n = strlen(origin);
     if (doubt(w, doubts, sizeof doubts)) snprintf(origin + n, sizeof origin - n, "\n# Beware: %s.", doubts);
     return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, w->opt.density_kg_m3, row->parts,
@@ -276,7 +283,7 @@ static int draw(const work *w, const char *path)
         p[0] = (kn_figure_panel){
             .title = "moduli", .x_label = "frequency, Hz", .y_label = "modulus, Pa", .log_x = true, .log_y = true};
         p[1] = (kn_figure_panel){
-            .title = "what is left", .x_label = "frequency, Hz", .y_label = "measured/fit - 1, %", .log_x = true};
+            .title = "residuals", .x_label = "frequency, Hz", .y_label = "measured/fit - 1, %", .log_x = true};
         for (int c = 0, n = 0; c < w->curves; n += w->curve[c++].count) {
             add_curve(w, p, &w->curve[c], d->left + n, c == 0);
             low = fmin(low, w->curve[c].time_s[0]);
@@ -300,11 +307,11 @@ static int report(kn_document *d, const work *w)
 {
     char path[PATH_MAX], text[700], why[300], runs[16];
     const kn_spectrum *s = &w->found;
-    kn_document_section(d, "Which element these data support");
+    kn_document_section(d, "Elements that these data support");
     verdict(s, text, sizeof text);
     kn_document_text(d, "%d frequencies: %s.", s->readings, text);
     kn_document_table(d, "Elements", "llrrrl",
-                      "element\tfigure 2\tmisfit, %\tAICc above the one chosen\truns\tnumbers, and within 95 %");
+                      "element\tfigure 2\tmisfit, %\tAICc above the chosen one\truns\tparameters with 95 % intervals");
     for (int i = 0; i < s->rows; i++) {
         const kn_spectrum_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
@@ -313,18 +320,18 @@ static int report(kn_document *d, const work *w)
     }
     const bool served = is_served(w, why, sizeof why);
     if (doubt(w, text, sizeof text)) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", text);
-    if (!served) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "No scene takes this material: %s", why);
+    if (!served) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "No scene accepts this material: %s", why);
     kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", AT_REST);
     int code = draw(w, kn_document_file(d, "fit.png", path));
     if (code == KN_EXIT_OK)
-        kn_document_picture(d, "fit.png", "Storage and loss modulus over frequency, and what the fit leaves",
+        kn_document_picture(d, "fit.png", "Storage and loss modulus over frequency, the fit, and the residuals",
                             "Points: measured. Lines: the element with the most support.");
     kn_document_section(d, "Files");
     if (code == KN_EXIT_OK) code = write_csv(w, kn_document_file(d, "moduli.csv", path));
     kn_document_link(d, "moduli.csv", "moduli and fit");
     if (code == KN_EXIT_OK && s->material >= 0 && served && !is_absurd(w)) {
         code = write_material(w, kn_document_file(d, "material.yaml", path));
-        kn_document_link(d, "material.yaml", "the material, for a scene");
+        kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` in a scene");
     }
     return code;
 }
@@ -369,7 +376,7 @@ static int identify(work *w, int argc, char **argv)
     w->scale = w->opt.shear ? 3 : 1;
     if (code == KN_EXIT_OK && !kn_spectrum_fit(&w->found, w->curves, w->curve, w->scale, 0.95))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "%s: no element comes near; expected storage and loss moduli at 4 frequencies or more",
+                           "%s: no element fits; expected storage and loss moduli at 4 frequencies or more",
                            w->opt.file[0]);
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     print(w);

@@ -15,7 +15,7 @@ static double aicc(const kn_candidate *c, int readings, double worth)
 static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
 {
     double best_sum = INFINITY, worth = 0, least = INFINITY;
-    // The candidate with the least sum sets the number of independent readings for all.
+    // The candidate with the least sum of squares determines the number of independent readings for all candidates.
     for (int i = 0; i < count; i++)
         if (c[i].found && c[i].sum < best_sum) best_sum = c[i].sum, worth = c[i].worth;
     for (int i = 0; i < count; i++) {
@@ -30,11 +30,11 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
-    // If nothing explains the data, take the candidate with the least `off`.
+    // If no candidate explains the data, choose the candidate with the least `off` (size of the residuals).
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
-    // The rival is the nearest other candidate that cannot be excluded.
+    // The rival is the candidate other than the best that is nearest to the best and cannot be excluded.
     for (int i = 0; i < count && v->best >= 0; i++) {
         const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
         if (i == v->best || c[i].no_gas_left || !near) continue;
@@ -58,13 +58,13 @@ static void tell_rival(kn_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
     if (!v->explained) {
-        add(v, " %s is nearly as near, %.1f times: which of the two it is cannot be told like this.", b->name,
-            v->off[v->rival]);
+        add(v, " %s is nearly as close, %.1f times the noise: these measurements cannot tell which of the two it is.",
+            b->name, v->off[v->rival]);
         return;
     }
     add(v, " It cannot be told apart from %s (dAICc %.1f)", b->words, v->delta[v->rival]);
-    if (a->gas != b->gas) add(v, ": so little gas hardly changes what was measured.");
-    else add(v, ": a range image of the withdrawn tool's dent, or the force over the hold, may tell more.");
+    if (a->gas != b->gas) add(v, ": so little gas hardly changes the measured quantities.");
+    else add(v, ": a range image of the dent without the tool, or the force over the hold, may tell them apart.");
 }
 
 // State the verdict in words: the best, its misfit, the rival, and structures without gas.
@@ -72,19 +72,19 @@ static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_evide
 {
     const kn_candidate *best = &c[v->best];
     if (v->explained) {
-        add(v, "%s explains it: what is left is %.2g times the noise.", best->name, v->off[v->best]);
+        add(v, "%s explains it: the residual is %.2g times the noise.", best->name, v->off[v->best]);
     } else {
-        add(v, "None of them explains it. %s comes nearest and is %.1f times the noise off", best->name,
+        add(v, "None of them explains it. %s comes nearest and is off by %.1f times the noise", best->name,
             v->off[v->best]);
         if (e->reliefs > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (e->pulled) add(v, ", %.2g %% of the force", 100 * best->pull_share);
-        add(v, ": take its numbers as the nearest there are; material, lattice or the set-up is another, too.");
+        add(v, ": use its parameters as the nearest ones; the material, the lattice or the set-up differs as well.");
     }
     if (v->rival >= 0) tell_rival(v, c);
     for (int i = 0; i < count; i++)
         if (c[i].no_gas_left && i != v->best)
-            add(v, " The fit of %s leaves no gas: it is the same without.", c[i].name);
-    if (best->no_gas_left) add(v, " The fit leaves no gas in it.");
+            add(v, " The fit of %s has no gas left: it equals the structure without gas.", c[i].name);
+    if (best->no_gas_left) add(v, " The fit has no gas left.");
     if (!best->settled) add(v, " Its fit had not settled.");
 }
 

@@ -53,11 +53,11 @@ void kn_arm_init(kn_arm *arm, const kn_arm_def *def, const double at_m[3])
 {
     memset(arm, 0, sizeof *arm);
     arm->def = *def;
-    // Replace zero or invalid fields with the defaults.
+    // Replace fields that are zero or invalid with their defaults.
     if (!(arm->def.period_s > 0.0)) arm->def.period_s = 1e-3;
     if (!(arm->def.velocity_hz > 0.0)) arm->def.velocity_hz = 100.0;
     if (arm->def.axes != 1) arm->def.axes = 3;
-    // Device and hand start at rest at the same place, so the grip carries no force.
+    // The device and the hand start at rest at the same place, so the grip spring between them carries no force.
     for (int k = 0; k < 3; k++) {
         arm->x_m[k] = arm->hand_m[k] = at_m[k];
         arm->position_m[k] = read_encoder(def, at_m[k]);
@@ -81,20 +81,21 @@ static void push(kn_arm *arm, const double path_m[3], const double path_m_s[3], 
     const kn_arm_def *d = &arm->def;
     const hand *h = &hands[d->grip];
     for (int k = 0; k < 3; k++) {
-        // `grip` is the force of the hand on the device, `pull` the force of the arm on the hand.
+        // `grip` is the force of the hand on the device. `pull` is the force of the arm on the hand.
         double grip = h->grip_n_m * (arm->hand_m[k] - arm->x_m[k]) + h->grip_n_s_m * (arm->hand_m_s[k] - arm->v_m_s[k]);
         double pull = h->arm_n_m * (path_m[k] - arm->hand_m[k]) + h->arm_n_s_m * (path_m_s[k] - arm->hand_m_s[k]);
-        // Treat all forces explicitly except viscous friction, which is implicit.
+        // Integrate all forces explicitly except viscous friction, which is implicit.
         double free = arm->v_m_s[k] + dt / d->mass_kg * (arm->force_n[k] + d->bias_n[k] + grip);
         arm->v_m_s[k] = free / (1.0 + dt * d->damping_n_s_m / d->mass_kg);
         if (h->mass_kg > 0.0) arm->hand_m_s[k] += dt / h->mass_kg * (pull - grip);
     }
-    // Coulomb friction takes away a fixed amount of speed per sub-step, down to zero and never past zero.
+    // Coulomb friction reduces the speed by a fixed amount per sub-step, at most to zero, so it never reverses the
+    // motion.
     double speed = norm(arm->v_m_s), lost = dt * d->coulomb_n / d->mass_kg;
     for (int k = 0; k < 3 && lost > 0.0; k++) arm->v_m_s[k] *= speed > lost ? 1.0 - lost / speed : 0.0;
 }
 
-// Make x and y follow the path exactly when the device moves along z alone.
+// Set x and y of the device to the intended path if the device moves freely along z only.
 static void guide(kn_arm *arm, const double path_m[3], const double path_m_s[3])
 {
     for (int k = 0; k < 2 && arm->def.axes == 1; k++) {
@@ -107,7 +108,8 @@ void kn_arm_tick(kn_arm *arm, const double force_n[3], const double path_m[3], c
 {
     double period = arm->def.period_s, dt = period / SUBSTEPS, target_m[3];
     saturate(arm, force_n);
-    // Integrate device and hand. The force is constant over the period, and the path goes on at constant velocity.
+    // Integrate device and hand. The force is constant over the period, and the intended path continues at constant
+    // velocity.
     for (int step = 1; step <= SUBSTEPS; step++) {
         for (int k = 0; k < 3; k++) target_m[k] = path_m[k] + step * dt * path_m_s[k];
         push(arm, target_m, path_m_s, dt);

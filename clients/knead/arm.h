@@ -32,24 +32,26 @@
 typedef enum kn_grip { KN_GRIP_NONE, KN_GRIP_LIGHT, KN_GRIP_NORMAL, KN_GRIP_FIRM } kn_grip;
 #define KN_GRIPS 4
 
-typedef struct kn_arm_def { // zero selects the default if the field has one
-    double mass_kg;         // mass of the device as felt at its tip
-    double damping_n_s_m;   // viscous friction
-    double coulomb_n;       // dry friction
-    double encoder_m;       // position step of the encoder; 0: exact
-    double force_limit_n;   // limit of |force|; 0: none
-    double period_s;        // sampling and holding period, default 1 ms
-    double velocity_hz;     // cut-off of the measured velocity, default 100 Hz
-    int axes;               // 1: only z is free, and x, y follow the path; 3 (default): x, y, z are free
+typedef struct kn_arm_def { // definition of a simulated device; a field that is 0 takes its default, if it has one
+    double mass_kg;         // mass of the device, as felt at its tip
+    double damping_n_s_m;   // viscous friction of the device
+    double coulomb_n;       // Coulomb (dry) friction of the device
+    double encoder_m;       // position step of the encoder; 0: the encoder is exact
+    double force_limit_n;   // largest |force| that the device can give; 0: no limit
+    double period_s;        // period at which position is sampled and force is held; default 1 ms
+    double velocity_hz;     // cut-off frequency of the low-pass that measures the velocity, default 100 Hz
+    // 1: the device moves freely along z only, and x, y follow the path; 3 (default): x, y and z are free
+    int axes;
     kn_grip grip;
-    double bias_n[3]; // constant force on the device, with or without a hand
+    double bias_n[3]; // constant external force on the device, with or without a hand
 } kn_arm_def;
 
-typedef struct kn_arm { // read only for the caller
+typedef struct kn_arm { // state of a simulated device and hand; the caller only reads it
     kn_arm_def def;
-    double position_m[3];          // encoder reading at the last sample
-    double velocity_m_s[3];        // difference of the readings, first-order low-pass
-    double force_n[3];             // held during the last tick, after saturation
+    double position_m[3]; // encoder reading at the last sample
+    // Measured velocity: difference of the encoder readings, after a first-order low-pass.
+    double velocity_m_s[3];
+    double force_n[3];             // force on the device during the last period, after saturation at force_limit_n
     double x_m[3], v_m_s[3];       // true position and velocity of the device
     double hand_m[3], hand_m_s[3]; // true position and velocity of the hand
 } kn_arm;
@@ -58,17 +60,18 @@ typedef struct kn_arm { // read only for the caller
 // axes are free, and no hand holds the device.
 kn_arm_def kn_arm_of(const kn_device_def *device);
 
-// Put device and hand at rest at the position `at_m`. `def` is copied.
+// Place the simulated device and the hand that holds it at rest at the position `at_m`. `def` is copied.
 void kn_arm_init(kn_arm *arm, const kn_arm_def *def, const double at_m[3]);
 
-// Advance the simulation by one period. `force_n` is the force on the device, computed from arm->position_m and held
-// over the period. `path_m` and `path_m_s` are position and velocity of the intended path at the beginning of the
-// period. Without a hand the path affects only the axes that cannot move. Afterwards position_m is the next sample. The
-// work done on the device is force_n . (new position_m - old position_m).
+// Advance the simulation of device and hand by one sampling period. `force_n` is the force on the device, computed from
+// arm->position_m and held over the period. `path_m` and `path_m_s` are position and velocity of the intended path at
+// the beginning of the period. Without a hand the path affects only the axes that cannot move. Afterwards
+// arm->position_m is the next encoder reading. The work done on the device is the scalar product of force_n and the
+// change of position_m.
 void kn_arm_tick(kn_arm *arm, const double force_n[3], const double path_m[3], const double path_m_s[3]);
 
-const char *kn_grip_name(kn_grip grip); // "none", "light", "normal", "firm"
+const char *kn_grip_name(kn_grip grip); // name of the grip: "none", "light", "normal" or "firm"
 bool kn_grip_find(const char *name, kn_grip *grip);
-extern const char kn_grip_names[]; // "none, light, normal or firm"
+extern const char kn_grip_names[]; // all names, for messages: "none, light, normal or firm"
 
 #endif

@@ -8,9 +8,10 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-// Seconds to wait for an answer. kneadd answers in milliseconds, unless a request makes it build an object first.
+// Longest wait for an answer from kneadd, s. kneadd answers in milliseconds, unless a request makes it build an object
+// first.
 #define PATIENCE_S 10
-// Longest answer, bytes.
+// Largest size of an answer from kneadd, bytes.
 #define ANSWER_MAX (1 << 20)
 
 // Connect to the control socket. Return the descriptor, or -1 with errno set.
@@ -27,7 +28,7 @@ static int dial(const char *path, int flags)
     return -1;
 }
 
-// Send the request as one line. Return false if not all bytes were sent.
+// Send the request over the socket as one line. Return false if not all bytes were sent.
 static bool send_line(int fd, const json_t *request, int flags)
 {
     char *text = json_dumps(request, JSON_COMPACT);
@@ -56,7 +57,7 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
         tell_absence(path, error, error_size);
         return NULL;
     }
-    // Do not wait for ever: a server that hangs must not hang the client.
+    // Limit the wait, so that a server that hangs does not make this client hang.
     struct timeval patience = {.tv_sec = PATIENCE_S};
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     char *text = malloc(ANSWER_MAX);
@@ -71,9 +72,9 @@ json_t *kn_ask(const char *path, const json_t *request, char *error, size_t erro
     // Distinguish a program that is not kneadd, a server that does not answer, and a server that closes the connection.
     if (!answer)
         snprintf(error, error_size, "%s: %s", path,
-                 size > 0                                               ? "what answers there is no kneadd"
+                 size > 0                                               ? "the program that answers there is not kneadd"
                  : got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? "no answer for 10 s"
-                                                                        : "hung up without an answer");
+                                                                        : "closed the connection without an answer");
     free(text);
     close(fd);
     return answer;

@@ -15,12 +15,12 @@
 #include <time.h>
 #include <unistd.h>
 
-// Time-step error above which a cell is reported as coarse.
+// Relative error of the time step above which a cell of a map is reported as coarse.
 #define COARSE 0.25
 
 static int cells_of(const kn_atlas *a) { return a->first[a->maps]; }
 
-// Find the map, column and row of a cell number.
+// Find the map, the column and the row that belong to a cell index.
 static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
 {
     *map = 0;
@@ -31,12 +31,12 @@ static void place(const kn_atlas *a, int cell, int *map, int *column, int *row)
 
 // --- survey ---------------------------------------------------------------------------------------------------------
 
-typedef struct progress { // shared by all processes
+typedef struct progress { // progress of the survey, in memory that all processes share
     atomic_int next, done;
-    atomic_int at[KN_ATLAS_JOBS_MAX]; // cell that each process is working on; -1: none
+    atomic_int at[KN_ATLAS_JOBS_MAX]; // index of the cell that each process is trying; -1: none
 } progress;
 
-// Take cells from the shared counter and try each one, until none is left. Return 1 if memory runs out.
+// Take cells from the shared counter and run their trials, until no cell is left. Return 1 if memory runs out.
 static int work(const kn_atlas *a, progress *p, int job)
 {
     for (int cell; (cell = atomic_fetch_add(&p->next, 1)) < cells_of(a); atomic_fetch_add(&p->done, 1)) {
@@ -53,7 +53,7 @@ static int work(const kn_atlas *a, progress *p, int job)
     return 0;
 }
 
-// Fork a process that works on cells. Return its id, or -1.
+// Fork a process that runs trials of cells. Return its process id, or -1.
 static pid_t start(const kn_atlas *a, progress *p, int job)
 {
     atomic_store(&p->at[job], -1);
@@ -62,12 +62,12 @@ static pid_t start(const kn_atlas *a, progress *p, int job)
     return child;
 }
 
-// Record that the process that was working on a cell died, and the reason.
+// Record in a cell that the process that was trying it died, and the cause of death from `status`.
 static void bury(const kn_atlas *a, progress *p, int cell, int status)
 {
     for (int w = 0; w < KN_WAYS; w++) {
         kn_score *s = &a->cell[cell].score[w];
-        // Discard the results of the other solvers, too: nothing has been compared yet.
+        // Discard the results of all solvers for this cell, because they have not been compared with the reference yet.
         s->verdict = KN_TRIAL_DIED;
         if (WIFSIGNALED(status)) snprintf(s->reason, sizeof s->reason, "%s", strsignal(WTERMSIG(status)));
         else snprintf(s->reason, sizeof s->reason, "out of memory");
@@ -82,7 +82,7 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
     int status;
     kn_progress bar = kn_progress_open("stability", cells_of(a));
     for (int running = jobs; running > 0;) {
-        // Poll only if there is a progress bar to redraw; otherwise block.
+        // Poll if a progress bar on the terminal must be redrawn. Otherwise block until a process ends.
         pid_t ended = waitpid(-1, &status, bar.terminal ? WNOHANG : 0);
         if (ended == 0) {
             kn_progress_step(&bar, atomic_load(&p->done));
@@ -91,7 +91,7 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
         if (ended < 0 && errno != EINTR) break;
         for (int j = 0; j < jobs && ended > 0; j++) {
             if (child[j] != ended) continue;
-            // The cell is -1 if the process ended because no cells are left. No replacement is needed.
+            // The cell is -1 if the process ended because no cells are left. In that case no new process is needed.
             int cell = atomic_load(&p->at[j]);
             if (cell >= 0) bury(a, p, cell, status), child[j] = start(a, p, j);
             if (cell < 0 || child[j] < 0) running--;
@@ -100,21 +100,21 @@ static void wait_for(const kn_atlas *a, progress *p, pid_t *child, int jobs)
     kn_progress_close(&bar);
 }
 
-// Try all cells with the given number of processes.
+// Run the trials of all cells in the given number of processes.
 static int share_out(const kn_atlas *a, progress *p, int jobs)
 {
     pid_t child[KN_ATLAS_JOBS_MAX];
     int started = 0;
-    // Empty the output buffer before forking. Otherwise each child would print it again.
+    // Empty the buffer of stdout before forking. Otherwise each child process would print the buffer again.
     fflush(stdout);
     while (started < jobs && (child[started] = start(a, p, started)) > 0) started++;
     wait_for(a, p, child, started);
-    return work(a, p, 0); // cells left over if no process could be started
+    return work(a, p, 0); // if no process could be started, run the trials of the remaining cells here
 }
 
 int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
 {
-    // Keep the maps of `family` and number their cells consecutively.
+    // Keep only the maps of `family`, and number the cells of these maps consecutively.
     int all = kn_maps(a->map, quick);
     a->maps = a->first[0] = 0;
     for (int m = 0; m < all; m++) {
@@ -123,12 +123,12 @@ int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
         a->first[a->maps + 1] = a->first[a->maps] + a->map[m].columns * a->map[m].rows;
         a->maps++;
     }
-    // Share results and progress with the processes.
+    // Allocate results and progress in memory that the child processes share.
     size_t bytes = (size_t)cells_of(a) * sizeof *a->cell;
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a->cell == MAP_FAILED || p == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
-    // A cell keeps this verdict if the process that tries it dies.
+    // Mark every cell as died first. A trial that completes overwrites this verdict.
     for (int c = 0; c < cells_of(a); c++)
         for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_TRIAL_DIED;
     struct timespec begin, end;
@@ -148,12 +148,12 @@ void kn_atlas_free(kn_atlas *a) { munmap(a->cell, (size_t)cells_of(a) * sizeof *
 
 // --- print ----------------------------------------------------------------------------------------------------------
 
-// Character printed for each judgement, in the order of kn_judgement.
+// Character printed in a map for each judgement of a cell, in the order of kn_judgement.
 static const char mark[KN_JUDGEMENTS + 1] = ".r~x!D";
 
 static bool bad(kn_judgement v) { return v != KN_TRIAL_RIGHT && v != KN_TRIAL_REFUSED; }
 
-// Return the first map after m that belongs to another family.
+// Return the index of the first map after map m that belongs to a different family than map m.
 static int family_end(const kn_atlas *a, int m)
 {
     int end = m;
@@ -161,12 +161,13 @@ static int family_end(const kn_atlas *a, int m)
     return end;
 }
 
-// Print one row per solver with the number of cells of each judgement, and add the rows to the JSON result.
+// Print one row per solver: how many cells have each judgement. Add the rows to the JSON result.
 static void print_counts(const kn_atlas *a, const char *name, int from, int to)
 {
     int coarse = 0, loose = 0;
-    double most = 0; // largest error of the cells that are right
-    // Summarise the errors of the default solver only. `coarse` and `loose` concern the reference solution.
+    double most = 0; // largest error among the cells that the default solver gets right
+    // Summarise the errors of the default solver only. The counts `coarse` and `loose` concern the reference solution,
+    // not a solver.
     for (int c = from; c < to; c++) {
         const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
         if (s->verdict == KN_TRIAL_RIGHT) most = fmax(most, fmax(s->force, s->shape));
@@ -200,10 +201,10 @@ static void print_table(const kn_atlas *a)
         end = family_end(a, m);
         print_counts(a, a->map[m].family, a->first[m], a->first[end]);
     }
-    // Print the total only if there is more than one family.
+    // Print the total over all families only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
-    printf("\ncoarse: the step itself, whoever solves it, costs more than %g %%; loose: its answer is not converged in "
-           "every step\n",
+    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the answer did not converge in every "
+           "step\n",
            100 * COARSE);
 }
 
@@ -215,7 +216,7 @@ static void print_ticks(const kn_map *m)
     printf("\n");
 }
 
-// Print a map: one block of characters per solver, side by side.
+// Print a map as blocks of characters, one block per solver, side by side.
 static void print_map(const kn_atlas *a, int map)
 {
     const kn_map *m = &a->map[map];
@@ -235,13 +236,13 @@ static void print_map(const kn_atlas *a, int map)
     }
 }
 
-// Print each reason for which the default solver refused a scene, with the number of cells.
+// Print each reason for which the default solver refused a scene, with the number of cells that have this reason.
 static void print_reasons(const kn_atlas *a)
 {
     bool title = false;
     for (int c = 0; c < cells_of(a); c++) {
         const kn_score *s = &a->cell[c].score[KN_WAY_DEFAULT];
-        // Count the cells with the same reason. Print the reason only at its first cell.
+        // Count the cells with the same reason. Print a reason only at the first cell with this reason.
         int count = 0, before = 0;
         for (int d = 0; d < cells_of(a) && s->verdict == KN_TRIAL_REFUSED; d++) {
             const kn_score *other = &a->cell[d].score[KN_WAY_DEFAULT];
@@ -256,7 +257,7 @@ static void print_reasons(const kn_atlas *a)
     }
 }
 
-// Print each cell in which the default solver is not right. Return their number.
+// Print each cell in which the default solver fails (function `bad`). Return the number of these cells.
 static int print_bad(const kn_atlas *a)
 {
     int count = 0;
@@ -266,7 +267,7 @@ static int print_bad(const kn_atlas *a)
         int map, i, j;
         place(a, c, &map, &i, &j);
         const kn_map *m = &a->map[map];
-        if (count++ == 0) printf("\nnot right by the default solver:\n");
+        if (count++ == 0) printf("\nnot solved right by the default solver:\n");
         printf("  %s, %s: %s %g, ", m->family, m->title, m->across, m->x[i]);
         if (m->y_text[j]) printf("%s", m->y_text[j]);
         else printf("%s %g", m->down, m->y[j]);
@@ -328,13 +329,13 @@ static const char *const colour[KN_JUDGEMENTS] = {"56b4e9", "d0d0d0", "e69f00", 
 static void draw_map(FILE *f, const kn_atlas *a, int map)
 {
     const kn_map *m = &a->map[map];
-    // Write the data block: column, row from the bottom, judgement.
+    // Write the data of the map for gnuplot: column, row counted from the bottom, judgement.
     fprintf(f, "$map%d << END\n", map);
     for (int j = 0; j < m->rows; j++)
         for (int i = 0; i < m->columns; i++)
             fprintf(f, "%d %d %d\n", i, m->rows - 1 - j,
                     (int)a->cell[a->first[map] + j * m->columns + i].score[KN_WAY_DEFAULT].verdict);
-    // Label the axes with the parameters of the map.
+    // Label the axes with the values of the two parameters of the map.
     fprintf(f, "END\nset xtics (");
     for (int i = 0; i < m->columns; i++) fprintf(f, "%s'%.3g' %d", i ? "," : "", m->x[i], i);
     fprintf(f, ") rotate by 45 right\nset ytics (");
@@ -352,14 +353,15 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
     fprintf(f, "\nset title ");
     kn_plot_quote(f, m->title);
     fprintf(f, "\nplot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
-    // Mark the cells that are not right with a letter, because not all readers and printers distinguish the colours.
+    // Mark the cells without a right result with a letter, because not all readers and printers distinguish the
+    // colours.
     for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++)
         fprintf(f, ", $map%d using 1:($3 == %d ? $2 : NaN):('%c') with labels font 'sans,12' tc rgb '%s' notitle", map,
                 v, mark[v], v < KN_TRIAL_DIVERGED ? "black" : "white");
     fprintf(f, "\n");
 }
 
-// Write the legend below the maps: the colours, and the letters in the cells that are not right.
+// Write the legend below the maps: the colours of the judgements, and the letters for cells without a right result.
 static void write_legend(FILE *f, int columns, int high)
 {
     fprintf(f,

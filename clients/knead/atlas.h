@@ -10,25 +10,25 @@
 typedef struct kn_atlas {
     kn_map map[KN_MAPS_MAX];
     int maps;
-    // Number of the first cell of each map, followed by the number of all cells. Cells are numbered row by row, from
-    // left to right.
+    // Index of the first cell of each map, followed by the total number of cells. The cells of a map are numbered row
+    // by row, from left to right.
     int first[KN_MAPS_MAX + 1];
-    kn_outcome *cell; // in memory that all processes share
-    double seconds;   // duration of the survey
+    kn_outcome *cell; // outcome of each cell, in memory that all processes share
+    double seconds;   // wall-clock duration of the survey of all cells, s
 } kn_atlas;
 
-// Functions that return int return an exit code. On failure they print one line on stderr.
+// Functions of this header that return int return an exit code. On failure they print one line on stderr.
 //
-// Try all cells with `jobs` processes. `quick`: fewer cells in each map. If `family` is NULL, all families of maps are
-// included.
+// Run the trials of all cells in `jobs` parallel processes. If `quick` is true, each map has fewer cells. Only maps of
+// the family `family` are included, or all maps if it is NULL.
 int kn_atlas_survey(kn_atlas *atlas, bool quick, const char *family, int jobs);
 void kn_atlas_free(kn_atlas *atlas);
 
-// Print the table, the maps and remarks on single cells. Return true if the default solver is right or refuses the
-// scene in every cell.
+// Print the table of the outcomes, the maps and remarks on single cells. Return true if, in every cell, the default
+// solver gives a right result or refuses the scene.
 bool kn_atlas_print(const kn_atlas *atlas);
 
-int kn_atlas_write(const kn_atlas *atlas, const char *path); // CSV
-int kn_atlas_draw(const kn_atlas *atlas, const char *path);  // PNG
+int kn_atlas_write(const kn_atlas *atlas, const char *path); // write the outcome of every cell as CSV
+int kn_atlas_draw(const kn_atlas *atlas, const char *path);  // draw the maps as PNG
 
 #endif

@@ -13,8 +13,8 @@ static bool fail(const char *path, const char *why, char *error, size_t size)
     return false;
 }
 
-// Return 1 if the path does not exist or is an empty folder, 0 if the folder is not empty, -1 if the path is not a
-// folder.
+// Return 1 if nothing exists at `path`, or if it is an empty folder. Return 0 if it is a folder with files, and -1 if
+// it is not a folder.
 static int empty(const char *path)
 {
     struct stat there;
@@ -32,11 +32,13 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
     *b = (kn_batch){0};
     *taken = empty(path) != 1;
     if (*taken)
-        return fail(path, empty(path) < 0 ? "is no folder, expected a new one" : "is not empty, expected a new folder",
+        return fail(path,
+                    empty(path) < 0 ? "is not a folder, expected a new folder" : "is not empty, expected a new folder",
                     error, size);
-    // Put the temporary folder beside the path, so that a rename can move it there.
+    // Create the temporary folder in the parent folder of the final path, so that a rename can move it to the final
+    // path.
     size_t length = strlen(path);
-    while (length > 1 && path[length - 1] == '/') length--; // ignore slashes at the end
+    while (length > 1 && path[length - 1] == '/') length--; // ignore slashes at the end of the path
     if (length == 0 || length + 8 > sizeof b->folder)
         return fail(path, "expected a path of 1 to 3800 bytes", error, size);
     snprintf(b->path, sizeof b->path, "%.*s", (int)length, path);
@@ -47,7 +49,7 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
     }
     mode_t mask = umask(0);
     umask(mask);
-    // mkdtemp makes the folder private (0700). Set the permissions of an ordinary new folder instead.
+    // mkdtemp makes the folder private (0700). Give it the permissions of an ordinary new folder instead.
     chmod(b->folder, 0777 & ~mask);
     return true;
 }
@@ -55,7 +57,7 @@ bool kn_batch_open(kn_batch *b, const char *path, bool *taken, char *error, size
 bool kn_batch_keep(kn_batch *b, char *error, size_t size)
 {
     if (!b->folder[0]) return true;
-    // A rename also replaces an empty folder.
+    // rename also succeeds if an empty folder exists at the final path: it replaces that folder.
     if (rename(b->folder, b->path) == 0) {
         b->folder[0] = 0;
         return true;
@@ -69,7 +71,7 @@ void kn_batch_drop(kn_batch *b)
 {
     DIR *stream = b->folder[0] ? opendir(b->folder) : NULL;
     if (!stream) return;
-    // A batch holds plain files only, so one level is enough.
+    // The folder contains plain files only, so no recursion into subfolders is needed.
     for (struct dirent *e; (e = readdir(stream));)
         if (strcmp(e->d_name, ".") && strcmp(e->d_name, "..")) unlinkat(dirfd(stream), e->d_name, 0);
     closedir(stream);

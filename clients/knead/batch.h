@@ -13,7 +13,8 @@ typedef struct kn_batch {
 } kn_batch;
 
 // Create the temporary folder. If the path exists, it must be an empty folder: existing files are never replaced. On
-// failure return false with one sentence in error. `*taken` becomes true if something else exists at the path.
+// failure return false with one sentence in error. `*taken` becomes true if a file or a folder that is not empty exists
+// at the path.
 bool kn_batch_open(kn_batch *batch, const char *path, bool *taken, char *error, size_t error_size);
 
 // Rename the folder to its final path and end the batch. On failure remove the folder and return false with one

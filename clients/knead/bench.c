@@ -15,8 +15,8 @@
 // Beginning of the error that kn_element_parse reports for an unknown name.
 static const char missing[] = "EXPR:1:1: unknown element";
 
-// Return a scene with the specimen's material, or NULL with a complaint in error. `*other` becomes true if the specimen
-// is neither a file nor a material.
+// Load a scene with the specimen's material. On failure return NULL with one line in error. `*other` becomes true if
+// the specimen is neither the file of a scene nor the name of a material.
 static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error[512])
 {
     const char *dot = strrchr(opt->specimen, '.');
@@ -26,7 +26,7 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
     *other = !file && !kn_library_find(opt->specimen, &variant);
     if (*other) return NULL;
     if (file) return kn_scene_load(opt->specimen, opt->sets, opt->set_count, error, 512);
-    // A named material gets a minimal scene around it.
+    // For a named material, write the text of a minimal scene that uses it.
     int size = snprintf(text, sizeof text,
                         "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: %.60s\n"
                         "support: frictionless\ndevice: bench\n",
@@ -36,14 +36,14 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
 
 // ---- parameters of an expression
 
-// Read a modulus. The text gives the modulus per strain or per length of the specimen. A modulus per length is
-// multiplied by the specimen's height.
+// Read the modulus of a spring or damper. The text gives the modulus per strain or per length of the specimen. A
+// modulus per length is multiplied by the specimen's height.
 static bool read_modulus(const char *text, const char *unit_text, double *value, char why[160])
 {
     kn_unit unit;
     kn_quantity q;
     if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
-    // A unit with one power of metre less means "per length".
+    // If the unit has one power of metre less, the modulus is given per length of the specimen.
     kn_unit per_height = unit;
     per_height.m--;
     bool per = !q.bare && kn_unit_same_dimension(&q.unit, &per_height);
@@ -55,7 +55,7 @@ static bool read_modulus(const char *text, const char *unit_text, double *value,
     return true;
 }
 
-// Read a quantity that must have the given unit.
+// Read a quantity from a text. The quantity must have the given unit.
 static bool read_plain(const char *text, const char *unit_text, double *value, char why[160])
 {
     kn_unit unit;
@@ -85,9 +85,10 @@ static bool read_exponential(const char *text, kn_part *part, char why[160])
            read_plain(field[3], "Pa", &part->p1_pa, why);
 }
 
-static const char *const example[2] = {"245 kPa*s", "46 kPa"}; // example values for messages; [part is a spring]
+// Example values for error messages, indexed by 0: damper, 1: spring.
+static const char *const example[2] = {"245 kPa*s", "46 kPa"};
 
-// Apply one --param PART=VALUE to the part of that name.
+// Apply one option --param PART=VALUE to the spring or damper that has the name PART.
 static int read_param(kn_bench *b, const char *text, bool *given)
 {
     const char *subcommand = b->opt->subcommand, *equals = strchr(text, '=');
@@ -118,7 +119,7 @@ static int take_expression(kn_bench *b)
         return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                            "--set %s: %s is an expression, expected --param, or a scene", opt->sets[0], opt->specimen);
     if (!kn_element_parse(&b->net.element, opt->specimen, error, sizeof error)) {
-        // An unknown name may be a misspelt material: list the materials as well.
+        // An unknown name may be a misspelt material, so the error message also lists the materials.
         bool unknown = strncmp(error, missing, sizeof missing - 1) == 0;
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s%s%s%s", error, unknown ? "; or a material: " : "",
                            unknown ? kn_library_names(names) : "", unknown ? "; or the file of a scene" : "");
@@ -128,7 +129,7 @@ static int take_expression(kn_bench *b)
         int code = read_param(b, opt->params[i], given);
         if (code != KN_EXIT_OK) return code;
     }
-    // Every part needs a value: there is no default for a material constant.
+    // Every spring and damper needs a value, because a material constant has no default.
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
         if (!given[i])
             return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,
@@ -147,7 +148,8 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
     const kn_bench_options *opt = b->opt;
     kn_model_def def = scene ? *scene : kn_model_def_default();
     char error[256], text[KN_ELEMENT_TEXT];
-    // A lattice edge can have three elements only, so an arbitrary expression may not fit.
+    // A lattice edge can only be s|d, s-d, d or (s|d)-d, where s is a spring and d a damper. Refuse all other
+    // expressions.
     if (!scene && !kn_network_material(&b->net, &def.material)) {
         kn_element normal = b->net.element;
         kn_element_normalize(&normal);
@@ -159,16 +161,16 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
             "series; without --lattice any element runs",
             text, name ? " (" : "", name ? name : "", name ? ")" : "");
     }
-    // If the object is not a block, use only its material.
+    // If the scene's object is a mesh, use only the material of the scene.
     if (def.mesh) {
         def.mesh = NULL;
         def.diagonal_stiffness = 1;
         def.thickness_m = 0;
     }
-    // Replace the object by a cube of the bench's height with the given number of cells.
+    // Replace the scene's object by a block of the bench's height, with the number of cells that --lattice gives.
     def.spacing_m = KN_BENCH_HEIGHT_M / opt->lattice[2];
     for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
-    if (def.thickness_m > 0) { // keep a flat object flat
+    if (def.thickness_m > 0) { // a flat object is one node deep along y
         def.nodes[1] = 1;
         def.thickness_m = def.spacing_m * opt->lattice[1];
     }
@@ -178,11 +180,11 @@ static int build_lattice(kn_bench *b, const kn_model_def *scene)
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE};
     for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 3 * def.spacing_m * opt->lattice[k];
-    // Solve accurately: the bench is an experiment, not a real-time loop.
+    // Use accurate solver settings, because the bench is an experiment and not a real-time loop.
     def.solver.kind = KN_SOLVER_IMPLICIT;
     def.solver.precision = KN_PRECISION_F64;
     def.solver.linearization = KN_LINEARIZATION_BLEND;
-    def.solver.dt_s = 1e-2; // s; coarse, since creep takes seconds
+    def.solver.dt_s = 1e-2; // s; a coarse time step is sufficient, because creep takes seconds
     def.solver.iterations_max = 100;
     def.solver.tolerance = 1e-4;
     if (!(b->model = kn_model_build(&def, error, sizeof error)))
@@ -217,7 +219,7 @@ int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
     char error[512];
     int code = KN_EXIT_OK;
     bool other;
-    // A specimen that is neither a file nor a material is an expression.
+    // A specimen that is neither a scene file nor a material is read as an expression of springs and dampers.
     kn_scene *scene = load_scene(opt, &other, error);
     if (other) {
         code = take_expression(b);
@@ -225,8 +227,9 @@ int kn_bench_open(kn_bench *b, const kn_bench_options *opt)
     } else if (!scene) {
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s", error);
     } else if (opt->param_count > 0) {
-        code = kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is no expression, expected --set KEY=VALUE",
-                           opt->params[0], opt->specimen);
+        code =
+            kn_complain(opt->subcommand, KN_EXIT_USAGE, "--param %s: %s is not an expression, expected --set KEY=VALUE",
+                        opt->params[0], opt->specimen);
     } else {
         b->net = kn_network_of(&scene->model.material);
         char parts[KN_ELEMENT_TEXT];
@@ -254,9 +257,10 @@ void kn_bench_fresh(kn_bench *b)
 
 // ---- the experiment
 
-static double grown(const kn_bench *b) { return b->opt->constant_area ? 1 : 1 - b->strain; } // S0/S
+// Ratio S0/S of the undeformed section to the present section.
+static double grown(const kn_bench *b) { return b->opt->constant_area ? 1 : 1 - b->strain; }
 
-// Copy the readings from the one-dimensional element.
+// Copy time, strain, stress and force of the one-dimensional element into the readings.
 static void read_element(kn_bench *b)
 {
     b->time_s = b->now.time_s;
@@ -265,7 +269,7 @@ static void read_element(kn_bench *b)
     b->force_n = b->stress_pa * area_m2(b) / grown(b);
 }
 
-// Start a new drive, which is a prescribed load or strain, at the present time. Complain if the drive needs an infinite
+// Start a new drive (a prescribed load or strain) at the present time. Print an error if the drive needs an infinite
 // stress.
 static int take_drive(kn_bench *b, kn_drive drive)
 {
@@ -274,10 +278,10 @@ static int take_drive(kn_bench *b, kn_drive drive)
     if (b->model && drive.kind == KN_DRIVE_STRAIN && fabs(drive.value - b->strain) > 1e-3)
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
                            "--lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%%/s");
-    if (b->model) return KN_EXIT_OK; // the lattice follows in the next step
+    if (b->model) return KN_EXIT_OK; // with a lattice, the drive acts from the next step on
     if (!kn_network_jump(&b->net, &b->now, &drive))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "%s: answers at once with a dashpot, so a step of strain needs an infinite stress, expected "
+                           "%s: responds as a dashpot at first, so a step of strain needs an infinite stress, expected "
                            "--ramp RATE, e.g. --ramp 10%%/s",
                            b->title);
     read_element(b);
@@ -313,7 +317,7 @@ static kn_input lattice_input(const kn_bench *b)
     return in;
 }
 
-// Advance the lattice by one step and read the instrument. A constant weight W acts as the load W h/h0 on the
+// Advance the lattice by one time step and update the readings. A constant weight W acts as the load W h/h0 on the
 // undeformed section S0. This gives the same stress W h/(S0 h0) as in the one-dimensional element (first paper,
 // equation 4).
 static int step_lattice(kn_bench *b)
@@ -327,7 +331,8 @@ static int step_lattice(kn_bench *b)
     b->step++;
     b->time_s = (double)b->step * b->model->def.solver.dt_s;
     b->strain = lattice_strain(b);
-    // The plate carries the contact force; without a plate the top carries the load.
+    // If the plate is attached, the specimen carries its contact force. Otherwise the specimen carries the load on the
+    // top face.
     double carried = in.probe[0].attached ? out.probe[0].force_n[2] : in.top_load_n;
     b->stress_pa = carried / area_m2(b);
     b->force_n = b->stress_pa * area_m2(b) / grown(b);
@@ -338,7 +343,7 @@ int kn_bench_advance(kn_bench *b, double until_s)
 {
     int code = KN_EXIT_OK;
     if (b->model) {
-        // Stop at the step nearest to until_s. Half a step of margin absorbs rounding.
+        // Stop at the time step nearest to until_s. A margin of half a step absorbs rounding errors.
         while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) {
             code = step_lattice(b);
             kn_progress_step(&b->bar, (double)b->stepped++);
@@ -347,7 +352,7 @@ int kn_bench_advance(kn_bench *b, double until_s)
     }
     if (!kn_network_advance(&b->net, &b->now, &b->drive, until_s, KN_BENCH_TOLERANCE))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "%s: no step converges at %.6g s, expected numbers of this world", b->title, b->now.time_s);
+                           "%s: no step converges at %.6g s, expected realistic parameters", b->title, b->now.time_s);
     read_element(b);
     return KN_EXIT_OK;
 }
@@ -367,15 +372,16 @@ void kn_bench_print(const kn_bench *b)
     printf("specimen  %s, ", b->title);
     if (n[0] != n[2] || n[1] != n[2]) printf("%.3g x %.3g x 1 cm", (double)n[0] / n[2], (double)n[1] / n[2]);
     else printf("1 cm cube");
-    printf("%s\n", b->opt->constant_area ? ", constant area" : "; its section grows as its height falls");
+    printf("%s\n", b->opt->constant_area ? ", constant area" : "; the section grows as the height falls");
     printf("parts    ");
     char name[8];
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
         const kn_part *p = &b->net.part[i];
         printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
-        // Print the range of a stress-dependent damper and the stroke, if the part has them.
+        // Print the stress range of a stress-dependent damper, and the stroke of a damper with stops, if the part has
+        // them.
         if (kn_part_thins(p))
-            printf(" at no stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
+            printf(" at zero stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
                    kn_part_modulus(&b->net, i, p->p1_pa));
         if (p->stroke) printf(", stopped at a strain of %.3g and %.3g", p->stop[0], p->stop[1]);
     }

@@ -15,10 +15,11 @@
 #include "core/scene/scene.h"
 #include "core/step.h"
 
-// Height of the papers' specimen; its section S0 is 1 cm^2.
+// Height of the specimen in the papers, a cube. The section S0 of the cube is 1 cm^2 (KN_BENCH_AREA_M2).
 #define KN_BENCH_HEIGHT_M 0.01
 #define KN_BENCH_AREA_M2 1e-4
-// Tolerance of kn_network_advance: local error of a step, relative to the largest strain of a part.
+// Tolerance of kn_network_advance: local error of one integration step, relative to the largest strain of any spring or
+// damper.
 #define KN_BENCH_TOLERANCE 1e-9
 #define KN_GF_N 0.00980665
 #define KN_GF_CM2_PA 98.0665
@@ -26,10 +27,10 @@
 
 typedef struct kn_bench_options {
     const char *subcommand, *specimen;
-    const char **params, **sets; // values of --param and --set
+    const char **params, **sets; // arguments of the options --param and --set
     int param_count, set_count;
     bool constant_area;
-    int lattice[3]; // cells along x, y, z; 0: one element
+    int lattice[3]; // number of cells along x, y, z; 0: the specimen is one element
     const char *csv, *png;
     double load_n[KN_BENCH_LOADS];
     int loads;
@@ -39,20 +40,21 @@ typedef struct kn_bench_options {
 
 typedef struct kn_bench {
     const kn_bench_options *opt;
-    char title[400]; // the specimen in one line
-    kn_network net;  // the element; with --lattice, the law of the lattice's edges
+    char title[400]; // description of the specimen in one line
+    kn_network net;  // network of springs and dampers: the specimen itself, or with --lattice the law of each edge
     kn_network_state now;
     kn_drive drive;
-    kn_model *model; // NULL: one element
+    kn_model *model; // lattice model of the specimen; NULL: the specimen is one element
     kn_state *lattice;
     int64_t step;
-    double time_s, strain, stress_pa, force_n; // readings of the instrument
-    kn_progress bar;                           // progress in lattice steps, while a bar is open
-    int64_t stepped;                           // steps since the bar was opened
+    double time_s, strain, stress_pa, force_n; // latest readings: time, strain, stress and force of the specimen
+    kn_progress bar;                           // progress bar, which counts lattice steps while it is open
+    int64_t stepped;                           // number of lattice steps since the progress bar was opened
 } kn_bench;
 
-// Read the options of a subcommand. One table says which options belong to which subcommand. `*done` becomes true after
-// --help, which prints `help`. Return an exit code. Call kn_bench_options_free in every case.
+// Read the command-line options of a rheometer subcommand. One table says which options each subcommand accepts.
+// `*done` becomes true after --help, which prints `help`. Return an exit code. Call kn_bench_options_free afterwards,
+// also after a failure.
 int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const char *help, int argc, char **argv,
                            bool *done);
 void kn_bench_options_free(kn_bench_options *opt);
@@ -60,26 +62,28 @@ void kn_bench_options_free(kn_bench_options *opt);
 // Build the specimen: a material (by name, or from the file of a scene) or an expression.
 int kn_bench_open(kn_bench *b, const kn_bench_options *opt);
 void kn_bench_close(kn_bench *b);
-void kn_bench_fresh(kn_bench *b); // put an untouched specimen on the bench at time 0
+void kn_bench_fresh(kn_bench *b); // replace the specimen by an undeformed one and set the time to 0
 
 // Apply a load (weight `load_n`), a strain that starts at `from` and changes at a constant rate, or an oscillating
-// strain, from the present time on. Afterwards the readings are those just after the change. Return an exit code. A
-// sudden step of strain fails if the element responds to it with a dashpot, because the stress would be infinite.
+// strain, from the present time on. Afterwards the readings in `b` are those just after the change. Return an exit
+// code. A sudden step of strain fails if the element responds to it with a dashpot, because the stress would be
+// infinite.
 int kn_bench_load(kn_bench *b, double load_n);
 int kn_bench_strain(kn_bench *b, double from, double rate_per_s);
 int kn_bench_swing(kn_bench *b, double amplitude, double omega);
-// Advance the specimen to the time until_s.
+// Advance the specimen to the simulated time until_s.
 int kn_bench_advance(kn_bench *b, double until_s);
 
-// Open a progress bar for a number of simulated seconds, and close it. Only a lattice takes long enough to need a bar.
-// For an element both functions do nothing.
+// Open a progress bar for `seconds` of simulated time (kn_bench_bar), and close it (kn_bench_bar_end). Only a lattice
+// takes long enough to need a bar. Both functions do nothing if the specimen is a single element.
 void kn_bench_bar(kn_bench *b, double seconds);
 void kn_bench_bar_end(kn_bench *b);
 
-void kn_bench_print(const kn_bench *b); // print the heading that all reports share
+void kn_bench_print(const kn_bench *b); // print the heading, which is the same for all experiments
 
-// An experiment as a subcommand, from its command line to its exit code. `run` measures, prints and fills the table.
-// `finish` writes the files that --csv and --png ask for. `opt` holds the default options.
+// A rheometer experiment as a subcommand of knead. kn_bench_main runs it, from its command line to its exit code. `run`
+// measures, prints the results and fills the table `t`. `finish` writes the files that --csv and --png ask for. The
+// argument `opt` of kn_bench_main holds the default options.
 typedef struct kn_experiment {
     const char *name, *help;
     const char *const *columns;
@@ -91,17 +95,17 @@ int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int arg
 // Help text on the specimen, shared by all four experiments.
 #define KN_BENCH_HELP                                                                                                  \
     "the specimen, a 1 cm cube:\n"                                                                                     \
-    "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, as they are or with -rheological,\n"        \
-    "                    -viscoelastic, -plastic; or the file of a scene, for its material\n"                          \
+    "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, alone or with -rheological,\n"              \
+    "                    -viscoelastic, -plastic; or a scene file, for its material\n"                                 \
     "  --set KEY=VALUE   any key of a scene, e.g. material.k1='300 gf/cm^3'\n"                                         \
-    "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help tells how to write them\n" \
-    "  --param P=VALUE   one for each part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
+    "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help explains the notation\n"   \
+    "  --param P=VALUE   value of one part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
     "                    s1='46 kPa' or '470 gf/cm^3' (per cm of the cube), d1='245 kPa*s' or '2500 gf s/cm^3', and\n" \
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
     "                    alpha exp(-beta P) between the stresses P0 and P1, constant outside\n"
 
-// Help text for the three experiments whose stress depends on the section.
+// Help text of --area, for the three experiments whose stress depends on the section of the specimen.
 #define KN_BENCH_AREA_HELP                                                                                             \
-    "  --area constant   stress = force/S0; else the section grows as the height falls, S h = S0 h0\n"
+    "  --area constant   take stress = force/S0; by default the section grows as the height falls, S h = S0 h0\n"
 
 #endif

@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Read a finite number in the given unit. A bare number is accepted only if `bare` is set, which means that its unit is
-// not ambiguous.
+// Read a finite number in the given unit. A number without a unit is accepted only if `bare` is true, which means that
+// the unit is not ambiguous.
 static bool read_quantity(const char *text, const char *unit_text, bool bare, double *value)
 {
     kn_unit unit;
@@ -28,16 +28,16 @@ static int bad(const kn_bench_options *opt, const char *option, const char *text
     return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
 }
 
-// Read a positive quantity; zero is allowed if `zero` is set.
+// Read the value of an option as a positive quantity. Zero is also accepted if `zero` is true.
 static int take_quantity(const kn_bench_options *opt, const char *option, const char *text, const char *unit, bool zero,
                          const char *expected, double *value)
 {
-    bool bare = !strcmp(unit, "s"); // a bare number means seconds, as in all options
+    bool bare = !strcmp(unit, "s"); // a number without a unit means seconds, as in all options that take a time
     if (read_quantity(text, unit, bare, value) && (*value > 0 || (zero && *value == 0))) return KN_EXIT_OK;
     return bad(opt, option, text, expected);
 }
 
-// Read a share of the height: "50%" or "0.5".
+// Read a share of the specimen's height from a text like "50%" or "0.5".
 static int take_share(const kn_bench_options *opt, const char *option, const char *text, double *value)
 {
     char number[64];
@@ -49,7 +49,7 @@ static int take_share(const kn_bench_options *opt, const char *option, const cha
     return bad(opt, option, text, "a share of the height between 0 and 100 %, like 10%");
 }
 
-// Read a rate of strain: "10%/s", "0.1 1/s", or a speed relative to the cube's height.
+// Read a strain rate from a text like "10%/s" or "0.1 1/s". A speed is divided by the height of the cube.
 static int take_ramp(kn_bench_options *opt, const char *text)
 {
     char number[64];
@@ -59,13 +59,13 @@ static int take_ramp(kn_bench_options *opt, const char *text)
     bool good = percent ? !strcmp(percent, "%/s") && read_quantity(number, "1", true, value)
                         : read_quantity(text, "1/s", false, value);
     if (percent) *value /= 100;
-    // If the text is not a rate of strain, read it as a speed.
+    // If the text is not a strain rate, read it as a speed of the plate.
     if (!good && (good = read_quantity(text, "m/s", false, value))) *value /= KN_BENCH_HEIGHT_M;
     if (good && *value > 0) return KN_EXIT_OK;
     return bad(opt, "ramp", text, "a strain per second like 10%/s, or a speed like '1 mm/s'");
 }
 
-// Read a list of weights separated by commas.
+// Read the loads: weights separated by commas.
 static int take_loads(kn_bench_options *opt, const char *text)
 {
     opt->loads = 0;
@@ -80,7 +80,7 @@ static int take_loads(kn_bench_options *opt, const char *text)
     return KN_EXIT_OK;
 }
 
-// Read LOW:HIGH or LOW:HIGH:NUMBER.
+// Read the range of frequencies, LOW:HIGH or LOW:HIGH:NUMBER.
 static int take_frequencies(kn_bench_options *opt, const char *text)
 {
     static const char expected[] =
@@ -95,7 +95,7 @@ static int take_frequencies(kn_bench_options *opt, const char *text)
     return KN_EXIT_OK;
 }
 
-// Read the number of cells, NXxNYxNZ.
+// Read the numbers of cells of the lattice, in the form NXxNYxNZ.
 static int take_lattice(kn_bench_options *opt, const char *text)
 {
     int *n = opt->lattice;
@@ -126,7 +126,7 @@ enum {
     HELP
 };
 
-// Options of all four experiments. has_option tells which of them one experiment has.
+// Command-line options of all four experiments. The function has_option tells which of them an experiment accepts.
 static const struct option list[] = {{"load", 1, 0, LOAD},       {"hold", 1, 0, HOLD},
                                      {"rest", 1, 0, REST},       {"strain", 1, 0, STRAIN},
                                      {"ramp", 1, 0, RAMP},       {"freq", 1, 0, FREQ},
@@ -137,7 +137,7 @@ static const struct option list[] = {{"load", 1, 0, LOAD},       {"hold", 1, 0, 
                                      {"png", 1, 0, PNG},         {"json", 0, 0, JSON},
                                      {"help", 0, 0, HELP},       {0, 0, 0, 0}};
 
-// Return true if the experiment has the option. All have param, set, csv, png, json and help.
+// Return true if the experiment accepts the option. All experiments accept param, set, csv, png, json and help.
 static bool has_option(const char *subcommand, int option)
 {
     static const struct {
@@ -153,7 +153,7 @@ static bool has_option(const char *subcommand, int option)
     return option == PARAM || option == SET || option == CSV || option == PNG || option == JSON || option == HELP;
 }
 
-// Store the value of one option. Return an exit code after a complaint.
+// Store the value of one option. Return 0, or print an error and return an exit code.
 static int take_option(kn_bench_options *opt, int option, const char *value)
 {
     switch (option) {
@@ -183,7 +183,7 @@ int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const 
                            bool *done)
 {
     opt->subcommand = subcommand;
-    // No option can occur more often than there are arguments.
+    // Allocate one entry per argument, because an option cannot occur more often than there are arguments.
     opt->params = calloc((size_t)argc, sizeof *opt->params);
     opt->sets = calloc((size_t)argc, sizeof *opt->sets);
     if (!opt->params || !opt->sets) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
@@ -194,9 +194,9 @@ int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const 
             *done = true;
             return KN_EXIT_OK;
         }
-        // Treat an option of another experiment as an unknown option.
+        // Treat an option that belongs to a different experiment as an unknown option.
         if (c == '?' || c == ':' || !has_option(subcommand, c)) {
-            // Show the option as the user wrote it, not its value.
+            // Find the option as the user wrote it, without its value, for the error message.
             const char *written = c == '?' || c == ':' || !optarg ? argv[optind - 1] : argv[optind - 2];
             return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", written,
                                c == ':' ? "expected a value" : "unknown option; --help lists them");
@@ -205,9 +205,8 @@ int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const 
         if (code != KN_EXIT_OK) return code;
     }
     if (argc - optind != 1)
-        return kn_complain(
-            subcommand, KN_EXIT_USAGE,
-            "expected one specimen, a material like dough or an expression like '(s|d)-d'; --help tells the rest");
+        return kn_complain(subcommand, KN_EXIT_USAGE,
+                           "expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help");
     opt->specimen = argv[optind];
     return KN_EXIT_OK;
 }

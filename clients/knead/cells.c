@@ -4,7 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Append one cell. kn_cell numbers its corners in binary order, and VTK numbers them around each face.
+// Append one cell with its corner nodes to the list. kn_cell numbers its corners in binary order, and VTK numbers them
+// around each face.
 static void add(kn_cells *c, const kn_cell *cell, uint8_t type, int count, int node)
 {
     static const int round[8] = {0, 1, 3, 2, 4, 5, 7, 6};
@@ -12,14 +13,14 @@ static void add(kn_cells *c, const kn_cell *cell, uint8_t type, int count, int n
     int32_t at = c->count > 0 ? c->end[c->count - 1] : 0;
     for (int i = 0; i < count; i++) {
         const int corner = cell->corner[square ? round[i] : i] + node;
-        // Parts of a composite share nodes: use the master node.
+        // In a composite (a lattice with two resolutions) several nodes stand for the same point: use the master node.
         c->corner[at++] = c->model->composite ? kn_composite_master(c->model, corner) : corner;
     }
     c->type[c->count] = type;
     c->end[c->count++] = at;
 }
 
-// Append all cells of a grid. `node` is the number of the grid's first node.
+// Append all cells of one grid of nodes. `node` is the number of the grid's first node.
 static bool add_grid(kn_cells *c, const kn_grid *grid, int node)
 {
     const int count = kn_grid_cells(grid, NULL);
@@ -42,7 +43,7 @@ static void add_mesh(kn_cells *c, const kn_simplices *mesh)
     }
 }
 
-// Return the number of cells of a mesh, a grid, or all parts of a composite.
+// Return the number of cells of a model: a mesh, a grid, or a composite of several grids.
 static int count_of(const kn_model *m)
 {
     int count = 0;
@@ -59,7 +60,7 @@ static double volume(const kn_cells *c, const kn_state *state, int number)
     const kn_model *m = c->model;
     const int first = number > 0 ? c->end[number - 1] : 0, corners = c->end[number] - first;
     double x[8][3], gradient[8][3];
-    // Undo the VTK order of the corners: the volume functions expect the binary order.
+    // Convert the corners from the VTK order back to the binary order, which the volume functions expect.
     for (int i = 0; i < corners; i++) {
         double *to = x[m->def.mesh ? i : binary[i]];
         const int node = c->corner[first + i];
@@ -78,7 +79,7 @@ bool kn_cells_list(kn_cells *c, const kn_model *m)
     c->end = malloc(count * sizeof *c->end);
     c->type = malloc(count);
     c->rest = malloc(count * sizeof *c->rest);
-    // The object is a mesh, a grid, or a composite of grids.
+    // Append the cells of a mesh, of a grid, or of a composite of grids, whichever the object is.
     bool fits = c->corner && c->end && c->type && c->rest;
     if (fits && m->def.mesh) add_mesh(c, m->def.mesh);
     else if (fits && !m->composite) fits = add_grid(c, &m->grid, 0);

@@ -6,17 +6,21 @@
 #include "core/state.h"
 
 typedef struct kn_cells {
-    const kn_model *model; // must outlive the cells
+    const kn_model *model; // model of the object; must outlive this list of cells
     int count;
-    int32_t *corner, *end; // corner: nodes of all cells, [end[count - 1]]; end: end of each cell in corner, [count]
-    uint8_t *type;         // [count]
-    double *rest;          // [count] volume at rest, m^3
+    // corner: node numbers of all cells, [end[count - 1]]; end: index in corner after the last node of each cell,
+    // VTK cell type of each cell, [count].
+    int32_t *corner, *end;
+    uint8_t *type; // VTK cell type of each cell, [count]
+    double *rest;  // volume of each cell at rest, m^3, [count] values
 } kn_cells;
 
-bool kn_cells_list(kn_cells *cells, const kn_model *model); // false: out of memory
-void kn_cells_free(kn_cells *cells);                        // all zero is allowed
+// List the cells of the object; return false if out of memory.
+bool kn_cells_list(kn_cells *cells, const kn_model *model);
+void kn_cells_free(kn_cells *cells); // a struct that is all zero is allowed
 
-// Compute V/V0 of every cell, ratio[count]. A negative ratio means that the cell is inside out.
+// Compute the present volume V of every cell relative to its volume V0 at rest, into ratio[count]. A negative ratio
+// means that the cell is inside out.
 void kn_cells_ratio(const kn_cells *cells, const kn_state *state, float *ratio);
 
 #endif

@@ -8,20 +8,20 @@
 
 static void print_head(void)
 {
-    printf("%69s | %-20s| %-13s| %s\n", "us of a tick", "force: error, %", "shape", "what a hand would notice");
+    printf("%69s | %-20s| %-13s| %s\n", "us of a tick", "force: error, %", "shape", "effects a hand notices");
     printf("%-8s %8s %-7s %3s  %-18s %-3s %8s %6s | %6s %5s %6s | %6s %5s | %6s %6s %6s %5s %6s\n", "lattice", "step",
            "solver", "", "CG iterations", "on", "p50", "p90", "solver", "step", "all", "solver", "all", "peak %",
            "lag ms", "mm deep", "N/ms", "TV/pk");
 }
 
-// Print a share as a percentage, or "-" if it is unknown.
+// Print a share (0 to 1) as a percentage, or "-" if the share is unknown.
 static void put_percent(double share, int width, int digits)
 {
     if (isfinite(share)) printf(" %*.*f", width, digits, 100 * share);
     else printf(" %*s", width, "-");
 }
 
-// Name a lattice by its spacing. A mesh has no spacing.
+// Write the name of a lattice, which is its node spacing. A mesh has no spacing.
 static const char *lattice_of(const kn_run *run, char text[16])
 {
     if (run->spacing_m > 0) snprintf(text, 16, "%.4g mm", 1e3 * run->spacing_m);
@@ -51,20 +51,20 @@ static void print_row(const kn_row *r, const kn_row *const named[KN_QUALITY_OWN]
     if (r->chatters) printf("  chatters");
     if (r->latched) printf("  latched");
     if (run->own) printf("  scene");
-    // Print the names that this point was given: fast, balanced, accurate.
+    // Print the names of quality that this point was given: fast, balanced, accurate.
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (named[q] == r) printf("  %s", kn_quality_name(q));
     putchar('\n');
 }
 
-// Print the heading above the points of one lattice.
+// Print the heading above the table rows of one lattice.
 static void print_lattice(const kn_front *front, const kn_row *r)
 {
     char lattice[16];
     printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
-    // Without a lattice error, this lattice is itself the finest.
-    if (r->run->spacing_m == 0) puts("; how far a mesh is from a finer one is not known");
+    // If the lattice has no error of its own, it is the finest lattice, or a mesh.
+    if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");
     else if (r->force.lattice == 0) puts("; the finest here");
     else
         printf("; force %.2f %%, shape %.2f %% from that of %.4g mm\n", 100 * r->force.lattice, 100 * r->shape.lattice,
@@ -75,7 +75,7 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
 {
     print_head();
     for (int i = 0; i < front->count; i++) {
-        // Points are sorted by lattice, so a change in the number of nodes starts a new group.
+        // The rows are sorted by lattice, so a row with another number of nodes begins a new lattice.
         const kn_row *r = &front->row[i];
         if (i == 0 || r->run->nodes != r[-1].run->nodes) print_lattice(front, r);
         print_row(r, named);
@@ -83,17 +83,17 @@ void kn_chart_print(const kn_front *front, const kn_plan *plan, const kn_row *co
     printf("solver: against f64, same step, secant, 5 linearisations, CG to 1e-8; ");
     if (plan->fine) puts("step: that against f64 at 1/16 of the scene's step;");
     else puts("step: not measured (--quick);");
-    puts("all: against the latter plus what the lattice itself is off. * nothing cheaper is nearer. The rest: a "
-         "hand's.");
+    puts("all: against f64 at 1/16, plus the error of the lattice. *: no cheaper point is more accurate. The other "
+         "columns: effects a hand notices.");
     for (int i = 0; i < plan->notes; i++) puts(plan->note[i]);
 }
 
 // ---- the picture
 
-// Largest number of lattices with a colour of their own.
+// Largest number of lattices that are drawn in a colour of their own.
 enum { LATTICES = 6 };
 
-typedef struct marker { // symbol of a point, by solver and precision
+typedef struct marker { // plot symbol of a point, which depends on solver and precision
     int type;
     const char *name;
 } marker;
@@ -102,7 +102,8 @@ static const marker markers[] = {{7, "blend"}, {9, "secant"}, {11, "tangent"},
                                  {15, "rk4"},  {5, "f64"},    {13, "smaller step"}};
 enum { MARKERS = sizeof markers / sizeof *markers };
 
-// Return the index in markers. The first three have the order of kn_method.
+// Return the index of the plot symbol of a point in the list of markers. The first three markers have the order of
+// kn_method.
 static int marker_of(const kn_row *r, const kn_plan *plan)
 {
     if (r->run->method == KN_METHOD_RK4) return 3;
@@ -113,15 +114,15 @@ static int marker_of(const kn_row *r, const kn_plan *plan)
 
 static bool usable(const kn_row *r) { return !r->chatters && !r->latched; }
 
-// A panel of the picture. The panel shows the error of the shape or of the force. It shows the total error or the
-// solver's error alone, with or without the named points.
+// One panel of the picture. A panel shows either the shape error or the force error. The error is either the total
+// error or the part due to the solver. The named points may be marked.
 typedef struct panel {
     const char *title;
     bool shape, all, named;
 } panel;
 
-static const panel panels[] = {{"contact force: left by the solver", .named = true},
-                               {"shape that stays: left by the solver", .shape = true, .named = true},
+static const panel panels[] = {{"contact force: error of the solver", .named = true},
+                               {"residual shape: error of the solver", .shape = true, .named = true},
                                {"contact force: with step and lattice", .all = true}};
 enum { PANELS = sizeof panels / sizeof *panels };
 
@@ -133,14 +134,15 @@ typedef struct picture {
     bool used[LATTICES][MARKERS], any_bad;
 } picture;
 
-// Return the error that a panel shows, %.
+// Return the error of a point that the panel shows on its vertical axis, %.
 static double height(const panel *p, const kn_row *r)
 {
     const kn_errors *e = p->shape ? &r->shape : &r->force;
     return 100 * (p->all ? e->all : e->solver);
 }
 
-// Return the number of a point's lattice in the picture. The last number stands for all lattices that do not fit.
+// Return the index of a point's lattice among the lattices of the picture. The last index stands for all lattices
+// beyond the number of colours.
 static int lattice_number(const picture *pic, const kn_row *r)
 {
     int l = 0;
@@ -155,7 +157,8 @@ static void write_front(FILE *f, const picture *pic, int panel_number, int latti
     const panel *p = &panels[panel_number];
     fprintf(f, "$front%d_%d << END\n", panel_number, lattice + 1);
     for (double us = -1, least = INFINITY;;) {
-        // Find the fastest usable point that is slower than the last one and has a smaller error.
+        // Find the next corner of the staircase: the fastest usable point that is slower than the last corner and has a
+        // smaller error.
         const kn_row *next = NULL;
         for (int i = 0; i < pic->front->count; i++) {
             const kn_row *r = &pic->front->row[i];
@@ -171,8 +174,8 @@ static void write_front(FILE *f, const picture *pic, int panel_number, int latti
     fprintf(f, "END\n");
 }
 
-// Write one line per point: median time, us; error, %; lattice; marker; 1 if the point chatters or is latched, else 0;
-// p90, us.
+// Write one line of data per point. The columns are: median time per tick in us, error in %, index of the lattice,
+// index of the marker, 1 if the point chatters or is latched and 0 otherwise, 90th percentile (p90) of the time in us.
 static void write_points(FILE *f, const picture *pic, int panel_number)
 {
     fprintf(f, "$points%d << END\n", panel_number);
@@ -184,7 +187,7 @@ static void write_points(FILE *f, const picture *pic, int panel_number)
     fprintf(f, "END\n");
 }
 
-// Set the ranges of the axes with a small margin, and ticks at round numbers of a logarithmic axis.
+// Set the ranges of the logarithmic axes with a small margin, and axis ticks at round numbers.
 static void write_ranges(FILE *f, const picture *pic, const panel *p)
 {
     double us[2] = {INFINITY, 0}, error[2] = {INFINITY, 0};
@@ -201,7 +204,7 @@ static void write_ranges(FILE *f, const picture *pic, const panel *p)
     fprintf(f, ")\n");
 }
 
-// Write a ring around each named point, with the names beside it.
+// Draw a ring around each named point (fast, balanced, accurate) and write the names beside the ring.
 static void write_names(FILE *f, const picture *pic, const panel *p)
 {
     static const char *const place[KN_QUALITY_OWN] = {"right offset -1.4,-0.6", "center offset 0,-1.3",
@@ -209,13 +212,13 @@ static void write_names(FILE *f, const picture *pic, const panel *p)
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
         const kn_row *r = pic->named[q];
         char words[64] = "";
-        // Skip a point that the previous name has already marked.
+        // Skip this name if the same point was already marked for the previous name.
         if (!r || !p->named || (q > 0 && r == pic->named[q - 1])) continue;
-        // One point may have several names: put them in one label.
+        // One point may have several names, so collect all its names in one label.
         for (kn_quality same = q; same < KN_QUALITY_OWN && pic->named[same] == r; same++)
             snprintf(words + strlen(words), sizeof words - strlen(words), "%s%s", same > q ? ", " : "",
                      kn_quality_name(same));
-        // Only the first panel has the names. The panel of the shape has the ring alone.
+        // The panel of the shape error shows rings without names, because the panel of the force error has the names.
         if (p->shape) words[0] = '\0';
         fprintf(f, "set label %d '%s' at %g,%g %s point pt 6 ps 2.2 lw 2 lc rgb 'black' front\n", (int)q + 1, words,
                 r->median_us, height(p, r), strchr(words, ',') ? "left offset -0.8,-1.4" : place[q]);
@@ -266,7 +269,7 @@ static void write_legend(FILE *f, const picture *pic)
     for (int l = 0; l < pic->lattices; l++) {
         const kn_row *r = pic->front->row;
         char text[100] = "", off[48] = "";
-        // Find any point of the lattice. All its points have the same spacing and error of the lattice.
+        // Find any point of this lattice. All points of one lattice have the same spacing and lattice error.
         while (r->run->nodes != pic->nodes[l]) r++;
         if (r->run->spacing_m > 0) snprintf(text, sizeof text, "%.3g mm, ", 1e3 * r->run->spacing_m);
         if (r->force.lattice > 0)
@@ -289,7 +292,7 @@ static void write_legend(FILE *f, const picture *pic)
 static void write_script(FILE *f, const picture *pic)
 {
     char title[200];
-    // Write the data blocks first, because the plots below refer to them.
+    // Write the data blocks first, because the plot commands that follow refer to them.
     for (int p = 0; p < PANELS; p++) {
         for (int l = -1; l < pic->lattices; l++) write_front(f, pic, p, l);
         write_points(f, pic, p);
@@ -309,7 +312,7 @@ int kn_chart_draw(const kn_front *front, const kn_plan *plan, const kn_row *cons
 {
     int code;
     picture pic = {.front = front, .plan = plan, .named = named};
-    // Collect the lattices and the markers that occur.
+    // Collect the lattices and the markers that occur among the points.
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
         bool begins = i == 0 || r->run->nodes != r[-1].run->nodes;

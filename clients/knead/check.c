@@ -21,15 +21,14 @@
 #include <unistd.h>
 
 static const char usage[] =
-    "usage: knead check SCENE [--set KEY=VALUE]...   say what a scene is, what it costs, what to watch for\n"
-    "       knead check SCENE --quality NAME         the same with its point fast, balanced or accurate; own: none\n"
-    "       knead check SCENE --log LOG              play a log on the scene and on its uniform lattice: does it keep\n"
-    "                                                object.accuracy? 1: no\n"
-    "       knead check --keys                       every key of a scene: unit, range, default, meaning\n"
-    "       knead check SCENE --text                 the scene with every value written out, in SI\n"
-    "       knead check SCENE --json                 the main of it for programs, with all warnings\n"
-    "\n"
-    "A scene that cannot be used gives one line, file:line:col: what is wrong, what was expected, and exit 2.\n";
+    "usage: knead check SCENE [--set KEY=VALUE]...   describe a scene: size, cost, warnings\n"
+    "       knead check SCENE --quality NAME         describe its point fast, balanced or accurate; own: none\n"
+    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice; exit 1\n"
+    "                                                if the scene misses its object.accuracy\n"
+    "       knead check --keys                       list every key of a scene: unit, range, default, meaning\n"
+    "       knead check SCENE --text                 print the scene with every value written out, in SI units\n"
+    "       knead check SCENE --json                 print the main figures and all warnings as JSON\n\n"
+    "An unusable scene is reported in one line, file:line:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Print a warning and add it to the JSON list `warnings`.
 __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
@@ -43,14 +42,14 @@ __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
     kn_result_text(kn_result_add("warnings"), "text", text);
 }
 
-// Print a mesh and its elastic constants. The constants were measured when the model was built. They show how the
-// network of springs differs from the material.
+// Print the size of a mesh and its elastic constants. The constants were measured on the mesh when the model was built.
+// They show how the network of springs differs from the material.
 static void print_net(const kn_model *model)
 {
     const kn_simplices *mesh = model->def.mesh;
     const kn_net_moduli *own = &model->moduli;
     bool flat = mesh->dimension == 2;
-    // The shear modulus is printed relative to that of an isotropic body, E/2(1 + nu).
+    // The shear modulus is printed relative to the shear modulus of an isotropic body, E/(2(1 + nu)).
     double extent_m[3], isotropic = 1 / (2 * (1 + own->poisson));
     kn_model_def_extent(&model->def, extent_m);
     printf("object    %g x %g x %g mm, mean edge %.3g mm: %d nodes, %d %s, %d edges, %.4g kg\n", 1e3 * extent_m[0],
@@ -65,18 +64,19 @@ static void print_net(const kn_model *model)
                "a press is a third stiffer\n",
                mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
                model->def.inside_pressure_pa);
-    // Warn about properties that the mesh's geometry causes.
-    if (own->shear < 0.7 * isotropic) warn("the mesh's directions leave it soft in shear");
-    if (fabs(model->creep_error) > 0.1) warn("no gamma makes it creep as the material does");
-    if (model->top_count == 0) warn("nothing of it looks up: a plate would not touch it");
+    // Warn about elastic properties of the mesh that its geometry causes.
+    if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
+    if (fabs(model->creep_error) > 0.1) warn("no gamma gives the mesh the creep of the material");
+    if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
 }
 
-// Print the fine box of a lattice with two resolutions, or the reason why the lattice is uniform.
+// Print the box with the finer cells of a lattice with two resolutions. If the lattice is uniform, print the reason.
 static void print_composite(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &model->def;
     if (!model->composite) {
-        printf("accuracy  %s: uniform\n", def->probe_count > 0 ? "the tools reach all of it" : "there is no tool");
+        printf("accuracy  %s: uniform\n",
+               def->probe_count > 0 ? "the tools reach the whole object" : "there is no tool");
         return;
     }
     printf("accuracy  %g %% of the force: spacing in a box", 100 * scene->accuracy);
@@ -85,9 +85,10 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
         double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
         printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
     }
-    printf(" mm, twice it outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
+    printf(" mm, twice that outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
            kn_composite_edges(model));
-    printf("          knead check SCENE --log LOG plays a press on both lattices and says what it costs\n");
+    printf(
+        "          knead check SCENE --log LOG replays a press on both lattices and prints the error and the time\n");
 }
 
 static void print_block(const kn_scene *scene, const kn_model *model)
@@ -131,11 +132,12 @@ static void print_object(const kn_scene *scene, const kn_model *model)
 static void print_plastic(const kn_material *m)
 {
     double c2 = kn_material_c2(m, 0), share = m->c1_pa_s / (m->c1_pa_s + c2), off = 1 - share;
-    printf("plastic   no spring: everything stays; c1 and c2 are one damper of %.4g Pa s at rest", c2 * share);
+    printf("plastic   no spring: all deformation remains; c1 and c2 act as one damper of %.4g Pa s at rest",
+           c2 * share);
     bool depends = kn_material_thinning(m, m->p0_pa) > 0;
     printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
-        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest, it hides how c2 depends "
+        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest and hides how c2 depends "
              "on the stress",
              100 * off);
 }
@@ -146,16 +148,16 @@ static void print_material(const kn_model *model)
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
-    // A damper whose two stops coincide cannot move, so no deformation stays.
+    // A damper whose two stops coincide cannot move, so the material keeps no residual deformation.
     double in, out;
     bool rigid = kn_material_stroke(m, &in, &out);
-    if (m->damper == KN_DAMPER_NONE) printf("; no damper: nothing stays\n");
-    else if (rigid) printf("; a damper without a way to go: nothing stays\n");
+    if (m->damper == KN_DAMPER_NONE) printf("; no damper: no deformation remains\n");
+    else if (rigid) printf("; a damper without stroke: no deformation remains\n");
     else
         printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0), kn_material_c2(m, m->p1_pa),
                m->p1_pa);
     if (!rigid && m->stroke[1] > 0)
-        printf("stroke    a %g to %g around %.3g: left alone an edge is %.4g to %.4g times as long as it was made\n",
+        printf("stroke    a %g to %g around %.3g: without load an edge has %.4g to %.4g times its original length\n",
                m->stroke[0], m->stroke[1], m->ratio, 1 + in, 1 + out);
     if (!rigid && m->k1_pa == 0) print_plastic(m);
     printf("law       %s", law[model->law.kind]);
@@ -166,7 +168,7 @@ static void print_material(const kn_model *model)
            model->kappa_m, model->gamma);
 }
 
-// Return the size of the model with its tables, bytes.
+// Return the memory that the model needs with its tables, bytes.
 static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
@@ -174,7 +176,7 @@ static size_t model_bytes(const kn_model *model)
     return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model);
 }
 
-// Print the predicted time of a tick, part by part, then as a whole.
+// Print the predicted computing time of a tick, first for each part of the scene and then in total.
 static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
@@ -186,26 +188,28 @@ static void print_cost(const kn_model *model)
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
-    // The scene's own solver settings, without a named quality.
+    // Solver settings of the scene itself, without a named quality such as fast.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
     double us = kn_cost_us(model, &own, false);
-    printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations, of %g us\n", us,
+    printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
-    // A blow is a sudden change of the forces, for which the step is repeated (core/impact.h). Its time is printed
-    // separately.
+    // An impact is a sudden change of the forces, for which the time step is solved again (core/impact.h). The time of
+    // such a step is printed separately.
     double blow = kn_cost_blow_us(model, &own);
-    if (blow > 0) printf("          in a blow up to %d times over: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
-    if (kn_cost_newton(model)) warn("each edge solves its damper by itself, at some 40 times the time");
+    if (blow > 0)
+        printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
+    if (kn_cost_newton(model))
+        warn("each edge solves its damper by its own iteration, which takes about 40 times as long");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
 
-// Print how much of its height the object loses under its own weight. The stress is the mean over a column: rho g H at
-// the base, zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58 with gas. Both factors were measured
-// on the block of dough.
+// Print how much of its height the object loses under its own weight. The stress used is the mean over a column,
+// because the stress is rho g H at the base and zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58
+// with gas. Both factors were measured on the block of dough.
 static void print_sag(const kn_model_def *def)
 {
     static const double seconds = 300, earth_m_s2 = 9.81;
-    // If the scene has no gravity, predict the sag under the earth's gravity.
+    // If the scene has no gravity, predict the sag that the object would have under the earth's gravity.
     double g = def->gravity_m_s2 > 0 ? def->gravity_m_s2 : earth_m_s2, base = 1;
     if (def->support == KN_SUPPORT_BONDED) base = def->pressure == KN_PRESSURE_NONE ? 0.85 : 0.58;
     double extent_m[3];
@@ -217,9 +221,9 @@ static void print_sag(const kn_model_def *def)
     // `flown` is the share of the height that the object loses after the first second.
     double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1);
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
-           100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", which this scene leaves out");
+           100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", although the scene has no gravity");
     if (flown > 0.02 && def->gravity_m_s2 > 0)
-        warn("it does not keep its shape: the damper at rest is too soft for its weight");
+        warn("the object does not keep its shape: the damper at rest is too soft for its weight");
 }
 
 static void print_solver(const kn_model *model)
@@ -236,7 +240,7 @@ static void print_solver(const kn_model *model)
                "%.3g N\n",
                s->dt_s, s->passes, s->iterations, ldexp(f->lambda_m, KN_FIXED_U - 1) / s->dt_s,
                ldexp(f->phi_n, KN_FIXED_T - 1));
-        printf("%s   %.2g %% of the force is left unsolved %d ms into a press that begins at once at 1 cm/s\n",
+        printf("%s   %.2g %% of the force is left unsolved %d ms into a press that starts abruptly at 1 cm/s\n",
                f->error > KN_FIXED_ERROR ? "warning" : "error  ", 100 * f->error, KN_FIXED_TRIAL);
     } else {
         printf("solver    implicit %s, dt %g s, %s, %d to %d CG iterations (tolerance %g), %d pass%s\n", precision,
@@ -246,15 +250,15 @@ static void print_solver(const kn_model *model)
         print_cost(model);
         if (model->isa == KN_ISA_BASE) warn("no fused multiply-add: the same bits in software, far from real time");
     }
-    // State and model together must fit into memory.
+    // State and model must fit into memory together. Warn if the sum of their sizes exceeds the memory of this machine.
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
     printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
-        warn("more than this machine's memory");
+        warn("the object needs more memory than this machine has");
 }
 
-// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is played on
-// this machine, because the prediction does not know how often a blow repeats a part of the step.
+// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is computed on
+// this machine, because the prediction does not know how often an impact repeats a part of the step.
 static void print_deadline(const kn_scene *scene, const kn_model *model)
 {
     kn_backend b;
@@ -275,7 +279,7 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     if (by_ms > 1) warn("the shortest step takes longer than 1 ms here: kneadd takes every force to zero");
 }
 
-// Print the named points of speed and accuracy that the scene defines.
+// Print the named qualities (fast, balanced, accurate) that the scene defines.
 static void print_quality(const kn_scene *scene, const kn_model *model)
 {
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
@@ -284,17 +288,17 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
         if (scene->point[q].live) printf(", estimate %.0f us", kn_cost_us(model, e, false));
-        else printf(", another lattice or precision: not while it runs");
+        else printf(", another lattice or precision: cannot be selected while kneadd runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
     }
 }
 
-// Print the virtual coupling on the hand's side, the scale between the object's force and the hand's, and warn above
-// the stability bound.
+// Print the virtual coupling on the hand's side, and the scale between the force on the object and the force on the
+// hand. Warn if the coupling is above the stability bound.
 static void print_coupling(const kn_scene *scene)
 {
     const kn_device_def *d = &scene->device;
-    // Stability bound of the coupling for this device at 1 kHz with its delay.
+    // Stability bound of the virtual coupling for this device, at 1 kHz and with the delay of the device.
     double bound = kn_coupling_delayed(d->damping_n_s_m, 1e-3, d->round_trip_s, d->hand.damping_n_s_m);
     printf("          coupling %g N/m, %g N s/m at a round trip of %g ms", d->hand.stiffness_n_m, d->hand.damping_n_s_m,
            1e3 * d->round_trip_s);
@@ -302,10 +306,10 @@ static void print_coupling(const kn_scene *scene)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
     if (d->force_scale != 1.0)
-        printf("          the hand is given %g of the force: %g N of the object reach the clamp\n", d->force_scale,
-               d->force_limit_n / d->force_scale);
+        printf("          the hand is given %g of the force: the clamp is reached at %g N of the object\n",
+               d->force_scale, d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
-        warn("such a device bears a coupling of %.3g N/m at most: it will buzz at a wall", bound);
+        warn("this device is stable up to a coupling of %.3g N/m: it will buzz at a wall", bound);
 }
 
 static void print_device(const kn_scene *scene)
@@ -316,9 +320,9 @@ static void print_device(const kn_scene *scene)
     printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
-    // Indexed by the bits of mesh_measures.
+    // Names of the measures in mesh messages, indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};
-    printf("mesh      %g Hz: places%s\n", scene->mesh_hz, told[scene->mesh_measures]);
+    printf("mesh      %g Hz: positions%s\n", scene->mesh_hz, told[scene->mesh_measures]);
 }
 
 static void print_field(const kn_field *f)
@@ -361,8 +365,8 @@ static void print_touch(const kn_probe_def *p)
     else printf(", follows its pose");
 }
 
-// Return the largest radius among the round parts of a tool. For a tool from a file the radius of its largest inner
-// ball counts. A flat face returns infinity.
+// Return the largest radius of curvature among the parts of a tool. For a tool from a file it is the radius of the
+// largest inner ball. Return infinity if the tool has a flat face.
 static double roundest_m(const kn_shape *shape)
 {
     double most_m = 0;
@@ -384,7 +388,7 @@ static void print_probe(const kn_model *model, int index)
     print_size(p);
     if (p->shape != KN_PROBE_PLATE) print_touch(p);
     printf("\n");
-    // A tool that is too narrow may pass between nodes. With a ball that is too small the hand feels single cells.
+    // Warn about a small tool: a narrow tool may pass between nodes, and with a small ball the hand feels single cells.
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
         warn("%s is narrower than the spacing: it may pass between nodes", p->name);
     else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
@@ -392,9 +396,9 @@ static void print_probe(const kn_model *model, int index)
 }
 
 // Warn about a lattice that does not resist shear. If only the sides of the cells and gas carry the load, the cells
-// lean. Rounding decides the direction in which the cells lean, and the shape depends on this direction. Measured:
-// moving nodes by 2 % of the spacing halves the bulge of a press below a diagonal_stiffness of 0.003. From 0.01 on it
-// makes no difference.
+// lean to one side. Rounding errors decide to which side, so the shape of the object depends on them. Measured: if
+// diagonal_stiffness is below 0.003, moving the nodes by 2 % of the spacing halves the bulge beside a press. From 0.01
+// on, moving the nodes makes no difference.
 static void print_shear(const kn_model_def *def)
 {
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
@@ -405,12 +409,12 @@ static void print_shear(const kn_model_def *def)
         warn("one pressure for the object does not keep single cells from turning inside out");
 }
 
-// Fill the JSON result.
+// Fill the JSON result with the properties of scene and model.
 static void tell_result(const kn_scene *scene, const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
-    // Times are predicted for the implicit solver only.
+    // Computing times are predicted for the implicit solver only, so leave them out for other solvers.
     const bool stepped = s->kind == KN_SOLVER_IMPLICIT;
     json_t *to = kn_result();
     char hash[24];
@@ -420,7 +424,7 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_text(to, "scene", scene->name);
     kn_result_text(to, "hash", hash);
     for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
-    // Nodes that follow other nodes are not counted.
+    // Nodes whose motion is interpolated from other nodes are not counted.
     kn_result_integer(to, "nodes", model->node_count - (model->composite ? kn_composite_tied(model) : 0));
     kn_result_integer(to, "edges",
                       model->def.mesh    ? model->edge_count
@@ -482,13 +486,13 @@ int kn_check_main(int argc, char **argv)
         {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
         {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
         {"json", no_argument, NULL, 'j'},          {0}};
-    // kn_like_uniform needs one more entry than the command line can give.
+    // Kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
     const char **sets = calloc((size_t)argc + 1, sizeof *sets);
     int count = 0, status = -1;
     const char *log = NULL;
     bool text = false, json = false;
     if (!sets) return KN_EXIT_INTERNAL;
-    // Each --set and --quality is one setting of the scene.
+    // Each option --set or --quality adds one setting of the scene.
     for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
         if (c == 's') sets[count++] = optarg;
         else if (c == 't') text = true;
@@ -503,12 +507,12 @@ int kn_check_main(int argc, char **argv)
         } else if (c == 'k') {
             for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
             status = KN_EXIT_OK;
-        } else status = KN_EXIT_USAGE; // getopt has printed the reason
+        } else status = KN_EXIT_USAGE; // getopt has printed the error
     }
     if (status < 0 && argc - optind != 1)
-        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; --help tells the rest");
+        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
     if (status < 0 && json && (log || text))
-        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected no --log and no --text beside it");
+        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
     if (status < 0 && json) kn_result_open();
     if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
     if (status < 0) status = check(argv[optind], sets, count, text);

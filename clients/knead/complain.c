@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// Return true if the text contains a place in a file, like "scene.yaml:14:9: ".
+// Return true if the message contains a place in a file, like "scene.yaml:14:9: ".
 static bool has_place(const char *text)
 {
     for (const char *at = text; (at = strchr(at, ':')); at++) {
@@ -22,7 +22,8 @@ int kn_complain(const char *subcommand, int code, const char *format, ...)
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    // Keep a place at the beginning of the line.
+    // Print a message that begins with a place in a file without a prefix, so that the place stays at the beginning of
+    // the line.
     if (has_place(text)) fprintf(stderr, "%s\n", text);
     else fprintf(stderr, "knead %s: %s\n", subcommand, text);
     return code;

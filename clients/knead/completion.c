@@ -1,22 +1,24 @@
-// knead completion: prints a completion script for the shell. The script asks the programs for their options.
+// knead completion: prints a completion script for the shell. The script runs the programs to get the lists of their
+// options.
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
-// The script is a file of the source tree that is embedded in the program. `cmake --install` copies the same file.
+// Text of the completion script. It is a file of the source tree that the build embeds in the program. `cmake
+// --install` installs the same file.
 extern const char completion_bash[];
 __asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
         "/knead/completion.bash\"\n.byte 0\n.previous\n");
 
 static const char help[] =
     "usage: knead completion [bash|zsh]\n\n"
-    "Prints what a shell completes knead, kneadd and knead-simdev by: subcommands, options, their values, keys of a\n"
+    "Prints the shell completion of knead, kneadd and knead-simdev: subcommands, options, their values, keys of a\n"
     "scene, files. It reads --help when Tab is pressed.\n\n"
-    "    source <(knead completion)         in this bash; in every one: the line in ~/.bashrc\n"
+    "    source <(knead completion)         in this bash; add the line to ~/.bashrc for every bash\n"
     "    source <(knead completion zsh)     in this zsh\n\n"
-    "cmake --install puts it where the package bash-completion finds it.\n\n"
+    "cmake --install puts the completion where the package bash-completion finds it.\n\n"
     "Exit codes: 0 ok, 2 bad input.\n";
 
 int kn_completion_main(int argc, char **argv)
@@ -26,7 +28,7 @@ int kn_completion_main(int argc, char **argv)
     if (argc > 2 || !(zsh || !strcmp(shell, "bash") || !strcmp(shell, "--help")))
         return kn_complain("completion", KN_EXIT_USAGE, "%s: expected bash or zsh", argv[argc > 2 ? 2 : 1]);
     if (!strcmp(shell, "--help")) return fputs(help, stdout), KN_EXIT_OK;
-    // zsh runs the bash script through its compatibility layer.
+    // zsh needs these commands first, because it runs the bash script in its compatibility layer.
     if (zsh) fputs("autoload -U +X compinit && compinit -i\nautoload -U +X bashcompinit && bashcompinit\n", stdout);
     fputs(completion_bash, stdout);
     return KN_EXIT_OK;

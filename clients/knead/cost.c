@@ -8,30 +8,34 @@
 #include <math.h>
 #include <stdio.h>
 
-// Times per lane of the padded lattice, ns, by instruction set (base, avx2, avx512) and precision (f32, f64). once_ns
-// is the time of all edges per linearisation, iteration_ns the time per iteration of conjugate gradients (CG). Both
-// were measured on one core of a Sapphire Rapids. A processor without fused multiply-add (base) computes it in
-// software.
+// Computing times per SIMD lane of the padded lattice, ns, by instruction set (base, avx2, avx512) and precision (f32,
+// f64). once_ns is the time of all edges per linearisation, iteration_ns the time per iteration of conjugate gradients
+// (CG). Both were measured on one core of a Sapphire Rapids. A processor without fused multiply-add (base) computes it
+// in software.
 static const double once_ns[3][2] = {{1200, 2700}, {66, 150}, {34, 78}};
 static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 
-// Times of a mesh, per edge. With gas an element takes as much time as two edges.
+// Computing times of a mesh per edge, ns: per linearisation and per CG iteration. In an object with gas, an element
+// takes as much time as two edges.
 #define EDGE_NS 35.0
 #define EDGE_ITERATION_NS 5.0
 
-// Times per node that follows other nodes, in a composite (a lattice with two resolutions).
+// Computing times per node whose motion is interpolated from other nodes, ns. Such nodes exist in a composite (a
+// lattice with two resolutions).
 #define TIE_NS 50.0
 #define TIE_ITERATION_NS 15.0
 
-// Time of the edges of one lane when each edge is solved separately by Newton's method.
+// Computing time of the edges of one SIMD lane, ns, if each edge is solved separately by Newton's method.
 #define NEWTON_NS 1700.0
 
-// Share of the edges' time that each law needs, and the time that gas adds per lane (indexed by kn_pressure).
+// Computing time of each material law, as a fraction of the edge times above. Then the time that gas adds per SIMD
+// lane, ns, indexed by kn_pressure: per linearisation and per CG iteration.
 static const double law_share[] = {
     [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
-// Floating-point operations and reals moved, per edge and per node. Counted in core/kernel*.[ch].
+// Number of floating-point operations (FLOPS) and of real numbers moved (REALS), per edge, per node and per element of
+// gas. They were counted in core/kernel*.[ch].
 enum {
     EDGE_FLOPS = 95,
     LAW_FLOPS = 27,
@@ -53,10 +57,10 @@ bool kn_cost_newton(const kn_model *model)
     return model->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&model->law));
 }
 
-// Index of the instruction set in the tables above.
+// Return the index of the model's instruction set in the tables once_ns and iteration_ns.
 static int isa_of(const kn_model *m) { return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0; }
 
-// Return the cost of all edges and nodes of the lattice or mesh.
+// Return the computing cost of all edges and nodes of the lattice or mesh.
 static kn_cost_part edges(const kn_model *m)
 {
     static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper exactly"};
@@ -68,12 +72,12 @@ static kn_cost_part edges(const kn_model *m)
     p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
     const int kept = kn_work_edge(m);
     p.once.bytes = size * (edges * (kept + (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS)) + nodes * NODE_REALS);
-    // Work per CG iteration: the product with the matrix and the vectors. If only one real number is kept per edge, the
-    // direction of the edge is computed again.
+    // Work per CG iteration: the product with the matrix and the vectors. If only one real number is stored per edge,
+    // each iteration computes the direction of the edge again.
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
     if (kept == 1) p.iteration.flops += edges * DIRECTION_FLOPS;
     p.iteration.bytes = size * (edges * kept + nodes * NODE_ITERATION_REALS);
-    // Meshes are measured per edge, lattices per lane.
+    // For meshes the time was measured per edge, for lattices per SIMD lane.
     if (m->def.mesh) {
         p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
         p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
@@ -81,18 +85,19 @@ static kn_cost_part edges(const kn_model *m)
         p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
         if (kn_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
         p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
-        // Nodes that follow others have to be interpolated in every product.
+        // Add the time of nodes that are interpolated from other nodes, because every matrix product interpolates them.
         p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
         p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
     }
     return p;
 }
 
-// Return the cost of the gas in all cells, or in the whole object.
+// Return the computing cost of the gas, which is either in each cell or in the whole object.
 static kn_cost_part gas(const kn_model *m)
 {
     bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
-    // gas_ns was measured with avx512 in f32. Scale it for other cases by the ratio of the edges' times.
+    // gas_ns was measured with avx512 in f32. For other instruction sets and precisions, scale gas_ns by the ratio of
+    // the edge times once_ns.
     double slower = once_ns[isa_of(m)][f64] / once_ns[2][0], nodes = (double)kn_model_field(m, 1);
     double count = m->def.mesh ? m->def.mesh->element_count : nodes;
     kn_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
@@ -101,7 +106,7 @@ static kn_cost_part gas(const kn_model *m)
                             .flops = count * GAS_ITERATION_FLOPS,
                             .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
     p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
-    // An element with gas takes the time of two edges.
+    // In a mesh, the gas of an element takes the computing time of two edges.
     if (m->def.mesh) {
         p.once.us = 2e-3 * count * EDGE_NS;
         p.iteration.us = 2e-3 * count * EDGE_ITERATION_NS;
@@ -109,8 +114,9 @@ static kn_cost_part gas(const kn_model *m)
     return p;
 }
 
-// Return the area of the skin that a tool touches, m^2. A ball or fingertip is pressed in by half its radius. A union
-// or mesh touches half of the rectangle around it. The other shapes touch with their whole face.
+// Return the estimated area of the object's skin that a tool touches, m^2. A ball or fingertip is assumed to be pressed
+// in by half its radius. A union or mesh is assumed to touch with half of its bounding rectangle, any other shape with
+// its whole face.
 static double touched_m2(const kn_probe_def *probe)
 {
     const double r = probe->radius_m, *size = probe->size_m;
@@ -124,9 +130,9 @@ static double touched_m2(const kn_probe_def *probe)
     }
 }
 
-// Return the cost of one tool's contact. A plate has to find its nodes and solves a second law for the edges on these
-// nodes. For any other shape the cost is per sample. Friction adds the same cost again, because each sample searches
-// for its friction cone. A coupled tool adds the same cost once more.
+// Return the computing cost of the contact of one tool. A plate has to find its nodes and solves a second law for the
+// edges on these nodes. For any other shape the cost is per sample. Friction adds the same cost again, because each
+// sample searches for its friction cone. A coupled tool adds the same cost once more.
 static kn_cost_part contact(const kn_model *m, int index)
 {
     static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};
@@ -138,7 +144,7 @@ static kn_cost_part contact(const kn_model *m, int index)
         p.once = (kn_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
         return p;
     }
-    // Samples per spacing and direction: 2 for a coarse tool, 4 for a fine one.
+    // Number of contact samples per node spacing and direction: 2 for a coarse tool, 4 for a fine tool.
     double per = m->shape[index].fine_m > 4 * h ? 2 : 4, more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);
@@ -158,15 +164,15 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS])
     return count;
 }
 
-// Return the time of one linearisation with the given number of CG iterations, us.
+// Return the computing time of one linearisation with the given number of CG iterations, us.
 static double line_us(const kn_model *model, double iterations)
 {
     kn_cost_part part[KN_COST_PARTS];
     double us = 0, dearest = 0;
-    // All parts add up, but only the most expensive contact counts.
+    // The times of all parts are added, but among the contacts only the most expensive contact counts.
     for (int i = kn_cost_parts(model, part) - 1; i >= 0; i--) {
         double own = part[i].once.us + iterations * part[i].iteration.us;
-        if (part[i].contact) dearest = fmax(dearest, own); // probes seldom press at the same time
+        if (part[i].contact) dearest = fmax(dearest, own); // because probes seldom press at the same time
         else us += own;
     }
     return us + dearest;
@@ -175,14 +181,16 @@ static double line_us(const kn_model *model, double iterations)
 double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    int lines = kn_impact_lines(model); // least number of linearisations that the law needs, whatever the scene says
+    // Least number of linearisations per step that the material law needs, even if the scene sets fewer.
+    int lines = kn_impact_lines(model);
     return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
 }
 
 double kn_cost_blow_us(const kn_model *model, const kn_effort *effort)
 {
     int lines = kn_impact_lines(model) > effort->passes ? kn_impact_lines(model) : effort->passes;
-    // No step is repeated if the law is linear, or if every step already has the largest number of linearisations.
+    // No step is solved again if the material law is linear, or if every step already has the largest number of
+    // linearisations.
     if (isinf(kn_impact_power(model)) || lines >= KN_IMPACT_PASSES) return 0;
     return KN_IMPACT_PASSES * line_us(model, effort->iterations_max);
 }

@@ -9,28 +9,28 @@
 
 static const char help[] =
     "usage: knead creep MATERIAL|EXPR [OPTION]...\n\n"
-    "Puts a weight on a specimen, takes it off, and tells how it creeps and recovers: the height against time, what "
-    "has\n"
-    "come back and what stays. By default the first paper's test: 50 gf for 60 s, then 70 s of rest.\n\n"
+    "Loads a specimen with a weight, unloads it, and prints creep and recovery: the height against time, the share\n"
+    "that recovers and the share that remains. The default is the test of the first paper: 50 gf for 60 s, then 70\n"
+    "s of rest.\n\n"
     "    knead creep dough\n"
     "    knead creep dough --load 10gf,30gf,50gf,70gf,90gf --png creep.png\n"
     "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
-    "  --load W[,W]...   weights, each on a fresh specimen (50gf)\n"
-    "  --hold TIME       under the weight (60 s)\n"
-    "  --rest TIME       after it (70 s)\n"
-    "  --lattice NxNxN   a block of that many cells over the height of the cube, through the solver that serves "
-    "scenes,\n"
-    "                    beside the element\n"
-    "  --csv FILE        load_n,time_s,strain,height_m,stress_pa\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
-    "Stress is W h/(S0 h0): it falls while the specimen creeps. Exit codes: 0 ok, 2 bad input, 3 a file cannot be "
-    "written.\n";
+    "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
+    "  --hold TIME       time under the weight (default: 60 s)\n"
+    "  --rest TIME       time after unloading (default: 70 s)\n"
+    "  --lattice NxNxN   also test a block of that many cells over the height of the cube, with the solver that\n"
+    "                    serves scenes, beside the element\n"
+    "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "Stress is W h/(S0 h0): it falls while the specimen creeps.\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
 
 typedef struct reading {
-    double stress_pa, strain, residual; // stress and strain at release; strain at the end
+    // stress_pa, strain: values just before the weight is taken off; residual: strain at the end.
+    double stress_pa, strain, residual;
 } reading;
 
 static void add(kn_table *t, const kn_bench *b, double load_n)
@@ -38,7 +38,7 @@ static void add(kn_table *t, const kn_bench *b, double load_n)
     kn_table_add(t, (double[]){load_n, b->time_s, b->strain, KN_BENCH_HEIGHT_M * (1 - b->strain), b->stress_pa});
 }
 
-// Advance to until_s and add SAMPLES equally spaced rows to the table.
+// Advance the specimen to the time until_s. Add SAMPLES rows to the table, equally spaced in time.
 static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
 {
     enum { SAMPLES = 300 };
@@ -51,20 +51,20 @@ static int watch(kn_bench *b, kn_table *t, double load_n, double until_s)
     return code;
 }
 
-// Run the experiment with one load: load, hold, release, rest.
+// Run the creep experiment with one load: apply the load, hold it, take it off and rest.
 static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
 {
     const kn_bench_options *opt = b->opt;
     char label[40];
     snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->model ? ", lattice" : "");
     kn_bench_fresh(b);
-    // Two rows at time 0: before and after the elastic jump.
+    // Add two rows at time 0: one before the elastic jump of the strain and one after it.
     kn_table_series(t, label);
     add(t, b, load_n);
     int code = kn_bench_load(b, load_n);
     if (code == KN_EXIT_OK) add(t, b, load_n);
     if (code == KN_EXIT_OK) code = watch(b, t, load_n, opt->hold_s);
-    // Read the instrument before the weight is taken off.
+    // Store stress and strain just before the weight is taken off.
     r->stress_pa = b->stress_pa;
     r->strain = b->strain;
     // Take the weight off and watch the recovery.
@@ -74,7 +74,7 @@ static int creep(kn_bench *b, kn_table *t, double load_n, reading *r)
     return code;
 }
 
-// Print one load's result and add it to the JSON list `loads`.
+// Print the result of one load and add the result to the JSON list `loads`.
 static void print_row(const char *name, double load_n, const reading *r)
 {
     json_t *row = kn_result_add("loads");
@@ -98,11 +98,12 @@ static int run(kn_bench *b, kn_table *t)
     kn_bench_print(b);
     printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
            "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");
-    // Each load is tested on the element, and with --lattice on the lattice, too.
+    // Run each load on the one-dimensional element and, with --lattice, also on the lattice.
     for (int i = 0; i < opt->loads; i++) {
         reading r;
         for (int lattice = 0; lattice <= (model != NULL); lattice++) {
-            b->model = lattice ? model : NULL; // NULL selects the element, which comes first for comparison
+            // NULL selects the one-dimensional element, which is run first for comparison
+            b->model = lattice ? model : NULL;
             kn_bench_bar(b, opt->hold_s + opt->rest_s);
             int code = creep(b, t, opt->load_n[i], &r);
             kn_bench_bar_end(b);
@@ -115,7 +116,7 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
-// Write the table and draw displacement and stress against time.
+// Write the table of the experiment and draw displacement and stress against time.
 static int finish(const kn_bench *b, const kn_table *t)
 {
     static const kn_axes axes[] = {

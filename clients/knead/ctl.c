@@ -10,28 +10,30 @@
 #include <string.h>
 #include <time.h>
 
-#define PATIENCE_S 20 // seconds to wait for a server that builds its object anew
+#define PATIENCE_S 20 // longest wait for an answer, s: a server may build its object anew
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
-    "Commands a running kneadd, by the socket that its --control names.\n\n"
-    "  status           how it is: mode, faults and the way back, the loop, every tool's link, what acted how often;\n"
-    "                   what is 0 is left out, but for --json (server/README.md has its names)\n"
-    "  reset            the object is as new; what a hand felt fades, and its tool engages again once lifted\n"
-    "  quality NAME     fast, balanced, accurate or own: another of the scene's points, through zero force\n"
-    "  set KEY=VALUE... keys of the scene, as 'knead check --keys' lists them: the object goes on in what they make\n"
-    "                   of it, a hand's force through zero. Limits of the device can be lowered, never raised\n"
-    "  load [FILE]      a start with that scene, or with the same one as its file is now, once it has been checked\n"
-    "  snapshot         the object as it is, on disk when this is answered, in a file that stays; kneadd --state-dir\n"
-    "  restore [N]      the object as in snapshot N, or in the newest\n"
-    "  undo             the object as before it was kneaded last, reset or restored\n"
-    "  estop            every force fades within 20 ms and stays 0, for every hand that comes, until recover: over a\n"
-    "                   load, too, and over restarts of kneadd --state-dir; without that a restart ends it\n"
-    "  recover          latched faults are forgotten; tools engage again once lifted clear of the object\n"
-    "  stop             forces go to zero, then kneadd ends: as SIGTERM\n\n"
-    "  --control PATH   the socket (KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
-    "  --json           the answer as it came, one JSON object\n\n"
-    "Exit: 0 done, 2 refused, 3 no server there.\n";
+    "Sends a control command to a running kneadd, through the socket that its --control names.\n\n"
+    "  status           print the state: mode, faults and their remedies, the loop, the link of every tool, counts\n"
+    "                   of safety actions; zeros are left out without --json (server/README.md explains the names)\n"
+    "  reset            restore the initial object; forces fade out, and tools engage again once lifted clear\n"
+    "  quality NAME     switch to the scene's point fast, balanced, accurate or own; the force passes through zero\n"
+    "  set KEY=VALUE... set keys of the scene (see 'knead check --keys'); the object continues with the new values,\n"
+    "                   and the force on a hand passes through zero. Limits of the device can be lowered, never\n"
+    "                   raised\n"
+    "  load [FILE]      start again with the scene FILE, or with the same scene as its file is now; checked first\n"
+    "  snapshot         save the object to a file that is kept, and answer once it is on disk; needs\n"
+    "                   kneadd --state-dir\n"
+    "  restore [N]      restore the object from snapshot N (default: the newest)\n"
+    "  undo             undo the last kneading, reset or restore\n"
+    "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
+    "                   The stop outlasts load, and with kneadd --state-dir a restart; else a restart ends it\n"
+    "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
+    "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
+    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
+    "  --json           print the answer as received, one JSON object\n\n"
+    "Exit codes: 0 done, 2 refused, 3 no server on the socket.\n";
 
 typedef struct options {
     const char *path;
@@ -48,7 +50,7 @@ static int parse(options *o, int argc, char **argv)
         if (option == 'c') o->path = optarg;
         else if (option == 'j') o->json = true;
         else if (option == 'h') o->help = true;
-        else return KN_EXIT_USAGE; // getopt has printed the reason
+        else return KN_EXIT_USAGE; // getopt has printed the error
     }
     if (o->help || optind < argc) return KN_EXIT_OK;
     return kn_complain("ctl", KN_EXIT_USAGE,
@@ -67,7 +69,7 @@ static bool ends_in(const char *name, const char *end)
     return size >= tail && strcmp(name + size - tail, end) == 0;
 }
 
-// Return true for a member that is not printed: the member is for programs only, or it is nested and 0.
+// Return true if a member of the answer is not printed, because it is for programs only, or because it is nested and 0.
 static bool is_quiet(bool inner, const char *name, const json_t *value)
 {
     const char *key;
@@ -87,7 +89,7 @@ static void print_time(double us)
     fputs(text, stdout);
 }
 
-// Print a value. An object is printed as "mean 999.8, max 1012"; members that are 0 are left out.
+// Print a JSON value. A JSON object is printed as "mean 999.8, max 1012"; its members that are 0 are left out.
 static void print_value(const char *name, const json_t *value)
 {
     const char *key, *between = "";
@@ -100,7 +102,7 @@ static void print_value(const char *name, const json_t *value)
     else if (json_is_real(value)) printf(json_real_value(value) < 1000 ? "%.4g" : "%.0f", json_real_value(value));
     else if (json_is_boolean(value)) fputs(json_is_true(value) ? "yes" : "no", stdout);
     else if (json_is_array(value) && json_array_size(value) == 0) fputs("none", stdout);
-    // List the elements of an array; numbers are separated by spaces only.
+    // Print the elements of a JSON array. Numbers are separated by spaces only.
     json_array_foreach(value, i, member)
     {
         if (i > 0) fputs(json_is_number(member) ? " " : ", ", stdout);
@@ -115,7 +117,8 @@ static void print_value(const char *name, const json_t *value)
     }
 }
 
-// Print a value on one line, an object with one line per member, and an array of objects one by one under their names.
+// Print a JSON value on one line, a JSON object with one line per member, and an array of objects one by one under
+// their names.
 static void show(const char *indent, const char *name, json_t *value)
 {
     const char *key;
@@ -128,7 +131,7 @@ static void show(const char *indent, const char *name, json_t *value)
     } else if (json_is_object(json_array_get(value, 0))) {
         json_array_foreach(value, i, member)
         {
-            // The name becomes the heading, so remove it from the members.
+            // The member `name` becomes the heading, so remove it from the members that are printed.
             json_t *of = json_incref(json_object_get(member, "name"));
             json_object_del(member, "name");
             printf("probe ");
@@ -142,7 +145,7 @@ static void show(const char *indent, const char *name, json_t *value)
     }
 }
 
-// Print the answer to a command. Return the exit code.
+// Print the answer of kneadd to a command. Return the exit code.
 static int tell(const options *o, const char *command, json_t *answer)
 {
     const char *error = json_string_value(json_object_get(answer, "error")), *key;
@@ -157,11 +160,12 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (strcmp(command, "status") == 0) {
         json_object_del(answer, "ok");
         json_object_foreach(answer, key, value) show("", key, value);
-        // The answer to snapshot or restore has a generation.
+        // The answer to the commands snapshot and restore has a generation (a number of the snapshot).
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));
-        // The command has changed the object: print the stored energy before and after.
+        // A command that changes the object answers with the stored energy: print the energy before and after the
+        // change.
     } else if (stored) {
         printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
                (int64_t)json_integer_value(tick), 1e3 * json_real_value(stored),
@@ -174,17 +178,19 @@ static int tell(const options *o, const char *command, json_t *answer)
     return error ? KN_EXIT_USAGE : KN_EXIT_OK;
 }
 
-// Make a path absolute: the server may run in another working directory.
+// Make a path absolute, because the working directory of the server may be different.
 static json_t *absolute(const char *path)
 {
-    // realpath returns NULL if the file does not exist. In that case the server reports the error.
+    // realpath returns NULL if the file does not exist. In that case send the path unchanged, and the server reports
+    // the error.
     char *whole = realpath(path, NULL);
     json_t *text = json_string(whole ? whole : path);
     free(whole);
     return text;
 }
 
-// Add the argument of load, restore or quality. The server refuses an argument that the command does not take.
+// Add the argument of the command load, restore or quality to the request. The server refuses an argument that the
+// command does not accept.
 static void add_argument(json_t *request, const char *command, const char *argument)
 {
     long long number;
@@ -196,18 +202,18 @@ static void add_argument(json_t *request, const char *command, const char *argum
     else json_object_set_new(request, "generation", json_string(argument));
 }
 
-// Add the values of set.
+// Add the arguments of the command set to the request.
 static int add_values(json_t *request, char **values)
 {
     json_t *list = json_array();
     for (; *values; values++)
         if (json_array_append_new(list, json_string(*values)) != 0)
-            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE of UTF-8", *values);
+            return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected KEY=VALUE in UTF-8", *values);
     json_object_set_new(request, "values", list);
     return KN_EXIT_OK;
 }
 
-// Wait until kneadd has restarted with the new scene. Otherwise the next command might still reach the old server.
+// Wait until kneadd serves the new scene. Otherwise the next command might still reach the run with the old scene.
 static int await_next(const options *o, double since_us)
 {
     char error[256];
@@ -216,7 +222,7 @@ static int await_next(const options *o, double since_us)
     for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
         json_t *status = kn_ask(o->path, request, error, sizeof error);
-        // The answering server is the new one if it started after the command was sent.
+        // The answer comes from the new run of kneadd if that run started after the command was sent.
         double up_s = json_real_value(json_object_get(status, "uptime_s"));
         next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
         json_decref(status);
@@ -224,7 +230,7 @@ static int await_next(const options *o, double since_us)
     json_decref(request);
     return next
                ? KN_EXIT_OK
-               : kn_complain("ctl", KN_EXIT_DEVICE, "load: nothing serves after %d s, its stderr says why", PATIENCE_S);
+               : kn_complain("ctl", KN_EXIT_DEVICE, "load: no server after %d s; see the stderr of kneadd", PATIENCE_S);
 }
 
 int kn_ctl_main(int argc, char **argv)
@@ -236,7 +242,7 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return code;
     const char *command = argv[optind], *argument = argv[optind + 1];
     bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
-    // Only `set` takes more than one argument.
+    // Only the command `set` accepts more than one argument.
     if (argument && argv[optind + 2] && !set)
         return kn_complain("ctl", KN_EXIT_USAGE, "%s: expected one argument", argv[optind + 2]);
     json_t *request = json_pack("{s:s}", "command", command);
@@ -245,11 +251,11 @@ int kn_ctl_main(int argc, char **argv)
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
     json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
-    // `load` ends the run and starts a new one in the same process, so wait for the new run.
+    // The command `load` ends the run of kneadd and starts a new run in the same process, so wait for the new run.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);
     else if (request && !answer) code = kn_complain("ctl", KN_EXIT_DEVICE, "%s", error);
-    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command of UTF-8", command);
+    else if (!request) code = kn_complain("ctl", KN_EXIT_USAGE, "%s: expected a command in UTF-8", command);
     json_decref(answer);
     json_decref(request);
     return code;

@@ -9,12 +9,13 @@ bool kn_dent_height(const kn_mesh *mesh, double x_m, double y_m, double *z_m)
         const float *a = mesh->positions_m + 3 * mesh->triangles[3 * t];
         const float *b = mesh->positions_m + 3 * mesh->triangles[3 * t + 1];
         const float *c = mesh->positions_m + 3 * mesh->triangles[3 * t + 2];
-        // Barycentric coordinates of (x, y) in the triangle seen from above. A vertical triangle has no area there.
+        // Compute the barycentric coordinates of (x, y) in the triangle as seen from above. A vertical triangle has no
+        // area in this view.
         double ux = b[0] - a[0], uy = b[1] - a[1], vx = c[0] - a[0], vy = c[1] - a[1], px = x_m - a[0], py = y_m - a[1];
         double area = ux * vy - uy * vx;
         if (area == 0.0) continue;
         double u = (px * vy - py * vx) / area, v = (ux * py - uy * px) / area;
-        // The margin makes sure that a point on the edge between two triangles is found.
+        // The margin of 1e-9 ensures that a point on the common edge of two triangles lies in at least one of them.
         if (u < -1e-9 || v < -1e-9 || u + v > 1.0 + 1e-9) continue;
         double z = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]);
         if (!found || z > *z_m) *z_m = z;
@@ -27,16 +28,16 @@ bool kn_dent_touch(const kn_mesh *mesh, const uint8_t *top, double spacing_m, co
                    double y_m, double *first_m, double *last_m)
 {
     const bool plate = tool->shape == KN_PROBE_PLATE, flat = kn_foot_flat(tool->shape);
-    const double slack_m = flat ? 0.1 * spacing_m : 0; // same margin as the server's plate
+    const double slack_m = flat ? 0.1 * spacing_m : 0; // same margin as the server uses for the contact of a plate
     *first_m = -INFINITY, *last_m = INFINITY;
     for (int32_t v = 0; mesh->whole && v < mesh->vertex_count; v++) {
         const float *at = mesh->positions_m + 3 * v;
-        // A plate touches the top face only.
+        // A plate touches only vertices of the top face, so skip all other vertices.
         if (plate && !top[v]) continue;
-        // Distance from the tool's axis, reduced by the margin, with its sign.
+        // Signed distance from the tool's axis to the vertex along x and y, reduced by the margin.
         double dx = copysign(fmax(0, fabs(at[0] - x_m) - slack_m), at[0] - x_m);
         double dy = copysign(fmax(0, fabs(at[1] - y_m) - slack_m), at[1] - y_m);
-        // Height of the tool at which its underside meets this vertex.
+        // Height of the tool at which the underside of the tool touches this vertex.
         double z = at[2] + kn_foot_below(tool, dx, dy);
         *first_m = fmax(*first_m, z);
         if (flat && top[v] && isfinite(z)) *last_m = fmin(*last_m, z);
@@ -53,7 +54,7 @@ uint8_t *kn_dent_top(const kn_model_def *def, int *vertex_count)
     uint8_t *of_node = model ? calloc((size_t)model->node_count, 1) : NULL;
     uint8_t *top = surface ? calloc((size_t)surface->vertex_count, 1) : NULL;
     if (of_node && top) {
-        // Mark the nodes of the top face, then the vertices that belong to these nodes.
+        // Mark the lattice nodes of the top face, then the mesh vertices that belong to these nodes.
         for (int t = 0; t < model->top_count; t++) of_node[model->top[t]] = 1;
         for (int v = 0; v < surface->vertex_count; v++) top[v] = of_node[surface->node[v]];
         *vertex_count = surface->vertex_count;

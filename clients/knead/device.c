@@ -7,17 +7,18 @@
 #include <stdio.h>
 #include <string.h>
 
-// Real-time priority, below kneadd's threads: a real device has a processor of its own and never delays kneadd.
+// Real-time priority of the device's thread. It is below that of kneadd's threads, because a real device has its own
+// processor and never delays kneadd.
 static const int device_priority = 60;
 
-// Take a force message. Keep only the newest force.
+// Handle a force message. Keep only the newest force.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
     kn_device *d = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    // Ignore a message that is repeated, or that was overtaken by a newer message.
+    // Ignore a force message that is a repetition, or that arrives after a newer message.
     if (f.session == d->force.session && f.tick <= d->force.tick) return;
     d->force.session = f.session;
     d->force.seq = f.seq;
@@ -31,7 +32,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     d->fresh = true;
 }
 
-// Take a message of the local contact model.
+// Handle a message with one entry of the local contact model.
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -39,12 +40,12 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     knead_contact_model_t message;
     kn_hand_force *f = &d->force;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
-    // Messages of one tick have the same time. A new time starts a new list.
+    // The contact messages of one tick have the same time stamp. A new time stamp starts a new list of contacts.
     if (f->units > 0 && (f->unit->utime != message.utime || f->units == KN_CONTACT_UNITS)) f->units = 0;
     kn_wire_unit(&f->unit[f->units++], &message);
 }
 
-// Publish a pose of the tool, stamped with the present time.
+// Publish a pose of the tool on the bus, stamped with the present time.
 static void publish(kn_device *d, const kn_hand_out *out, int32_t buttons)
 {
     uint8_t bytes[256];
@@ -55,11 +56,11 @@ static void publish(kn_device *d, const kn_hand_out *out, int32_t buttons)
     pose.frame = KNEAD_PROBE_POSE_T_FRAME_SCENE;
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    // Poses may be lost. The watchdogs handle lost poses.
+    // A pose that cannot be sent is simply lost, because the watchdogs handle lost poses.
     kn_join_send(d->bus, d->pose_channel, bytes, size);
 }
 
-// Publish one last pose that says the hand leaves the tool. It is sent once per session.
+// Publish one last pose with the information that the hand leaves the tool. This pose is sent once per session.
 static void say_leaving(kn_device *d)
 {
     if (!d->last.send) return;
@@ -68,7 +69,8 @@ static void say_leaving(kn_device *d)
     d->last.send = false;
 }
 
-// Join the bus and subscribe to the tool's channels. A process that may not send cannot be a device.
+// Join the bus and subscribe to the channels of the tool. Fail if this process may not send, because a device must send
+// poses.
 static bool open_bus(kn_device *d)
 {
     d->bus = kn_join_open(d->url, KN_FORCE_URL, d->error, d->error_size);
@@ -79,7 +81,7 @@ static bool open_bus(kn_device *d)
 bool kn_device_tick(kn_device *d, int elapsed_ms)
 {
     d->fresh = false;
-    kn_join_handle(d->bus, 0); // take all waiting messages and keep the newest force
+    kn_join_handle(d->bus, 0); // handle all waiting messages, so that the newest force is known
     kn_hand_out out = d->hand(d->self, d->fresh ? &d->force : NULL, elapsed_ms);
     if (out.send) publish(d, &out, 0), d->last = out;
     if (out.end || out.leaves) say_leaving(d);
@@ -93,13 +95,13 @@ static void *run(void *self)
     d->priority_error = kn_join_priority(device_priority);
     bool ok = open_bus(d);
     if (!ok) atomic_store(&d->stop, true);
-    // kn_device_start waits for the result.
+    // Wake up kn_device_start, which waits until the bus has been joined.
     sem_post(&d->ready);
 
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
     for (bool goes_on = true; goes_on && !atomic_load(&d->stop);) {
-        // Missed cycles are counted and reported to the hand, but they are not played later.
+        // Count cycles that this thread missed and report them to the hand. They are not played later.
         int missed = kn_clock_wait(&clock).missed;
         atomic_fetch_add(&d->missed, missed);
         goes_on = kn_device_tick(d, 1 + missed);
@@ -141,11 +143,11 @@ bool kn_device_start(kn_device *d, kn_device_hand *hand, void *self, const char 
     prepare(d, hand, self, url, probe, error, error_size);
     sem_init(&d->ready, 0, 0);
     if (pthread_create(&d->thread, NULL, run, d) != 0) {
-        snprintf(error, error_size, "no thread for the device");
+        snprintf(error, error_size, "cannot start a thread for the device");
         return false;
     }
     while (sem_wait(&d->ready) != 0)
-        ; // interrupted by a signal: wait again
+        ; // sem_wait was interrupted by a signal, so wait again
     if (!atomic_load(&d->stop)) return true;
     kn_device_stop(d);
     return false;

@@ -20,39 +20,41 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOMENTS_MAX 100000 // a file name has five digits for the number
+#define MOMENTS_MAX 100000 // largest number of moments, because file names have five digits for the number
 
 static const char help[] =
-    "usage: knead export LOG --vtk DIR [OPTION]...        a recording, stepped through the daemon's own servo\n"
-    "       knead export --scene F --vtk DIR [OPTION]...  a scene's object at rest\n\n"
-    "Writes an object as files for other programs, in SI units; a name ends with its unit. Expected is at least one "
-    "of\n\n"
-    "  --vtk DIR          for ParaView and VTK: open DIR/object.pvd. Every node with its displacement, velocity, von\n"
-    "                     Mises stress, residual strain and contact force, every cell with its volume, the tools with\n"
-    "                     their forces; DIR/edges.pvd has every edge with its stress, strain and residual strain\n"
-    "  --ply PATH         for MeshLab and Open3D: the surface with normals, and --color as number (quality) and "
-    "colour;\n"
-    "                     with --at or --scene a file, else a folder with one for each moment\n"
-    "  --csv FILE         a table: a row per tick and live probe of the same part of the recording, the columns of\n"
-    "                     knead replay --csv\n\n"
-    "  --from S, --to S   part of the recording, seconds since its first session began (0, its end)\n"
-    "  --every S          between two moments of it, 0.001 or more (0.1)\n"
-    "  --at SECONDS|end   that moment alone\n"
-    "  --color WHAT       displacement, stress (von Mises) or residual, of --ply (displacement)\n"
-    "  --top QUANTITY     end of its colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the file needs; for a folder you "
-    "say\n"
-    "                     it, so that a colour means the same in all)\n"
-    "  --snapshot PATH    as knead replay's: where a log goes on that begins on a kneaded object\n\n"
-    "DIR is new, or an empty folder; a FILE is replaced. All appear whole, or not at all.\n"
+    "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
+    "       knead export --scene F --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
+    "Writes an object as files for other programs, in SI units. Each name ends with its unit. At least one of these\n"
+    "is required:\n\n"
+    "  --vtk DIR          files for ParaView and VTK: open DIR/object.pvd. It has every node with its displacement,\n"
+    "                     velocity, von Mises stress, residual strain and contact force, every cell with its\n"
+    "                     volume, and the tools with their forces; DIR/edges.pvd has every edge with its stress,\n"
+    "                     strain and residual strain\n"
+    "  --ply PATH         files for MeshLab and Open3D: the surface with normals, and --color as number (quality)\n"
+    "                     and as colour; PATH is a file with --at or --scene, else a folder with one file for each\n"
+    "                     moment\n"
+    "  --csv FILE         a table with one row per tick and live probe of the same part of the recording; the\n"
+    "                     columns are those of knead replay --csv\n\n"
+    "  --from S, --to S   part of the recording, in seconds since its first session began (default: 0, its end)\n"
+    "  --every S          interval between two moments, in seconds, 0.001 or more (default: 0.1)\n"
+    "  --at SECONDS|end   export this moment only\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual: the quantity in --ply (default:\n"
+    "                     displacement)\n"
+    "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
+    "                     file); required for a folder, so that a colour means the same in all files\n"
+    "  --snapshot PATH    start state of a log that begins on a kneaded object, as in knead replay\n\n"
+    "DIR must be new or an empty folder; a FILE is replaced. Either all outputs appear, complete, or none.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
     const char *log, *scene, *snapshot, *vtk, *ply, *csv;
-    double from_s, to_s, every_s, at_s; // to_s: INFINITY is the end; at_s: NAN is a series, INFINITY the end
-    bool spaced;                        // --from, --to or --every was given
+    // to_s INFINITY: up to the end; at_s NAN: export a series of moments, INFINITY: export the last moment only.
+    double from_s, to_s, every_s, at_s;
+    bool spaced; // true: at least one of --from, --to and --every was given
     int measure;
     const char *top;
-    double top_si; // end of the colour scale; 0: chosen by the values in the file
+    double top_si; // end of the colour scale, SI; 0: chosen from the values in the file
     bool help;
 } options;
 
@@ -62,9 +64,9 @@ typedef struct run {
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
-    int gauged; // number of the model that gauge belongs to, see kn_moment
+    int gauged; // number of the model (kn_moment.models) for which gauge was created
     int moments;
-    double first_s, last_s; // times of the first and the last moment
+    double first_s, last_s; // times of the first and the last exported moment
 } run;
 
 #define REFUSE(...) return kn_complain("export", KN_EXIT_USAGE, __VA_ARGS__)
@@ -72,7 +74,7 @@ typedef struct run {
 
 // ---- options
 
-// Take one option. Return NULL, or a description of what was expected.
+// Store the value of one option. Return NULL, or a description of the expected value if the value is invalid.
 static const char *take(options *o, int option, const char *text)
 {
     o->spaced |= option == 'f' || option == 't' || option == 'e';
@@ -95,10 +97,10 @@ static const char *take(options *o, int option, const char *text)
     }
 }
 
-// Check that no output replaces an input or lies inside another output.
+// Check that no output file replaces an input file, and that no output lies inside the folder of another output.
 static int check_outputs(const options *o)
 {
-    // PLY is one file for one moment, else a folder of files.
+    // The PLY output is one file if one moment is exported, otherwise a folder of files.
     const bool one = !isnan(o->at_s) || o->scene;
     const char *files[] = {o->csv, one ? o->ply : NULL};
     for (int i = 0; i < 2; i++)
@@ -109,21 +111,21 @@ static int check_outputs(const options *o)
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
-                REFUSE("%s: expected a path of its own for each output, none in another", all[i]);
-    // A series needs a fixed colour scale: a colour must mean the same in all files.
+                REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
+    // A series of PLY files needs a fixed colour scale, so that a colour means the same value in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
     return KN_EXIT_OK;
 }
 
-// Check that the options fit together.
+// Check that the given options can be combined.
 static int check(options *o)
 {
-    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; knead export --help tells the rest");
+    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
     if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
     if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
     if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
         REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log; nothing happens to a scene at rest");
-    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to and --every beside it");
+    if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
     if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
     if (o->top && (o->top_si = kn_measure_top((kn_measure)o->measure, o->top)) == 0)
@@ -140,7 +142,7 @@ static int parse(int argc, char **argv, options *o)
                                           {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
     int option, which = 0;
-    opterr = 0; // errors are reported here in this program's own words
+    opterr = 0; // switch off getopt's messages, because this program prints its own
     while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
         const char *word = argv[optind - 1];
         if (option == ':') REFUSE("%s: expected a value", word);
@@ -157,7 +159,7 @@ static int parse(int argc, char **argv, options *o)
 
 // ---- outputs
 
-// Create a folder that appears only when it is complete. Do nothing if `path` is NULL.
+// Create an output folder that appears only when it is complete. Do nothing if `path` is NULL.
 static int open_folder(kn_batch *batch, const char *path)
 {
     char error[PATH_MAX];
@@ -189,7 +191,7 @@ static int keep_outputs(run *r)
     kn_paraview *paraview = r->paraview;
     r->paraview = NULL;
     if (paraview && !kn_paraview_close(paraview, error, sizeof error)) FAIL("%s", error);
-    // Flush first: a full disk is reported before the first file appears.
+    // Flush the files first, so that a full disk is reported before the first output appears.
     if ((r->csv.file && fflush(r->csv.file) != 0) || (r->ply.file && fflush(r->ply.file) != 0))
         FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
     if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
@@ -199,7 +201,7 @@ static int keep_outputs(run *r)
     return KN_EXIT_OK;
 }
 
-// Remove the outputs that were not kept.
+// Remove the outputs that were not given their final names.
 static void drop_outputs(run *r)
 {
     char error[1];
@@ -213,7 +215,7 @@ static void drop_outputs(run *r)
 
 // ---- moments
 
-// Return false if a node's position is not finite.
+// Return false if the position of any node is not finite.
 static bool whole(const kn_moment *m)
 {
     for (int i = 0; i < m->model->node_count; i++) {
@@ -224,8 +226,8 @@ static bool whole(const kn_moment *m)
     return true;
 }
 
-// Describe a moment in words for the head of a PLY file. A scene's name may contain any character, but the head must
-// contain printable characters only.
+// Write a description of a moment for the header of a PLY file: name of the scene, and time. A scene's name may contain
+// any character, but the header must contain printable characters only.
 static void say_of(const char *scene, double time_s, char *about, size_t size)
 {
     snprintf(about, size, "%s at %.3f s", scene, time_s);
@@ -238,7 +240,8 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
     const kn_measure what = (kn_measure)r->o->measure;
     kn_still still = {0};
     char about[128];
-    // The gauge belongs to a model; a `set` command in the recording may have changed the model.
+    // A gauge (which computes stresses) is valid for one model only. A `set` command in the recording may have changed
+    // the model, so create a new gauge.
     if (!r->gauge || r->gauged != m->models) {
         kn_gauge_destroy(r->gauge);
         r->gauge = kn_gauge_create(m->model);
@@ -252,7 +255,7 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
     return ok;
 }
 
-// Write the surface at one moment, into the single file or as a new file of the folder.
+// Write the surface at one moment, into the single PLY file or as a new PLY file of the folder.
 static int add_surface(run *r, const kn_moment *m, const char *scene)
 {
     char path[PATH_MAX], error[PATH_MAX];
@@ -269,14 +272,14 @@ static int add_surface(run *r, const kn_moment *m, const char *scene)
     return KN_EXIT_OK;
 }
 
-// Write one moment to all outputs.
+// Write the object at one moment to all outputs.
 static int add_moment(run *r, const kn_moment *m, const char *scene)
 {
     char error[PATH_MAX];
-    // A diverged object cannot be drawn.
+    // Refuse a diverged object, because its node positions are not finite.
     if (!whole(m))
-        REFUSE("%s: the object's shape is no number at %.3f s: it diverged, expected --to before that", r->o->log,
-               m->time_s);
+        REFUSE("%s: the shape is not finite at %.3f s because the object diverged, expected --to before that",
+               r->o->log, m->time_s);
     if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
     if (r->moments == 0) r->first_s = m->time_s;
     r->last_s = m->time_s;
@@ -285,7 +288,7 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
     return code;
 }
 
-// Make a moment from the replay's present state and the tools' forces.
+// Create a moment (kn_moment) from the present state of the replay and the forces on the tools.
 static kn_moment moment_of(kn_replay *r)
 {
     kn_moment m = {
@@ -306,32 +309,32 @@ static kn_moment moment_of(kn_replay *r)
 
 // ---- a recording, a scene
 
-// Add a table row for each live probe.
+// Add a row for each live probe to the CSV table.
 static void add_rows(run *r, const kn_replay *replay)
 {
     for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
         if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
 }
 
-// Handle one tick of the recording: write table rows at every tick, and a moment at each tick for which a moment is
+// Handle one tick of the recording. Write table rows at every tick. Write the object if the next moment to export is
 // due.
 static int take_tick(run *r, kn_replay *replay, double *next_s)
 {
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
-    // Half a tick of margin absorbs rounding of the times.
+    // A margin of half a tick absorbs rounding errors of the times.
     if (t < (one ? o->at_s : o->from_s) - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     add_rows(r, replay);
     if (t < *next_s - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
-    // Find the next due time. Gaps in the recording may skip several.
+    // Find the time of the next moment to export. A gap in the recording may skip several such times.
     const double due_s = t + KN_REPLAY_HALF_TICK_S;
     while (!one && *next_s <= due_s) *next_s += o->every_s * fmax(1, floor((due_s - *next_s) / o->every_s));
     const kn_moment m = moment_of(replay);
     return add_moment(r, &m, replay->scene->name);
 }
 
-// Check the number of moments before the first one is written.
+// Check that the number of moments is not too large, before the first moment is written.
 static int check_moments(const options *o, const kn_replay *replay)
 {
     const double end_s = kn_replay_end_s(replay), begin_s = end_s - 1e-3 * (double)(replay->tally.ticks_total - 1);
@@ -342,7 +345,7 @@ static int check_moments(const options *o, const kn_replay *replay)
            moments);
 }
 
-// Step through the recording and write the moments.
+// Replay the recording step by step and write the moments to export.
 static int step_through(run *r, kn_replay *replay)
 {
     const options *o = r->o;
@@ -353,8 +356,8 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress bar = kn_progress_open("export", fmin((double)replay->tally.ticks_total, fmax(1, 1e3 * end_s)));
     while (code == KN_EXIT_OK && !kn_interrupted && last_s < end_s - KN_REPLAY_HALF_TICK_S && kn_replay_step(replay)) {
         last_s = replay->tick.time_s;
-        // Stop at a tick beyond the end, after missing ticks. A single moment uses that tick instead of the missing
-        // one.
+        // If ticks are missing in the recording, the first tick after the gap may lie beyond the end: stop there. The
+        // export of a single moment uses this tick instead of the missing tick.
         if (!one && last_s > end_s + KN_REPLAY_HALF_TICK_S) break;
         code = take_tick(r, replay, &next_s);
         kn_progress_step(&bar, (double)replay->tally.ticks);
@@ -362,7 +365,7 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
-    if (isinf(last_s)) REFUSE("%s: not one tick in it, expected a recorded session", o->log);
+    if (isinf(last_s)) REFUSE("%s: it contains no tick, expected a recorded session", o->log);
     // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
     if (one && isinf(end_s)) {
         add_rows(r, replay);
@@ -374,7 +377,7 @@ static int step_through(run *r, kn_replay *replay)
     return KN_EXIT_OK;
 }
 
-// Export a recording.
+// Export the states of an object in a recording.
 static int of_log(run *r)
 {
     char error[512];
@@ -385,9 +388,9 @@ static int of_log(run *r)
     int code = check_moments(o, replay);
     if (code == KN_EXIT_OK) code = open_outputs(r);
     if (code == KN_EXIT_OK) code = step_through(r, replay);
-    // A damaged log is used up to the damage. A message reports the damage.
+    // A damaged log is exported up to the damage, and a message reports the damage.
     if (code == KN_EXIT_OK && replay->damage[0])
-        kn_complain("export", KN_EXIT_OK, "%s: %s: what stands before it was used", o->log, replay->damage);
+        kn_complain("export", KN_EXIT_OK, "%s: %s: the part before it was used", o->log, replay->damage);
     kn_replay_destroy(replay);
     return code;
 }
@@ -431,7 +434,8 @@ int kn_export_main(int argc, char **argv)
     if (code == KN_EXIT_OK) code = keep_outputs(&r);
     if (code == KN_EXIT_OK) tell(&r);
     drop_outputs(&r);
-    // If the outputs were complete before the interruption, keep them and ignore the signal.
+    // End this process by a received signal only if the export failed. If the outputs were complete before the signal,
+    // they are kept and the signal is ignored.
     if (code != KN_EXIT_OK) kn_interrupt_die();
     return code;
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Number of steps of a trial.
+// Number of time steps of one trial.
 #define STEPS 160
 
 // --- scenes ---------------------------------------------------------------------------------------------------------
@@ -20,7 +20,7 @@ static kn_probe_def ball(double radius_m)
     return (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = radius_m};
 }
 
-// Return the standard trial: a plate of 1 cm is pressed 3 mm into a block of dough, 3 x 2 x 2 cm.
+// Return the standard trial: a plate of 1 x 2 cm is pressed 3 mm deep into a block of dough of 3 x 2 x 2 cm.
 static kn_trial block(double dt_s)
 {
     kn_trial t = {.def = kn_model_def_default(), .steps = STEPS, .depth_m = 0.003, .strain = 0.05, .squeezed = 1};
@@ -43,7 +43,7 @@ static void scale_c2(kn_material *m, double by)
 enum { K1, C1, C2, MASS, PARAMETERS };
 static const char *const parameter_name[] = {"k1", "c1", "c2", "mass"};
 
-// Scale one parameter of the model.
+// Multiply one parameter of the model by a factor.
 static void scale(kn_model_def *def, int parameter, double by)
 {
     if (parameter == K1) def->material.k1_pa *= by;
@@ -58,12 +58,12 @@ static void constant_c2(kn_material *m, double c2_pa_s)
     m->c2_pa_s = c2_pa_s;
 }
 
-typedef struct kind { // a change of material
+typedef struct kind { // a material of a trial, made by a change of the material dough
     const char *name;
-    void (*of)(kn_material *m); // applied to dough
+    void (*of)(kn_material *m); // function that changes the parameters of dough into those of this material
 } kind;
 
-// Functions for three whole materials, and for dough with one or two parameters at a limit.
+// The functions below make three whole materials, and dough with one or two parameters at a limit.
 static void dough(kn_material *m) { (void)m; }
 static void jelly(kn_material *m) { *m = (kn_material){.k1_pa = 1e4, .c1_pa_s = 500}; }
 static void clay(kn_material *m)
@@ -79,7 +79,7 @@ static void no_c1_no_flow(kn_material *m) { m->c1_pa_s = 0, m->damper = KN_DAMPE
 static void no_k1_no_flow(kn_material *m) { m->k1_pa = 0, m->damper = KN_DAMPER_NONE; }
 static void no_c1_no_beta(kn_material *m) { m->c1_pa_s = 0, m->beta_per_pa = 0; }
 static void no_p0(kn_material *m) { m->p0_pa = 0; }
-// Replace the exponential damper by a ramp between its values at p0 and p1.
+// Replace the exponential damper by a damper that varies linearly with stress between its values at p0 and p1.
 static void ramp(kn_material *m)
 {
     m->c_max_pa_s = kn_material_c2(m, m->p0_pa);
@@ -104,7 +104,8 @@ static const kind common[] = {{"dough", dough}, {"jelly", jelly}, {"clay", clay}
 
 // --- families -------------------------------------------------------------------------------------------------------
 
-// Make a trial with one parameter scaled by x, at the time step y. `variant` selects the parameter, and plate or ball.
+// Make a trial with one parameter scaled by x, at the time step y. `variant` selects the parameter, and whether the
+// tool is a plate or a ball.
 static bool make_scale(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -113,7 +114,7 @@ static bool make_scale(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// Make a trial with two parameters scaled independently, by x and y, under a plate.
+// Make a trial of a block under a plate, with two parameters scaled independently by x and y.
 static bool make_pair(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(1e-3);
@@ -122,7 +123,8 @@ static bool make_pair(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// Make a trial of a material with parameters at a limit, under a plate, a ball or a dead load. x is the time step.
+// Make a trial of a material with parameters at a limit, under a plate, a ball or a dead load. The x value of the map
+// is the time step.
 static bool make_limit(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->x[i]);
@@ -132,8 +134,8 @@ static bool make_limit(const kn_map *c, int i, int j, kn_trial *t)
     return true;
 }
 
-// Make a trial of one upright edge whose base is held, or of one node. The single node falls, or a plate moves the node
-// down.
+// Make a trial of one upright edge with a fixed base, or of a single node. The single node falls freely, or a plate
+// pushes it down.
 static bool make_bar(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->x[i]);
@@ -164,12 +166,12 @@ static kn_simplices *kuhn(double aspect)
         s->x_m[i][1] = across * (i % z / y);
         s->x_m[i][2] = up * (i / z);
     }
-    // Each tetrahedron follows one order of the three axes from a cell's corner to the opposite corner.
+    // Each of the six tetrahedra follows one order of the three axes from a corner of the cell to the opposite corner.
     for (int e = 0; e < s->element_count; e++) {
         int cell = e / 6, at = cell % n[0] * x + cell / n[0] % n[1] * y + cell / (n[0] * n[1]) * z;
         const int *way = turn[e % 6];
         int a = at + step[way[0]], b = a + step[way[1]], far = at + x + y + z;
-        // An odd order of the axes gives the opposite orientation, so swap two corners.
+        // An odd permutation of the axes gives a tetrahedron of the opposite orientation, so swap two of its corners.
         bool even = e % 6 < 3;
         memcpy(s->element[e], (int[]){at, even ? a : b, even ? b : a, far}, sizeof s->element[e]);
         s->tag[e] = e + 1;
@@ -177,7 +179,8 @@ static kn_simplices *kuhn(double aspect)
     return s;
 }
 
-// Put the mesh into the trial, and fit plate and depth to the size of the mesh. Return false if out of memory.
+// Put the mesh into the trial, and adapt plate size and press depth to the size of the mesh. Return false if out of
+// memory.
 static bool on_mesh(kn_trial *t, kn_simplices *mesh)
 {
     t->mesh = mesh;
@@ -202,7 +205,7 @@ static bool make_aspect(const kn_map *c, int i, int j, kn_trial *t)
 }
 
 // Make a trial on a mesh with a nearly flat element. An inner node is moved towards the plane of an opposite face,
-// until the share x of the flattest element's volume is left.
+// until the flattest element has only the share x of its original volume.
 static bool make_sliver(const kn_map *c, int i, int j, kn_trial *t)
 {
     *t = block(c->y[j]);
@@ -256,7 +259,8 @@ static double dice(int seed, int which)
     return (double)((z ^ z >> 31) >> 11) * 0x1p-53;
 }
 
-// Make a trial with random parameters. Draw each parameter independently within ten decades around its common value.
+// Make a trial of a block with random parameters. Draw each parameter independently within ten decades around its
+// common value.
 static bool make_mixed(const kn_map *c, int i, int j, kn_trial *t)
 {
     int seed = (int)(c->x[i] + 100 * c->y[j]) + 10000 * c->variant;
@@ -300,15 +304,15 @@ static const family families[] = {
     [F_C1] = {"c1", "the dashpot beside it", make_scale},
     [F_C2] = {"c2", "the damper in series", make_scale},
     [F_MASS] = {"mass", "the density", make_scale},
-    [F_PAIR] = {"pairs", "two of them at once, 1 ms steps", make_pair},
+    [F_PAIR] = {"pairs", "two of these parameters at once, 1 ms steps", make_pair},
     [F_LIMIT] = {"limits", "parameters that are zero, ramps, stops", make_limit},
     [F_BAR] = {"bar", "a single edge, a single node", make_bar},
-    [F_ASPECT] = {"aspect", "tetrahedra drawn out or flattened", make_aspect},
-    [F_SLIVER] = {"sliver", "tetrahedra next to no volume", make_sliver},
+    [F_ASPECT] = {"aspect", "tetrahedra elongated or flattened", make_aspect},
+    [F_SLIVER] = {"sliver", "tetrahedra of almost no volume", make_sliver},
     [F_SQUASH] = {"squash", "compression up to 95 %", make_squash},
-    [F_GAS] = {"gas", "cells let go from no volume, and inside out", make_gas},
+    [F_GAS] = {"gas", "cells released from zero volume, and inside out", make_gas},
     [F_JUMP] = {"jump", "a pose up to 10 cm away for three steps", make_jump},
-    [F_MIXED] = {"mixed", "everything anywhere in ten decades", make_mixed},
+    [F_MIXED] = {"mixed", "all parameters at random over ten decades", make_mixed},
     [F_SIZE] = {"size", "finer blocks, stiffer springs", make_size},
 };
 
@@ -328,7 +332,7 @@ static const double half_scales[7] = {1e-6, 1e-4, 1e-2, 1, 1e2, 1e4, 1e6}, few_s
 static const double all_steps[9] = {1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1};
 static const double decades[5] = {1e-5, 1e-4, 1e-3, 1e-2, 1e-1}, few_steps[3] = {1e-5, 1e-3, 1e-1};
 
-// Append a map to the list.
+// Append a map of the family with number `f` to the list of maps.
 static kn_map *add(list *l, int f, int variant, const char *title, const char *across, const char *down)
 {
     kn_map *c = &l->map[l->count++];
@@ -352,14 +356,14 @@ static void set_y(kn_map *c, const double *y, int count)
 #define X(map, list) set_x(map, list, COUNT(list))
 #define Y(map, list) set_y(map, list, COUNT(list))
 
-// Make the rows materials instead of numbers.
+// Let the rows of a map be materials instead of numbers.
 static void set_kinds(kn_map *c, const kind *k, int count)
 {
     c->rows = count;
     for (int i = 0; i < count; i++) c->y[i] = i, c->y_text[i] = k[i].name;
 }
 
-// Add maps of each parameter's scale against the time step, under a plate and a ball.
+// Add maps in which the scale of one parameter varies against the time step, for a plate and for a ball.
 static void add_scales(list *l)
 {
     for (int p = 0; p < PARAMETERS; p++)
@@ -372,7 +376,7 @@ static void add_scales(list *l)
         }
 }
 
-// Add one map for each pair of parameters.
+// Add one map for each pair of scaled parameters.
 static void add_pairs(list *l)
 {
     for (int p = 0; p < PARAMETERS; p++)
@@ -430,7 +434,7 @@ static void add_meshes(list *l)
     }
 }
 
-// Add maps of violent motions: deep compression, collapsed gas cells, jumping tools.
+// Add maps with violent motions: deep compression, collapsed gas cells, jumps of the tool.
 static void add_violence(list *l)
 {
     static const double deep[] = {0.3, 0.5, 0.7, 0.8, 0.9, 0.95}, few_deep[] = {0.5, 0.9, 0.95};
@@ -439,7 +443,7 @@ static void add_violence(list *l)
     static const double far[] = {1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1}, few_far[] = {1e-3, 1e-2, 1e-1};
     static const char *const jumps[] = {"plate, down", "ball, down",   "plate, up",
                                         "ball, up",    "plate, along", "ball, along"};
-    // The quick survey leaves out variants and columns; the families stay complete.
+    // A quick survey leaves out some variants and columns, but no family.
     for (int v = 0; v < 6; v += l->quick ? 3 : 1) {
         char title[80];
         snprintf(title, sizeof title, "%s%s, height lost under a plate", common[v % 3].name, v >= 3 ? " with gas" : "");
@@ -472,7 +476,7 @@ static void add_rest(list *l)
     double seeds[KN_MAP_SIDE];
     for (int i = 0; i < KN_MAP_SIDE; i++) seeds[i] = i;
     for (int v = 0; v < 2; v++) {
-        kn_map *c = add(l, F_MIXED, v, v ? "every parameter and the step by chance" : "every parameter by chance, 1 ms",
+        kn_map *c = add(l, F_MIXED, v, v ? "every parameter and the step at random" : "every parameter at random, 1 ms",
                         "draw", "draw");
         set_x(c, seeds, l->quick ? 8 : 16);
         set_y(c, seeds, l->quick ? 5 : 16);

@@ -11,22 +11,23 @@
 typedef struct kn_map {
     const char *family;
     char title[80];
-    const char *across, *down; // what changes along x, and from row to row
+    // Parameter that changes from column to column, and parameter that changes from row to row.
+    const char *across, *down;
     int columns, rows;
     double x[KN_MAP_SIDE], y[KN_MAP_SIDE];
-    const char *y_text[KN_MAP_SIDE]; // labels of rows that are choices instead of numbers
+    const char *y_text[KN_MAP_SIDE]; // labels of the rows, if the rows are choices (e.g. materials) instead of numbers
     int variant;
 } kn_map;
 
-// Names of the families, NULL-terminated, in the order of the maps.
+// Names of the families of maps, NULL-terminated, in the order of the maps.
 extern const char *const kn_families[];
-// Return a description of a family in one line.
+// Return a description of a family of maps in one line.
 const char *kn_family_about(int family);
 
-// Fill the maps and return their number. If `quick` is true, each map has fewer cells.
+// Fill `maps` with all maps and return their number. If `quick` is true, each map has fewer cells.
 int kn_maps(kn_map maps[KN_MAPS_MAX], bool quick);
 
-// Make the trial of a cell. Free it with kn_trial_free. Return false if out of memory.
+// Create the trial that belongs to one cell of a map. Free it with kn_trial_free. Return false if out of memory.
 bool kn_map_trial(const kn_map *map, int column, int row, kn_trial *trial);
 
 #endif

@@ -3,9 +3,10 @@
 #include <math.h>
 
 #define TICK_S 1e-3
-#define BAND_HZ 8.0 // lower end of the band around 10 Hz
+#define BAND_HZ 8.0 // lower end of the frequency band around 10 Hz in which the lag is computed
 #define BAND_WIDTH_HZ 4.0
-// Least share of the sum of squared force that the band must have. Below this share no lag is computed.
+// Smallest share of the sum of the squared force that must lie in the frequency band. If the share is smaller, no lag
+// is computed.
 #define BAND_FLOOR 1e-6
 enum { BAND_POINTS = 17 };
 
@@ -16,7 +17,7 @@ static double squared_distance(const double a[3], const double b[3])
     return squares((double[3]){a[0] - b[0], a[1] - b[1], a[2] - b[2]});
 }
 
-// Return the relative Euclidean distance, NAN if there is nothing to compare with.
+// Return the relative Euclidean distance sqrt(difference / size) from two sums of squares. Return NAN if `size` is 0.
 static double ratio(double difference, double size) { return size > 0 ? sqrt(difference / size) : NAN; }
 
 double kn_felt_force(const kn_trace *a, const kn_trace *b)
@@ -32,8 +33,8 @@ double kn_felt_force(const kn_trace *a, const kn_trace *b)
 
 // ---- shape
 
-// Find the cell along one axis that contains `place`, a coordinate in spacings from the first of n nodes. `*in` becomes
-// the position within the cell, 0 to 1.
+// Find the index of the cell along one axis that contains the coordinate `place`. It is measured from the first of n
+// nodes, in node spacings. `*in` becomes the position within the cell, 0 to 1.
 static int64_t cell_of(double place, int64_t n, double *in)
 {
     int64_t cell = (int64_t)floor(place);
@@ -51,7 +52,8 @@ static void interpolate(const kn_trace *b, const kn_trace *a, const int64_t node
     // Find the cell of `b` that contains the node.
     for (int k = 0; k < 3; k++) cell[k] = cell_of((double)node[k] * a->spacing_m / b->spacing_m, b->grid[k], &in[k]);
     u_m[0] = u_m[1] = u_m[2] = 0;
-    // Sum over the cell's corners. A lattice that is one node wide has a single layer.
+    // Add the weighted displacements at the corners of the cell. A lattice that is one node wide has a single layer of
+    // corners.
     for (int corner = 0; corner < 8; corner++) {
         int64_t at[3];
         double weight = 1;
@@ -84,7 +86,7 @@ double kn_felt_shape(const kn_trace *a, const kn_trace *b)
 {
     bool same = a->nodes == b->nodes;
     for (int k = 0; k < 3; k++) same &= a->grid[k] == b->grid[k];
-    // Meshes with different nodes cannot be compared; blocks can.
+    // Two meshes with different nodes cannot be compared, but two blocks with different lattices can.
     if (!same) return a->grid[0] && b->grid[0] ? shape_between(a, b) : NAN;
     double difference = 0, size = 0;
     for (int64_t i = 0; i < a->nodes; i++) {
@@ -126,8 +128,8 @@ double kn_felt_depth(const kn_trace *t)
     return deepest;
 }
 
-// Return the Fourier transform of one component of one tool's force at a frequency. A phasor is turned at each tick, so
-// that only one exponential is computed.
+// Return the Fourier transform of one component of one tool's force at a frequency. At each tick a phasor is multiplied
+// by a constant, so that only one exponential has to be computed.
 static double complex spectrum(const kn_trace *t, int64_t first, int component, double hz)
 {
     double complex sum = 0, phasor = 1, turn = cexp(-2 * M_PI * I * hz * TICK_S);
@@ -143,7 +145,7 @@ double kn_felt_lag(const kn_trace *a, const kn_trace *b)
     double complex cross = 0;
     double energy = 0, mean_hz = 0, all = 0;
     if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
-    // Sum the cross spectrum over frequencies, tools and components. Large components count more.
+    // Sum the cross spectrum over frequencies, tools and force components, so that large components have more weight.
     for (int f = 0; f < BAND_POINTS; f++)
         for (int64_t c = 0; c < 3 * b->probes; c++) {
             double hz = BAND_HZ + BAND_WIDTH_HZ * f / (BAND_POINTS - 1);
@@ -154,7 +156,8 @@ double kn_felt_lag(const kn_trace *a, const kn_trace *b)
             mean_hz += hz * size;
         }
     for (int64_t i = 0; i < b->ticks * b->probes; i++) all += squares(b->force_n[i]);
-    // By the Cauchy-Schwarz inequality the energy at one frequency is at most ticks * all.
+    // Return NAN if the band has too little energy. By the Cauchy-Schwarz inequality the energy at one frequency is at
+    // most ticks * all, where `all` is the sum of the squared forces.
     if (!(energy > BAND_FLOOR * all * (double)b->ticks)) return NAN;
     return -carg(cross) / (2 * M_PI * mean_hz / energy);
 }

@@ -3,23 +3,26 @@
 // Differences between two replays of a log: numerical differences, and differences that a hand would notice.
 #include "clients/knead/trace.h"
 
-// Return |a - b| / |b| of the forces over all ticks and tools, Euclidean norm. Return NAN if `b` has no force at all.
+// Return the relative difference |a - b| / |b| between the tool forces of two replays. | | is the Euclidean norm over
+// all ticks and tools. Return NAN if `b` has no force at all.
 double kn_felt_force(const kn_trace *a, const kn_trace *b);
 
-// Return |a - b| / |b| of the displacements after the last tick. Blocks with different lattices are compared at the
-// nodes of `a`. There the displacement of `b` is interpolated in the cells of `b`. Return NAN for different meshes, or
-// if `b` is not deformed.
+// Return the relative difference |a - b| / |b| between the node displacements of two replays after the last tick.
+// Blocks with different lattices are compared at the nodes of `a`. The displacement of `b` at these nodes is
+// interpolated in the cells of `b`. Return NAN if the two replays have different meshes, or if `b` is not deformed.
 double kn_felt_shape(const kn_trace *a, const kn_trace *b);
 
-double kn_felt_peak(const kn_trace *t);      // largest force on a tool, N
-double kn_felt_jump(const kn_trace *t);      // largest change from one tick to the next, N per ms
-double kn_felt_variation(const kn_trace *t); // total variation of all forces, N; twice the peak in a clean press
-double kn_felt_depth(const kn_trace *t);     // remaining depth of the deepest node, m
+double kn_felt_peak(const kn_trace *t); // largest force on a tool, N
+// Largest change of the force on a tool from one tick to the next, N per ms.
+double kn_felt_jump(const kn_trace *t);
+// Total variation of the forces on all tools over time, N; twice the peak force in a press without oscillation.
+double kn_felt_variation(const kn_trace *t);
+double kn_felt_depth(const kn_trace *t); // largest downward displacement of a node after the last tick, m
 
-// Return the delay of the force of `a` against the force of `b` at 10 Hz, s. Hands tremble and stroke at this
-// frequency. The delay is the phase of the cross spectrum, summed over 8 to 12 Hz and all tools, divided by the mean
-// angular frequency in that band. The same hand moves both tools, so a common signal in that band comes from the hand.
-// Return NAN if the log has nothing in that band (less than 1e-6 of the force's square).
+// Return the delay of the force of `a` against the force of `b` at 10 Hz, s. Human hands tremble and stroke at about
+// this frequency. The delay is the phase of the cross spectrum, summed over 8 to 12 Hz and all tools, divided by the
+// mean angular frequency in that band. The same recorded motion drives the tools of both replays, so a signal common to
+// both forces comes from the hand. Return NAN if the force has less than 1e-6 of its sum of squares in that band.
 //
 //     S = sum over f of A(f) B*(f)        A(f) = sum over ticks of force exp(-2 pi i f t)        lag = -arg S/(2 pi f)
 double kn_felt_lag(const kn_trace *a, const kn_trace *b);

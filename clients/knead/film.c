@@ -9,26 +9,26 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// Largest number of arguments of ffmpeg. Niceness of ffmpeg, so that a servo loop on this machine comes first. Exit
-// code of the child if ffmpeg is not installed.
+// ARGS_MAX: largest number of arguments of ffmpeg. NICENESS: niceness of ffmpeg, which gives a servo loop on this
+// machine priority. EXIT_NO_PROGRAM: exit code of the child process if ffmpeg is not installed.
 enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 };
 
 struct kn_film {
     kn_beside out;
-    // Output of ffmpeg, in a file without a name. A pipe would fill up and stop ffmpeg, because nobody reads the output
-    // before the end.
+    // Unnamed file that receives the text output of ffmpeg. A pipe would fill up and block ffmpeg, because its output
+    // is read only at the end.
     FILE *said;
-    pid_t ffmpeg; // 0: ffmpeg has ended
+    pid_t ffmpeg; // process id of ffmpeg; 0: ffmpeg has ended
     int pipe, status;
-    bool broken; // a picture could not be written
+    bool broken; // true: a picture could not be written to ffmpeg
     size_t picture_bytes;
     const volatile sig_atomic_t *stopped;
-    struct sigaction before; // handler of SIGPIPE before the film
+    struct sigaction before; // signal action of SIGPIPE before the film was opened
 };
 
-// ffmpeg arguments by file name. H.264 in a form that every player accepts; crf 18 shows no visible difference. VP9 of
-// the same quality, fast enough to follow the pictures. A GIF gets a palette for each picture: one common palette would
-// keep all pictures in memory.
+// Encoder arguments of ffmpeg for each ending of the file name. H.264 has a form that every player accepts, with no
+// visible loss at crf 18. VP9 has the same quality and encodes fast enough to follow the pictures. A GIF gets a palette
+// for each picture, because ffmpeg would keep all pictures in memory for one common palette.
 typedef struct format {
     const char *ending, *args[16];
 } format;
@@ -41,7 +41,8 @@ static const format formats[] = {
     {".gif", {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
 };
 
-// Convert the renderer's sRGB to the colours that players assume for a film.
+// Arguments of ffmpeg that convert the sRGB colours of the renderer to the colour space that players assume for a film
+// (bt709).
 static const char *const yuv[] = {"-vf",
                                   "scale=out_color_matrix=bt709:out_range=tv",
                                   "-pix_fmt",
@@ -74,8 +75,8 @@ static int add_all(const char **argv, int count, const char *const *more)
     return count;
 }
 
-// Turn this child process into ffmpeg. A terminal's Ctrl-C must not reach ffmpeg: the parent process removes an
-// interrupted file.
+// Replace this child process by ffmpeg. Ctrl-C in the terminal must not reach ffmpeg, because the parent process
+// removes the file of an interrupted film.
 static void become(const kn_film *film, int from, const format *f, int width, int height, double fps)
 {
     const char *argv[ARGS_MAX] = {NULL};
@@ -86,20 +87,20 @@ static void become(const kn_film *film, int from, const format *f, int width, in
                                 "rawvideo", "-pixel_format", "rgba",     "-video_size", size,    "-framerate", rate,
                                 "-i",       "pipe:0",        NULL};
     int n = add_all(argv, 0, head);
-    // A GIF keeps RGB colours.
+    // All formats except GIF need the conversion of colours: a GIF keeps RGB.
     if (strcmp(f->ending, ".gif") != 0) n = add_all(argv, n, yuv);
     n = add_all(argv, n, f->args);
     char name[sizeof film->out.tmp + 8];
     // The prefix keeps ffmpeg from reading a colon in the name as a protocol.
     snprintf(name, sizeof name, "file:%s", film->out.tmp);
     argv[n] = name;
-    // Use a process group of its own, which the terminal's signals do not reach.
+    // Put ffmpeg into its own process group, which signals of the terminal do not reach.
     setpgid(0, 0);
     signal(SIGPIPE, SIG_DFL);
     dup2(from, STDIN_FILENO);
     dup2(fileno(film->said), STDOUT_FILENO);
     dup2(fileno(film->said), STDERR_FILENO);
-    if (nice(NICENESS) < 0) errno = 0; // if nice fails, run at the usual priority
+    if (nice(NICENESS) < 0) errno = 0; // if nice fails, ffmpeg runs at the usual priority
     execvp(argv[0], (char *const *)argv);
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
@@ -118,11 +119,11 @@ bool kn_film_ready(char *error, size_t error_size)
             return true;
         p += n + (p[n] == ':');
     }
-    snprintf(error, error_size, "no films without the program ffmpeg: install the package ffmpeg");
+    snprintf(error, error_size, "ffmpeg is not installed, which films need: install the package ffmpeg");
     return false;
 }
 
-// Start ffmpeg with a pipe to its input.
+// Start ffmpeg with a pipe to its standard input.
 static bool start(kn_film *film, const format *f, int width, int height, double fps)
 {
     int ends[2];
@@ -150,7 +151,7 @@ kn_film *kn_film_open(const char *path, int width, int height, double fps, const
     film->stopped = stopped;
     film->pipe = -1;
     film->picture_bytes = 4 * (size_t)width * (size_t)height;
-    // The pipe reports a dead ffmpeg by an error instead of SIGPIPE.
+    // SIGPIPE is ignored, so that a write to an ffmpeg that has died returns an error.
     if (!kn_beside_open(&film->out, path, error, error_size)) return free(film), NULL;
     sigaction(SIGPIPE, &(struct sigaction){.sa_handler = SIG_IGN}, &film->before);
     if (start(film, f, width, height, fps)) return film;
@@ -161,7 +162,7 @@ kn_film *kn_film_open(const char *path, int width, int height, double fps, const
 
 bool kn_film_add(kn_film *film, const uint8_t *rgba)
 {
-    // A signal may interrupt a write. After an interrupted write `*stopped` decides if the film goes on.
+    // A signal may interrupt a write. After an interrupted write, `*stopped` decides if the film is continued.
     for (size_t done = 0; done < film->picture_bytes;) {
         if (*film->stopped) return false;
         const ssize_t n = write(film->pipe, rgba + done, film->picture_bytes - done);
@@ -171,7 +172,8 @@ bool kn_film_add(kn_film *film, const uint8_t *rgba)
     return true;
 }
 
-// Wait until ffmpeg has ended. ffmpeg ends by itself when the pipe is closed. If `at_once` is set, kill ffmpeg.
+// Wait until ffmpeg has ended. ffmpeg ends by itself when the pipe is closed. If `at_once` is true, kill ffmpeg
+// instead.
 static void end(kn_film *film, bool at_once)
 {
     if (film->pipe >= 0) close(film->pipe);
@@ -185,11 +187,11 @@ static void end(kn_film *film, bool at_once)
     sigaction(SIGPIPE, &film->before, NULL);
 }
 
-// Find the last line of ffmpeg's output and make it printable.
+// Find the last line of ffmpeg's output and replace characters that are not printable.
 static void last_line(FILE *said, char *line, size_t size)
 {
     char next[300];
-    snprintf(line, size, "it said nothing");
+    snprintf(line, size, "it printed no message");
     rewind(said);
     while (fgets(next, sizeof next, said)) {
         next[strcspn(next, "\r\n")] = '\0';
@@ -211,12 +213,13 @@ bool kn_film_keep(kn_film *film, char *error, size_t error_size)
     end(film, false);
     struct stat made;
     const bool ended_well = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
-    // Check the file, too: an ffmpeg that has read no picture may report success without a file.
+    // Check that the file exists and is not empty, because ffmpeg may report success without a file if it has read no
+    // picture.
     const bool whole = ended_well && !film->broken && stat(film->out.tmp, &made) == 0 && made.st_size > 0;
     last_line(film->said, line, sizeof line);
     bool kept = whole && kn_beside_keep(&film->out, error, error_size);
     if (!whole) {
-        snprintf(error, error_size, "ffmpeg made no film of it: %s", line);
+        snprintf(error, error_size, "ffmpeg could not make the film: %s", line);
         kn_beside_drop(&film->out);
     }
     destroy(film);

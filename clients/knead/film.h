@@ -1,12 +1,13 @@
 #ifndef KN_CLIENTS_FILM_H
 #define KN_CLIENTS_FILM_H
-// A film made from pictures. The pictures go through a pipe to the program ffmpeg, as fast as ffmpeg encodes them.
-// ffmpeg is run without a shell and never linked. The file is written beside its path and renamed when it is complete.
+// A film made from pictures. The pictures go through a pipe to the program ffmpeg, at the speed at which ffmpeg encodes
+// them. ffmpeg is run without a shell and never linked. The film is written to a temporary file in the same folder and
+// renamed when it is complete.
 //
 //     kn_film_open -> kn_film_add, picture by picture -> kn_film_keep, or kn_film_drop
 //
-// One film at a time. SIGPIPE is ignored while a film is open, so that the death of ffmpeg is reported and does not end
-// this process.
+// Only one film can be open at a time. SIGPIPE is ignored while a film is open, so that the death of ffmpeg is reported
+// and does not end this process.
 #include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -18,7 +19,7 @@ typedef struct kn_film kn_film;
 
 // Return true if the ending of the name is one of KN_FILM_NAMES.
 bool kn_film_knows(const char *path);
-// Return true if ffmpeg is installed, else false with one sentence in error.
+// Return true if ffmpeg is installed. Otherwise return false with one sentence in error.
 bool kn_film_ready(char *error, size_t error_size);
 
 // Start a film. A nonzero `*stopped` ends every wait for ffmpeg. `width` and `height` must be even, `fps` > 0. Return

@@ -19,14 +19,15 @@ const char *kn_folder_path(const kn_folder *f, const char *name, const char *end
     return path;
 }
 
-// Remove the folder and the files in it.
+// Remove the folder of the sweep and the files in it.
 static void remove_folder(const kn_folder *f)
 {
     char path[PATH_MAX];
     DIR *d = opendir(f->path);
     for (struct dirent *e; d && (e = readdir(d));) {
         if (e->d_name[0] == '.' || unlink(kn_folder_path(f, e->d_name, "", path)) == 0) continue;
-        // The name may be that of an empty folder, which GNU parallel leaves if this machine is one of several hosts.
+        // If the entry is an empty folder, remove it. GNU parallel leaves such folders if this machine is one of
+        // several hosts.
         rmdir(path);
     }
     if (d) closedir(d);
@@ -35,16 +36,16 @@ static void remove_folder(const kn_folder *f)
 
 // ---- leftovers of killed sweeps
 
-// Return true for a folder that a killed sweep of this user has left behind.
+// Return true if the folder was left behind by a killed sweep of this user.
 static bool is_left(const kn_folder *f)
 {
     char path[PATH_MAX], text[200];
     struct stat here;
     if (lstat(f->path, &here) != 0 || !S_ISDIR(here.st_mode) || here.st_uid != geteuid()) return false;
-    // Do not follow links, because everybody can write to the parent folder.
+    // Do not follow symbolic links, because every user can write to the parent folder (/tmp).
     int file = open(kn_folder_path(f, "sweep", "", path), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     if (file < 0) return false;
-    // A sweep that is still running holds the lock.
+    // If a sweep that is still running holds the lock, the folder is not a leftover.
     ssize_t size = flock(file, LOCK_EX | LOCK_NB) == 0 ? read(file, text, sizeof text) : -1;
     size_t end = sizeof temporary - 1;
     bool left = size > (ssize_t)end && !memcmp(text + size - end, temporary, end);
@@ -52,7 +53,7 @@ static bool is_left(const kn_folder *f)
     return left;
 }
 
-// Remove all leftovers in the folder for temporary files.
+// Remove the folders that killed sweeps have left behind in the folder for temporary files.
 static void remove_leftovers(const char *parent)
 {
     DIR *d = opendir(parent);
@@ -66,7 +67,7 @@ static void remove_leftovers(const char *parent)
 
 // ---- this sweep's folder
 
-// Create the folder, or find the one that --resume names.
+// Create a temporary folder, or create or find the folder that --resume names.
 static int make(kn_folder *f, const char *resume)
 {
     const char *parent = getenv("TMPDIR");
@@ -97,7 +98,8 @@ static bool is_empty(const char *folder)
     return empty;
 }
 
-// Return which part differs from the earlier sweep in this folder, or NULL if the sweep can be resumed.
+// Return the name of the part (program, scene or log) that differs from the earlier sweep in this folder, or "kind" if
+// the file is not that of a sweep. Return NULL if the earlier sweep can be resumed.
 static const char *compare(const uint64_t now[3], const char *text)
 {
     static const char *const what[] = {"program", "scene", "log"};
@@ -109,7 +111,8 @@ static const char *compare(const uint64_t now[3], const char *text)
     return NULL;
 }
 
-// Open folder/sweep and lock it. Without the lock two sweeps would play every run twice.
+// Open the file `sweep` in the folder and lock it. Without the lock, two sweeps in the same folder would each replay
+// every run.
 int kn_folder_open(kn_folder *f, const char *resume, const uint64_t now[3])
 {
     char path[PATH_MAX], text[200] = "";
@@ -117,14 +120,15 @@ int kn_folder_open(kn_folder *f, const char *resume, const uint64_t now[3])
     int code = make(f, resume);
     if (code != KN_EXIT_OK) return code;
     bool fresh = is_empty(f->path);
-    // Files that no sweep has made must not be touched.
+    // Refuse a folder with files that no sweep has made, because such files must not be changed.
     if (!fresh && access(kn_folder_path(f, "sweep", "", path), F_OK) != 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "%s: is not a sweep's, expected an empty folder or one of --resume", f->path);
+                           "%s: is not a folder of knead tradeoff --resume, expected such a folder or an empty one",
+                           f->path);
     f->lock = open(kn_folder_path(f, "sweep", "", path), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     if (f->lock < 0 || flock(f->lock, LOCK_EX | LOCK_NB) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path,
-                           errno == EWOULDBLOCK ? "another sweep is at work in this folder" : strerror(errno));
+                           errno == EWOULDBLOCK ? "another sweep is running in this folder" : strerror(errno));
     ssize_t size = pread(f->lock, text, sizeof text - 1, 0);
     const char *other = size > 0 ? compare(now, text) : NULL;
     if (other)
@@ -134,7 +138,7 @@ int kn_folder_open(kn_folder *f, const char *resume, const uint64_t now[3])
             other);
     int length = snprintf(text, sizeof text, "knead sweep 1\nprogram %llx\nscene %llx\nlog %llx\n%s",
                           (unsigned long long)now[0], (unsigned long long)now[1], (unsigned long long)now[2],
-                          // A leftover that --resume names is kept from now on.
+                          // If --resume names a leftover of a killed sweep, the folder is no longer temporary.
                           f->temporary ? temporary : "");
     if (pwrite(f->lock, text, (size_t)length, 0) == length && ftruncate(f->lock, length) == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));

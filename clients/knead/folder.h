@@ -14,15 +14,15 @@
 #include <stdint.h>
 
 typedef struct kn_folder {
-    char path[PATH_MAX]; // "": none
+    char path[PATH_MAX]; // path of the folder; "": no folder is open
     bool temporary;
-    int lock; // descriptor of the file sweep, -1: none
+    int lock; // descriptor of the locked file `sweep` in the folder; -1: not open
 } kn_folder;
 
-// Open the folder `resume`, or a temporary folder in $TMPDIR or /tmp if `resume` is NULL. `hashes` are those of
-// program, scene and log. Return an exit code. On failure one line on stderr has given the reason.
+// Open the folder `resume`, or a temporary folder in $TMPDIR or /tmp if `resume` is NULL. `hashes` holds the hashes of
+// program, scene and log. Return an exit code. On failure print one line on stderr.
 int kn_folder_open(kn_folder *folder, const char *resume, const uint64_t hashes[3]);
-// Close the folder, and remove a temporary folder.
+// Close the folder of the sweep. Remove the folder if it is temporary.
 void kn_folder_close(kn_folder *folder);
 
 // Return the path of the file `name` in the folder with `ending` appended, or "" if the path is too long.

@@ -4,7 +4,8 @@
 
 bool kn_foot_flat(kn_probe_shape shape) { return shape != KN_PROBE_SPHERE && shape != KN_PROBE_CAPSULE; }
 
-// Return true if a flat tool covers the point. `x_m` and `y_m` must not be negative.
+// Return true if the face of a flat tool covers the point at the horizontal offset (x_m, y_m) from its centre. `x_m`
+// and `y_m` must not be negative.
 static bool covers(const kn_probe_def *tool, double x_m, double y_m)
 {
     const double along = 0.5 * tool->size_m[0], across = 0.5 * tool->size_m[1];
@@ -15,12 +16,13 @@ static bool covers(const kn_probe_def *tool, double x_m, double y_m)
     }
 }
 
-// Return how far below its pose the tool begins on a vertical line. The search moves up the line from below. Each step
-// is as long as the distance to the tool. A line that grazes the tool counts as a miss after STEPS_MAX steps.
+// Return the distance from the tool's pose down to its underside on a vertical line at (x_m, y_m), m. The search moves
+// up the line from below, each step by the distance to the tool's surface. If the line does not meet the tool within
+// STEPS_MAX steps, it counts as missing the tool.
 static double first_below(const kn_shape *tool, double x_m, double y_m)
 {
     enum { STEPS_MAX = 100 };
-    // Start on the sphere that bounds the tool.
+    // Start the search on the bounding sphere of the tool.
     const double r2 = tool->bound_m * tool->bound_m - x_m * x_m - y_m * y_m;
     double z_m = r2 > 0 ? -sqrt(r2) : INFINITY, way[3];
     for (int i = 0; i < STEPS_MAX && z_m < tool->bound_m; i++) {

@@ -8,18 +8,18 @@
 //          |  o  |  pose               |         |
 //           \___/   ^ kn_foot_m        +----o----+  pose: 0
 //
-// Rounded edges count as sharp; the error is at most the rounding. A union or a mesh counts as flat, wherever it
-// touches first. This is the safer assumption.
+// Rounded edges of a tool are treated as sharp; the error is at most the radius of the rounding. A union of shapes or a
+// mesh counts as a flat tool, wherever it touches first, because this is the safer assumption.
 #include "core/model.h"
 
-// Return true for a shape that touches a flat object with a face and not with a point.
+// Return true if a tool of this shape touches a flat object with a face and not with a point.
 bool kn_foot_flat(kn_probe_shape shape);
 
-// Return how far the underside is below the pose at the offset (dx, dy), m. Return -INFINITY if the tool has nothing
-// there.
+// Return the vertical distance from the tool's pose down to its underside, m, at the horizontal offset (dx_m, dy_m)
+// from the pose. Return -INFINITY if no part of the tool is at that offset.
 double kn_foot_below(const kn_probe_def *tool, double dx_m, double dy_m);
 
-// Return how far the lowest point of the tool is below the pose, m.
+// Return the vertical distance from the tool's pose down to the lowest point of the tool, m.
 double kn_foot_m(const kn_probe_def *tool);
 
 #endif

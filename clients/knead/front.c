@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// If no point is within the bounds, accept points up to this factor times the least excess.
+// If the errors of all points exceed the bounds of a name, points up to this factor times the least excess are
+// accepted.
 #define SLACK 1.1
 
 const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {
@@ -14,10 +15,11 @@ const kn_bound kn_front_bounds[KN_QUALITY_OWN] = {
 
 typedef double (*measure)(const kn_trace *a, const kn_trace *b);
 
-// Return the best reference of a run (plan.h): FINE, or SAME if there is no FINE.
+// Return the index of the best reference of a run (plan.h): FINE, or SAME if the plan has no FINE.
 static int best_of(const kn_run *run) { return run->fine >= 0 ? run->fine : run->same; }
 
-// Return a point of the finest lattice. Without FINE references, the point has the scene's own time step.
+// Return the index of a point on the finest lattice. If the plan has no FINE references, the point has the scene's own
+// time step.
 static int find_finest(const kn_plan *plan)
 {
     int finest = -1;
@@ -30,8 +32,8 @@ static int find_finest(const kn_plan *plan)
     return finest;
 }
 
-// Return the run that represents a lattice when lattices are compared: FINE, or SAME at the scene's step if there is no
-// FINE.
+// Return the index of the run that represents a lattice when lattices are compared. It is FINE, or SAME at the scene's
+// time step if the plan has no FINE.
 static int stands_for(const kn_plan *plan, const kn_run *run)
 {
     if (run->fine >= 0) return run->fine;
@@ -43,7 +45,7 @@ static int stands_for(const kn_plan *plan, const kn_run *run)
     return -1;
 }
 
-// Return the errors of one point, measured by `distance`.
+// Return the errors of one point against its references. The function `distance` measures the error between two traces.
 static kn_errors errors_of(const kn_plan *plan, const kn_trace *traces, int point, int finest, measure distance)
 {
     const kn_run *run = &plan->run[point];
@@ -55,7 +57,8 @@ static kn_errors errors_of(const kn_plan *plan, const kn_trace *traces, int poin
     return e;
 }
 
-// Compute one row. Forces of two lattices can be compared tick by tick. A mesh is compared only with itself.
+// Compute the row of one point. The forces of two lattices can be compared tick by tick, but a mesh is compared only
+// with itself.
 static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int finest)
 {
     const kn_run *run = &plan->run[point];
@@ -72,7 +75,7 @@ static kn_row row_of(const kn_plan *plan, const kn_trace *traces, int point, int
     r.same_jump_n = kn_felt_jump(&traces[run->same]);
     r.variation = kn_felt_variation(t) / peak_n;
     r.reference_variation = kn_felt_variation(best) / peak_n;
-    // Faults and chatter count only if they exceed those of the reference.
+    // Faults and chatter of the point count only if they exceed those of its reference.
     r.latched = t->faults > best->faults || t->diverged > 0;
     r.chatters = !(r.variation <= KN_CHATTER * r.reference_variation);
     return r;
@@ -95,7 +98,7 @@ static void find_fronts(kn_front *f)
     }
 }
 
-// Order of the rows: lattice, step, precision, method, passes, time.
+// Compare two rows for sorting: by lattice, time step, precision, method, number of linearisations (passes), time.
 static int order(const void *a, const void *b)
 {
     const kn_row *x = a, *y = b;
@@ -107,7 +110,8 @@ static int order(const void *a, const void *b)
     return (x->median_us > y->median_us) - (x->median_us < y->median_us);
 }
 
-// Return false if any reference has no force, because its point cannot be judged.
+// Return false if the force of any reference is zero throughout, because the errors of its point are relative to this
+// force.
 bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces)
 {
     memset(front, 0, sizeof *front);
@@ -149,7 +153,8 @@ static kn_effort effort_of(const kn_run *run)
     return (kn_effort){run->iterations, run->iterations_max, run->tolerance, run->passes, linearization_of(run)};
 }
 
-// Return true if a running server can switch to the point, and the point fits into the budget.
+// Return true if a running server can switch to the settings of the point, and the time of the point is within the
+// budget.
 static bool is_candidate(const kn_row *r, const kn_plan *plan)
 {
     const kn_scene *scene = plan->scene;
@@ -160,7 +165,7 @@ static bool is_candidate(const kn_row *r, const kn_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
-// Return true if `a` needs less work than `b`, by the server's count.
+// Return true if point `a` needs less work than point `b` by the count that the server uses.
 static bool is_less_work(const kn_row *a, const kn_row *b)
 {
     kn_effort x = effort_of(a->run), y = effort_of(b->run);
@@ -173,8 +178,9 @@ double kn_front_excess(const kn_row *r, kn_quality q)
     return fmax(fmax(force, shape), r->jump_n / (KN_JUMP * r->same_jump_n));
 }
 
-// Return true if `a` is preferred to `b` at equal time. The point with fewer iterations at most is preferred, then the
-// one with fewer usual iterations, then the one with the scene's linearisation, then the one with the smaller error.
+// Return true if point `a` is preferred to point `b` when their times are equal. The criteria are, in this order: the
+// smaller maximum number of iterations, the smaller usual number of iterations, the scene's own linearisation, the
+// smaller error.
 static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
 {
     const kn_run *x = a->run, *y = b->run;
@@ -187,8 +193,8 @@ static bool is_simpler(const kn_row *a, const kn_row *b, const kn_plan *plan)
     return own_a != own_b ? own_a : a->force.solver < b->force.solver;
 }
 
-// Limits of a named point: more work than `below` with a smaller error, and less work than `above`. NULL: no such
-// limit.
+// Limits for the choice of a named point. It must need more work than `below` and have a smaller error. It must need
+// less work than `above`. NULL: no limit.
 typedef struct between {
     const kn_row *below, *above;
 } between;
@@ -200,19 +206,21 @@ static bool is_between(const kn_row *r, const kn_plan *plan, between limits)
            (!a || is_less_work(r, a));
 }
 
-// Return the point for one name, or NULL if there is no candidate within the limits.
+// Return the point for one name of quality, or NULL if no candidate is within the limits.
 static const kn_row *name_one(const kn_front *front, const kn_plan *plan, kn_quality q, between limits)
 {
     double least_excess = INFINITY, least_us = INFINITY;
     const kn_row *named = NULL, *end = front->row + front->count;
-    // 1. Find the least excess over the bounds that any candidate has.
+    // 1. Find the least excess over the error bounds among all candidates.
     for (const kn_row *r = front->row; r < end; r++)
         if (is_between(r, plan, limits)) least_excess = fmin(least_excess, kn_front_excess(r, q));
-    // 2. Accept all candidates within the bounds, or close to the least excess. Find the fastest of them.
+    // 2. Accept the candidates within the error bounds, or those close to the least excess. Find the fastest accepted
+    // candidate.
     double most_excess = fmax(1, SLACK * least_excess);
     for (const kn_row *r = front->row; r < end; r++)
         if (is_between(r, plan, limits) && kn_front_excess(r, q) <= most_excess) least_us = fmin(least_us, r->p90_us);
-    // 3. Times within KN_NOISE of the fastest are equal. Take the simplest point among those.
+    // 3. Times up to KN_NOISE times that of the fastest candidate count as equal. Choose the simplest candidate
+    // (is_simpler) among these.
     for (const kn_row *r = front->row; r < end; r++) {
         if (!is_between(r, plan, limits) || kn_front_excess(r, q) > most_excess) continue;
         if (r->p90_us <= KN_NOISE * least_us && (!named || is_simpler(r, named, plan))) named = r;
@@ -230,7 +238,7 @@ void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *nam
     // Never give a worse point than necessary: fall back to accurate if fast misses bounds that accurate meets.
     if (!fast || (meets(accurate, KN_QUALITY_FAST) && !meets(fast, KN_QUALITY_FAST))) fast = accurate;
     const kn_row *balanced = name_one(front, plan, KN_QUALITY_BALANCED, (between){fast, accurate});
-    // balanced must meet its bounds, too, or fall back to fast or accurate.
+    // If balanced misses its own bounds, fall back to fast or accurate.
     if (!meets(balanced, KN_QUALITY_BALANCED)) balanced = meets(fast, KN_QUALITY_BALANCED) ? fast : accurate;
     named[KN_QUALITY_FAST] = fast;
     named[KN_QUALITY_BALANCED] = balanced;
@@ -268,7 +276,7 @@ static const char *const number_names[NUMBERS] = {"median_us",
                                                   "variation_peaks",
                                                   "reference_variation_peaks"};
 
-// List the numbers of a row in the order of number_names.
+// Store the numbers of a row in the order of their names in number_names.
 static void numbers_of(const kn_row *r, double to[NUMBERS])
 {
     const double values[NUMBERS] = {r->median_us,
@@ -306,7 +314,7 @@ bool kn_front_csv(const kn_front *front, FILE *f)
         numbers_of(r, values);
         for (int k = 0; k < NUMBERS; k++) {
             if (isfinite(values[k])) fprintf(f, ",%.6g", values[k]);
-            else fputc(',', f); // not measured: an empty field
+            else fputc(',', f); // the field stays empty if the number was not measured
         }
         fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
     }

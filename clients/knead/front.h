@@ -26,38 +26,46 @@ typedef struct kn_row {
     const kn_run *run;
     double median_us, p90_us;
     kn_errors force, shape;
-    double peak;                                  // relative difference of the peak force
-    double lag_s, depth_m;                        // positive: later, deeper
-    double jump_n, reference_jump_n, same_jump_n; // largest jump of the force, N per ms: point, its reference, SAME
-    double variation, reference_variation;        // in units of the reference's peak
-    bool chatters, latched;                       // latched: more faults than the reference, or diverged
-    bool front, shape_front;                      // on the Pareto front of force, of shape
+    // Difference of the peak force from the reference, relative to the peak of the reference.
+    double peak;
+    // Delay of the force, s, and depth of the dent, m, minus those of the reference; positive: later, deeper.
+    double lag_s, depth_m;
+    // Largest change of the force in one tick, N per ms: of the point, of its reference, of SAME.
+    double jump_n, reference_jump_n, same_jump_n;
+    // Total variation of the force over time, of the point and of its reference, divided by the reference's peak force.
+    double variation, reference_variation;
+    // chatters: see KN_CHATTER; latched: the replay had more faults than the reference, or diverged.
+    bool chatters, latched;
+    // True: the point is on the Pareto front of the force error, of the shape error.
+    bool front, shape_front;
 } kn_row;
 
 typedef struct kn_front {
     int count;
-    // Sorted from coarse to fine lattices, from large to small steps, then by precision, method, passes and time.
+    // One row per point, sorted from coarse to fine lattices, from large to small time steps, then by precision,
+    // method, number of linearisations (passes) and time.
     kn_row row[KN_RUNS_MAX];
-    double finest_m; // spacing of the finest lattice with a reference
-    double peak_n;   // peak force of the reference on the scene's own lattice
+    double finest_m; // node spacing of the finest lattice that has a reference, m
+    double peak_n;   // peak force of the reference on the scene's own lattice, N
 } kn_front;
 
-// Compute the rows; traces[i] belongs to run i. Return false if the log never touches the object: then there is nothing
-// to compare.
+// Compute the row of every point of the plan. traces[i] is the trace of run i of the plan. Return false if no tool
+// touches the object in the log, because there is no force to compare.
 bool kn_front_make(kn_front *front, const kn_plan *plan, const kn_trace *traces);
 
-// Return the point with the smallest total error of force among those whose p90 is within the budget and that neither
-// chatter nor latch. Return NULL if there is none.
+// Return the point with the smallest total error of the force for a given budget. The 90th percentile (p90) of its time
+// per tick must be within `budget_us`, and the point must neither chatter nor be latched. Return NULL if no point
+// qualifies.
 const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 
-// Times count as equal up to this ratio. Two times of one point differ by this ratio on a machine that also does other
-// work.
+// Two computing times count as equal if their ratio is at most this number. Two measurements of one point differ by
+// this ratio on a machine that also does other work.
 #define KN_NOISE 1.25
 
 // Choose the named points fast, balanced and accurate. A named point has the scene's lattice, step and precision, so
 // that a running server may switch between the named points. A candidate for a name neither chatters nor latches. The
-// p90 of its time is within the scene's budget_s, because slow ticks make a server late. Errors are considered before
-// times. A candidate is accepted within these bounds:
+// p90 of its time is within the scene's budget_s, because slow ticks make a server late. The errors of the candidates
+// are considered before their times. A candidate is accepted within these bounds:
 //
 //     fast 3 % of force, 3 % of shape       balanced 0.5 %, 1 %       accurate 0.1 %, 0.2 %
 //     and no force that jumps by more than KN_JUMP times that of SAME
@@ -77,15 +85,16 @@ const kn_row *kn_front_pick(const kn_front *front, double budget_us);
 // any candidate meets them. An entry of `named` is NULL if there is no candidate.
 void kn_front_name(const kn_front *front, const kn_plan *plan, const kn_row *named[KN_QUALITY_OWN]);
 
-// Return the error of a point relative to the bounds of a name; 1 is exactly at the bounds. Force and shape bounds are
-// public for the report.
+// Return the error of a point relative to the error bounds of a named quality. 1: the error is exactly at the bounds.
+// The bounds of force and shape (kn_front_bounds) are public for the report.
 double kn_front_excess(const kn_row *row, kn_quality quality);
 typedef struct kn_bound {
     double force, shape;
 } kn_bound;
 extern const kn_bound kn_front_bounds[KN_QUALITY_OWN];
-// Largest jump of the force that a named point may have, relative to the jump of SAME. On dough the factor is 2.0 for a
-// solver with two iterations and 1.1 with three. The impulse guard of 4 N/ms acts on two iterations.
+// Largest jump of the force in one tick that a named point may have, relative to the jump of the converged reference
+// SAME. Measured on dough, the ratio is 2.0 for a solver with two iterations and 1.1 for a solver with three. With two
+// iterations the force jumps so far that the impulse guard of 4 N/ms acts.
 #define KN_JUMP 1.5
 
 // Return the point that kn_front_pick chooses for the scene's budget_s. Return NULL if that point is a candidate for a
@@ -94,7 +103,7 @@ extern const kn_bound kn_front_bounds[KN_QUALITY_OWN];
 const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
 bool kn_front_csv(const kn_front *front, FILE *f);
-// Add the numbers of the CSV as the list `points` to the JSON result, see result.h.
+// Add the rows to the JSON result (result.h) as the list `points`, with the numbers of the CSV file.
 void kn_front_result(const kn_front *front);
 
 #endif

@@ -4,14 +4,14 @@
 #include <string.h>
 #include <yaml.h>
 
-// Line of a key and line of the last token of its value, counted from 0. -1: not found.
+// Place of a block in the text: the line of its key and the last line of its value, counted from 0. -1: not found.
 typedef struct place {
     long first, last;
-    bool braces; // the outermost mapping is written in braces
+    bool braces; // true: the outermost mapping of the text is written in braces
 } place;
 
-// Find the key by walking the parser's events. Depth 1 is inside the outermost mapping, where scalars are keys and
-// values in turn.
+// Find the key `key` in the events of the YAML parser. Depth 1 is inside the outermost mapping, where keys and values
+// alternate.
 static bool walk(yaml_parser_t *parser, const char *key, place *p)
 {
     int depth = 0;
@@ -21,12 +21,13 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
         if (!yaml_parser_parse(parser, &e)) return false;
         bool begins = e.type == YAML_MAPPING_START_EVENT || e.type == YAML_SEQUENCE_START_EVENT;
         bool ends = e.type == YAML_MAPPING_END_EVENT || e.type == YAML_SEQUENCE_END_EVENT;
-        // The event at the end of an indented block has no text of its own, so its position must not count.
+        // The event at the end of an indented block has no text of its own, so its position must not be used as the end
+        // of the block.
         bool marked = e.start_mark.index != e.end_mark.index;
         if (depth == 0 && e.type == YAML_MAPPING_START_EVENT)
             p->braces = e.data.mapping_start.style == YAML_FLOW_MAPPING_STYLE;
         if (ends) depth--;
-        // At depth 1 an event completes a key or a value.
+        // At depth 1, an event that opens nothing completes either a key or a value.
         if (depth == 1 && !begins) {
             if (is_key && e.type == YAML_SCALAR_EVENT && !strcmp((const char *)e.data.scalar.value, key)) {
                 inside = true;
@@ -37,7 +38,8 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
             }
             is_key = !is_key;
         } else if (inside && marked) {
-            // A literal block ends at column 0 of the next line. That line does not belong to the block.
+            // The parser reports the end of a literal block at column 0 of the next line. This next line does not
+            // belong to the block.
             p->last = (long)e.end_mark.line - (e.end_mark.column == 0);
         }
         if (begins) depth++;
@@ -47,7 +49,7 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
     return true;
 }
 
-// Return the offset of a line, or the text's size if the text is shorter.
+// Return the byte offset of a line, or the size of the text if it has fewer lines.
 static size_t line_at(const char *text, long line)
 {
     const char *at = text;
@@ -68,7 +70,7 @@ bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end
     bool ok = walk(&parser, key, &p);
     if (!ok) snprintf(error, error_size, "%s in line %zu", parser.problem, parser.problem_mark.line + 1);
     yaml_parser_delete(&parser);
-    if (ok && p.braces) snprintf(error, error_size, "the whole is in braces, expected a key a line");
+    if (ok && p.braces) snprintf(error, error_size, "the whole scene is in braces, expected one key per line");
     // If the key is missing, return an empty block at the end of the text.
     *begin = *end = strlen(text);
     if (ok && p.first >= 0) {
@@ -83,9 +85,11 @@ char *kn_graft(const char *text, const char *key, const char *block, char *error
     size_t begin, end, size = strlen(text);
     if (!kn_graft_find(text, key, &begin, &end, error, error_size)) return NULL;
     const char *line = strchr(text, '\n');
-    // `open`: the block is appended after a last line that has no line end.
+    // `crlf`: lines of the text end with carriage return and line feed. `open`: the block is appended to a text whose
+    // last line has no line end.
     bool crlf = line && line > text && line[-1] == '\r', open = begin == size && size > 0 && text[size - 1] != '\n';
-    // Allocate the text, and twice the block: there is at most one carriage return per character.
+    // Allocate room for the text and twice the block, because at most one carriage return is added per character of the
+    // block.
     char *out = malloc(size + 2 * strlen(block) + 3), *to = out;
     if (!out) {
         snprintf(error, error_size, "not enough memory");

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_GRAFT_H
 #define KN_CLIENTS_GRAFT_H
-// Replacement of one block of a YAML text. The rest stays as its author wrote it, byte for byte: comments, order, line
-// ends.
+// Replacement of one block of a YAML text. The rest of the text stays byte for byte as its author wrote it: comments,
+// order and line ends.
 //
 //     material: dough                        A block is a key of the outermost mapping with its value. It reaches
 //     quality:          <-- begins           from the key's line to the last line that holds a part of the value.
@@ -11,9 +11,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// Find the bytes of the block of `key` in `text`, [*begin, *end). The range is empty at the end of the text if there is
-// no such key. Return false with one clause in error if the text is not YAML or its outermost mapping is in braces:
-// inside braces a new line is not a new key.
+// Find the bytes of the block of `key` in `text`, [*begin, *end). If the text does not have this key, the range is
+// empty and lies at the end of the text. Return false with one clause in error if the text is not YAML or its outermost
+// mapping is in braces: inside braces a new line is not a new key.
 bool kn_graft_find(const char *text, const char *key, size_t *begin, size_t *end, char *error, size_t error_size);
 
 // Return `text` with the block of `key` replaced by `block`, e.g. "quality:\n  fast: ...\n". An empty `block` removes

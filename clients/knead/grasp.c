@@ -2,16 +2,19 @@
 #include <math.h>
 #include <string.h>
 
-static const double period_s = 1e-3, unheard_n = 2e-3; // values of rig.c
-static const double lean_n = 1.0;                      // constant downward load on a device that nobody holds
-static const int buzz_turns = 20;                      // turns of the force in a second: 10 Hz
+// period_s: sampling period, s; unheard_n: amplitude below which an oscillation of the force is not counted, N; both as
+// in rig.c.
+static const double period_s = 1e-3, unheard_n = 2e-3;
+static const double lean_n = 1.0; // constant downward load on a device that nobody holds, N
+// Number of direction reversals of the force in a second above which the loop buzzes: 10 Hz.
+static const int buzz_turns = 20;
 
-// Start judging the loop from the beginning, at the start of a try.
+// Reset the monitoring of the closed loop at the start of an attempt.
 static void judge_afresh(kn_grasp *g)
 {
     const kn_device_def *d = &g->def.render.device;
-    // Smallest change of force that the encoder can cause: one encoder step times the stiffness, plus the measured
-    // velocity of this step times the damping.
+    // Compute the change of force that one encoder step causes. It is the step times the stiffness, plus the velocity
+    // measured from the step times the damping.
     double coupling_n_m = g->def.render.coupling_n_m;
     double k = coupling_n_m > 0.0 ? coupling_n_m * d->force_scale : d->hand.stiffness_n_m;
     double share = -expm1(-6.283185307179586 * g->arm.def.velocity_hz * period_s);
@@ -31,11 +34,11 @@ void kn_grasp_init(kn_grasp *g, const kn_grasp_def *def, kn_player *player)
     g->def.render.device.round_trip_s = period_s * (1 + def->delay_ms);
     g->player = player;
     player->gripped = true;
-    // A fixed seed: every run loses the same messages.
+    // Use a fixed seed for the random numbers, so that every run loses the same messages.
     g->dice = 88172645463325252u;
 }
 
-// Return true if the link loses this message. Random numbers by Marsaglia's xorshift.
+// Return true if the simulated link loses this message. Random numbers by Marsaglia's xorshift.
 static bool lost(kn_grasp *g)
 {
     g->dice ^= g->dice << 13;
@@ -47,7 +50,7 @@ static bool lost(kn_grasp *g)
 // Put a force into the simulated link and return the force that comes out in this millisecond, or NULL.
 static const kn_hand_force *carry(kn_grasp *g, const kn_hand_force *force)
 {
-    // The ring buffer uses delay + 1 places.
+    // The ring buffer uses delay_ms + 1 entries: one is written and the next one, which is the oldest, is read.
     int in = (int)(g->ms % (g->def.delay_ms + 1)), out = (int)((g->ms + 1) % (g->def.delay_ms + 1));
     g->came[in] = force && !lost(g);
     if (g->came[in]) g->way[in] = *force;
@@ -55,8 +58,8 @@ static const kn_hand_force *carry(kn_grasp *g, const kn_hand_force *force)
     return g->came[out] ? &g->way[out] : NULL;
 }
 
-// Evaluate a full second. Buzzing needs two such seconds in a row: a single one may be a knock whose oscillation dies
-// away.
+// Evaluate the force of a full second. The loop buzzes only after two consecutive seconds with too many reversals,
+// because a single one may be a knock whose oscillation decays.
 static void close_second(kn_grasp *g)
 {
     g->news.loudest_n = fmax(g->news.loudest_n, kn_buzz_rms(&g->buzz));
@@ -68,7 +71,7 @@ static void close_second(kn_grasp *g)
     g->second_ms = 0;
 }
 
-// Judge the force of this millisecond.
+// Add the force of this millisecond to the monitoring of the loop.
 static void judge(kn_grasp *g)
 {
     double size = 0.0;
@@ -81,22 +84,23 @@ static void judge(kn_grasp *g)
     g->news.acted = g->render.passivity.acted;
 }
 
-// Let the hand grip the device where the path begins.
+// Let the hand grip the simulated device at the point where the path begins.
 static void take_up(kn_grasp *g, const kn_path_point *point)
 {
     kn_arm_def arm = kn_arm_of(&g->def.render.device);
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
-    if (arm.grip == KN_GRIP_NONE) arm.axes = 1;              // a free device would roll away sideways
-    if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL; // held until the first touch, see let_go
+    if (arm.grip == KN_GRIP_NONE) arm.axes = 1; // a device that nobody holds would move away sideways
+    // The hand holds the device until the first touch, see let_go.
+    if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL;
     kn_arm_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);
     g->holding = true;
 }
 
-// With grip NONE nobody holds the device from the first touch on, and a load of 1 N acts on it. This lasts until the
-// path is above the place of release again. Before and after, a normal grip moves the device to the object and away
-// from the object.
+// With grip NONE the hand releases the device at the first touch, and a load of 1 N acts on the device. The hand grips
+// the device again when the path is above the height of release. Before the release and after the second grip, a normal
+// grip moves the device to the object and away from it.
 static void let_go(kn_grasp *g, const kn_path_point *intended)
 {
     const kn_hand *h = &g->player->hand;
@@ -124,7 +128,7 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
 {
     kn_render *r = &g->render;
     kn_hand *h = &g->player->hand;
-    // A new session starts without forces.
+    // When a new session starts, discard the forces of the old session.
     if (r->session != out->session) {
         kn_render_begin(r, out->session);
         g->answered = 0;
@@ -132,14 +136,14 @@ static void render(kn_grasp *g, const kn_hand_force *force, const kn_hand_out *o
     }
     kn_render_turn(r, out->point.orientation_wxyz);
     kn_render_pose(r, out->seq, g->arm.position_m, g->arm.velocity_m_s);
-    // Take a force of this session only if its tick is newer.
+    // Use a force message only if it belongs to this session and its tick is newer.
     if (force && force->session == out->session && force->tick > g->tick) {
         g->tick = force->tick;
         bool first = force->seq > g->answered;
         if (first) g->answered = force->seq;
         kn_render_force(r, force->force_n, first ? period_s * (double)(out->seq - force->seq) : -1.0);
     }
-    // A force may come with contact models.
+    // Pass on the contact models that arrived with the force message, if kneadd sends contact models.
     for (int c = 0; force && c < force->units; c++)
         if (force->unit[c].session == out->session) kn_render_contact(r, &force->unit[c]);
     kn_render_give(r, period_s, g->arm.position_m, g->arm.velocity_m_s, h->watchdog.factor);
@@ -155,7 +159,8 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     if (!out.send) {
         static const double none_n[3] = {0};
         kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, none_n, elapsed_ms);
-        g->holding &= g->player->hand.mode != KN_HAND_SILENT; // the next try begins at another place
+        // The next attempt begins at a different place, so the hand must grip the device anew.
+        g->holding &= g->player->hand.mode != KN_HAND_SILENT;
         return out;
     }
     // The path is the intended motion. The position of the simulated device becomes the pose.
@@ -167,7 +172,7 @@ kn_hand_out kn_grasp_tick(void *self, const kn_hand_force *force, int elapsed_ms
     render(g, force, &out);
     kn_motors_add(&g->player->motors, &g->player->hand, g->arm.position_m, g->render.given_n, elapsed_ms);
     kn_arm_tick(&g->arm, g->render.given_n, intended.position_m, intended.velocity_m_s);
-    // Judge the force only while the path is played, not while the hand engages or retreats.
+    // Monitor the force only while the path is played, not while the hand engages or retreats.
     if (g->player->hand.mode == KN_HAND_PLAY) judge(g);
     out.send = !lost(g);
     return out;

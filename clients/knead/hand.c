@@ -3,10 +3,12 @@
 #include <math.h>
 #include <string.h>
 
-static const int answer_ms = 3000;  // longest wait to engage; usual are 200 ms of poses and 200 ms of ramp
-static const int clear_ms = 1000;   // time for the server to clear a fault after the lift
-static const int silence_ms = 1200; // a session ends after 1 s without poses
-// Return the present try.
+// Longest wait until the server engages the tool; usually 200 ms of poses and 200 ms of ramp are needed.
+static const int answer_ms = 3000;
+static const int clear_ms = 1000; // time that the server has to clear a fault after the tool was lifted
+// Time without poses between two attempts; the server ends a session after 1 s without poses.
+static const int silence_ms = 1200;
+// Return the record of the present attempt to play the path.
 static kn_attempt *current(kn_hand *h) { return &h->attempt[h->tries - 1]; }
 
 static void enter(kn_hand *h, kn_hand_mode mode)
@@ -15,7 +17,7 @@ static void enter(kn_hand *h, kn_hand_mode mode)
     h->mode_ms = 0;
 }
 
-// Start a try: a new session, at the beginning of the path.
+// Start an attempt to play the path: open a new session at the beginning of the path.
 static void open_attempt(kn_hand *h)
 {
     h->tries++;
@@ -47,7 +49,7 @@ static void give_up(kn_hand *h, kn_hand_trouble trouble)
     enter(h, KN_HAND_GAVE_UP);
 }
 
-// Note the cause of a trip and start the retreat from the present pose.
+// Record the cause of a trip and start the retreat from the present pose.
 static void trip(kn_hand *h, int elapsed_ms)
 {
     kn_path_point home;
@@ -61,37 +63,38 @@ static void trip(kn_hand *h, int elapsed_ms)
         .stalled_ms = elapsed_ms - 1,
         .fault = (kn_fault)h->force.fault,
     };
-    // Lift first, then go to the place where the path begins.
+    // Plan the retreat: lift the tool first, then move it to the place where the path begins.
     kn_path_at(h->def.path, 0.0, &home);
     kn_path_retreat(&h->way_out, h->way_out_piece, &h->point, h->def.clear_z_m, &home);
     h->path_s = 0.0;
     enter(h, KN_HAND_RETREAT);
 }
 
-// Pass the message to the device, in every mode of the hand. Only a newer tick feeds the watchdog.
+// Process a force message for the device, in every mode of the hand. A message resets the watchdog only if its tick is
+// newer.
 static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
 {
     bool fresh = force && force->session == current(h)->session && force->tick > h->force.tick;
     if (fresh) h->force = *force;
     if (fresh && (force->flags & KN_FLAG_ENGAGED)) h->engaged_n = norm(force->force_n);
     double factor = kn_watchdog_tick(&h->watchdog, fresh, elapsed_ms);
-    // The watchdog fades the last force to zero.
+    // If messages stop, the watchdog reduces the factor of the last force to zero.
     for (int i = 0; i < 3; i++) h->given_n[i] = factor * h->force.force_n[i];
 }
 
-// Start the path when the server has engaged the tool. Give up if it does not.
+// Start the path when the server has engaged the tool. Give up if the server does not engage the tool in time.
 static void engage(kn_hand *h)
 {
     if (h->force.flags & KN_FLAG_ENGAGED) {
         current(h)->play_seq = current(h)->sent + 1;
         enter(h, KN_HAND_PLAY);
     } else if (h->mode_ms >= answer_ms) {
-        // An armed watchdog has received forces, so the server answers but has not engaged the tool.
+        // If the watchdog is armed, force messages have arrived: the server answers but has not engaged the tool.
         give_up(h, h->watchdog.armed ? KN_HAND_NOT_ENGAGED : KN_HAND_NO_ANSWER);
     }
 }
 
-// Wait until the tool is lifted and the fault has had time to clear.
+// Wait until the tool is lifted and the server has had time to clear its fault.
 static void retreat(kn_hand *h)
 {
     bool latched = h->force.flags & KN_FLAG_LATCHED;
@@ -102,7 +105,7 @@ static void retreat(kn_hand *h)
     else enter(h, KN_HAND_SILENT);
 }
 
-// Change the mode if necessary. This is done before the pose of this millisecond is sent.
+// Change the mode of the hand if necessary, before the pose of this millisecond is sent.
 static void decide(kn_hand *h, int elapsed_ms)
 {
     bool playing = h->mode == KN_HAND_ENGAGE || h->mode == KN_HAND_PLAY;
@@ -118,7 +121,7 @@ void kn_hand_refuse(kn_hand *h, const char *refusal, bool again)
 {
     if (h->refusal || (h->mode != KN_HAND_ENGAGE && h->mode != KN_HAND_PLAY)) return;
     h->refusal = refusal;
-    // If another try is useless, make the present try the last one.
+    // If a further attempt is useless, make the present attempt the last one.
     if (!again) h->def.tries = h->tries;
 }
 
@@ -143,9 +146,9 @@ kn_hand_out kn_hand_tick(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
     decide(h, elapsed_ms);
     h->mode_ms++;
     bool end = h->mode == KN_HAND_DONE || h->mode == KN_HAND_GAVE_UP;
-    // Send nothing while silent or at the end.
+    // Send no pose while the hand is silent, at the end, or during the gap of the fault injection.
     if (h->mode == KN_HAND_SILENT || end || dropping(h)) return (kn_hand_out){.end = end};
-    // While engaging, stay at the first point of the path.
+    // Advance on the path, unless the hand is still engaging: it then stays at the first point.
     if (h->mode != KN_HAND_ENGAGE) {
         const kn_path *path = h->mode == KN_HAND_PLAY ? h->def.path : &h->way_out;
         h->piece = kn_path_at(path, h->path_s, &h->point)->name;

@@ -3,7 +3,7 @@
 
 volatile sig_atomic_t kn_interrupted;
 
-// Only note the signal: a handler must not do more.
+// Only store the number of the signal, because little else is safe in a signal handler.
 static void on_signal(int number) { kn_interrupted = number; }
 
 void kn_interrupt_watch(void)
@@ -15,7 +15,7 @@ void kn_interrupt_watch(void)
 void kn_interrupt_die(void)
 {
     if (!kn_interrupted) return;
-    // Restore the signal's default action, which ends the process. Then raise the signal again.
+    // Restore the default action of the signal, which ends the process. Then raise the signal again.
     signal((int)kn_interrupted, SIG_DFL);
     raise((int)kn_interrupted);
 }

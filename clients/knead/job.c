@@ -11,7 +11,7 @@
 
 const char kn_job_program[] = "/proc/self/exe";
 
-// A job is stopped by the default action of a signal, so this flag stays 0.
+// Stop flag for the replay, which stays 0: a signal ends this process by its default action.
 static const volatile sig_atomic_t never;
 
 bool kn_job_write(const char *path, const kn_run *run, const char *log)
@@ -24,14 +24,14 @@ bool kn_job_write(const char *path, const kn_run *run, const char *log)
     return f && fclose(f) == 0 && ok;
 }
 
-// A job as read from its file.
+// Contents of a job file.
 typedef struct job {
     char scene[PATH_MAX], log[PATH_MAX], trace[PATH_MAX], set[KN_RUN_SETS][80];
     const char *sets[KN_RUN_SETS];
     int count;
 } job;
 
-// Read one line, a name and a value. Return false if the line is unknown or too long.
+// Read one line of a job file, a name and a value. Return false if the name is unknown or the line is too long.
 static bool read_line(job *j, const char *line)
 {
     const char *value = strchr(line, ' ');
@@ -46,7 +46,7 @@ static bool read_line(job *j, const char *line)
     return snprintf(j->set[j->count++], sizeof j->set[0], "%s", value) < (int)sizeof j->set[0];
 }
 
-// Read a job file. Return false unless scene, log and trace are given.
+// Read a job file. Return false if scene, log or trace is missing in it.
 static bool read_job(job *j, const char *path)
 {
     char line[PATH_MAX + 16];
@@ -73,7 +73,7 @@ int kn_job_play(const char *path)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: expected a job that knead tradeoff --jobs has written",
                            path);
     }
-    // Play the run and save its trace under the program's hash.
+    // Replay the run and save its trace with the hash of this program.
     kn_replay_def def = {
         .log_path = j->log, .scene_path = j->scene, .sets = j->sets, .set_count = j->count, .afresh = true};
     int code = KN_EXIT_OK;

@@ -1,18 +1,19 @@
 #ifndef KN_CLIENTS_JOB_H
 #define KN_CLIENTS_JOB_H
-// A run of a sweep that another process plays, on this or another host: `knead tradeoff --job FILE`. Each line of the
-// file has a name and a value. Paths are relative to the folder in which the process is started.
+// A run of a sweep that a separate process replays, on this machine or a remote host: `knead tradeoff --job FILE`. Each
+// line of the file has a name and a value. Paths are relative to the folder in which the process is started.
 //
 //     scene scene.yaml       log log.lcmlog       trace ID.trace       set solver.iterations=8    ...
 #include "clients/knead/plan.h"
 
-extern const char kn_job_program[]; // path of this program's own file; traces carry its hash
+// Path of this program's executable file; every trace holds the hash of the executable.
+extern const char kn_job_program[];
 
 bool kn_job_write(const char *path, const kn_run *run, const char *log);
 
-// Play a job. Return an exit code. On failure one line on stderr has given the reason. A file that is not found is
-// looked for in the parent folder. This is needed if this machine (`:`) is one of several hosts: GNU parallel then
-// starts its jobs in an empty folder inside the sweep's folder.
+// Replay the run that the job file `path` describes. Return an exit code. On failure print one line on stderr. If the
+// job file is not found, the parent folder is searched. This search is needed if this machine (`:`) is one of several
+// hosts: GNU parallel then starts its jobs in an empty folder inside the sweep's folder.
 int kn_job_play(const char *path);
 
 #endif

@@ -12,37 +12,41 @@
 #include <string.h>
 #include <unistd.h>
 
-// Largest number of channels of a join.
+// Largest number of channels that one join can listen to.
 #define HEARD_MAX 16
-#define DATAGRAM_MAX 65536     // bytes; limit of UDP
-#define BUFFER_BYTES (4 << 20) // holds 1 s of meshes
-#define HELLO_NS 50000000      // interval of hellos while no life is known
-#define SILENCE_NS 250000000   // after this time without a believed message, a hello asks for the life again
-#define NONCE_NS 1000000000    // longest wait for the answer to a hello; later a new nonce is used
-#define LAG_US 200             // largest reduction of the estimated age of kneadd by one message
-#define APART_US 5000000       // tolerance between a stamp and this machine's wall clock, for a mute listener
-#define POSES "KNEAD_POSE_"    // channels that another client signs, not kneadd
+#define DATAGRAM_MAX 65536     // largest size of a datagram, bytes; limit of UDP
+#define BUFFER_BYTES (4 << 20) // size of the receive buffer, bytes; holds the mesh messages of 1 s
+#define HELLO_NS 50000000      // interval of hello messages while the life (present run) of kneadd is not known, ns
+// After this time without an authentic and fresh message, a hello asks for the life of kneadd again, ns.
+#define SILENCE_NS 250000000
+#define NONCE_NS 1000000000 // longest wait for the answer to a hello, ns; after that a new nonce is used
+#define LAG_US 200          // largest amount by which one message reduces the estimated age of kneadd, us
+// Largest allowed difference between the stamp of a message and this machine's wall clock, for a listener that sends
+// nothing (KNEAD_MUTE), us.
+#define APART_US 5000000
+// Beginning of the names of channels whose messages are signed by a client and not by kneadd.
+#define POSES "KNEAD_POSE_"
 
 // A channel that this join listens to.
 typedef struct heard {
     char channel[KN_CHANNEL_MAX];
-    size_t prefix;  // length of the part before '*'; 0: the whole name counts
-    size_t largest; // largest message, bytes
+    size_t prefix;  // length of the channel name before '*'; 0: the name has no '*'
+    size_t largest; // largest accepted size of a message on this channel, bytes
     lcm_msg_handler_t handler;
     void *user;
 } heard;
 
 struct kn_join {
     kn_bus bus;
-    lcm_t *lcm;  // sends; at KN_MEMORY_URL it also receives
-    int fd;      // receiving socket; -1 at KN_MEMORY_URL
-    bool trusts; // signs and checks nothing
-    bool hails;  // says hello: kneadd listens to this bus
+    lcm_t *lcm;  // LCM instance that sends messages; at KN_MEMORY_URL it also receives them
+    int fd;      // descriptor of the receiving socket; -1 at KN_MEMORY_URL
+    bool trusts; // true: messages of this join are neither signed nor checked
+    bool hails;  // true: this join sends hello messages, because kneadd listens to its bus
     heard heard[HEARD_MAX];
     int count, handed;
-    kn_auth_stamp last; // newest believed stamp of kneadd
-    int64_t last_us;    // its utime, for a mute listener
-    struct {            // unfinished message in parts
+    kn_auth_stamp last; // stamp of the newest message of kneadd that was accepted on this join
+    int64_t last_us;    // utime of the newest accepted message, used by a listener that sends nothing
+    struct {            // message in parts that is being assembled
         char channel[KN_CHANNEL_MAX];
         uint32_t sequence, whole, got, room;
         uint16_t part;
@@ -51,18 +55,20 @@ struct kn_join {
     unsigned char datagram[DATAGRAM_MAX];
 };
 
-// State that all joins of the process share: the key, and the life of the kneadd that has the same key.
+// State that all joins of this process share: the key, and the life (present run) of the kneadd that uses the same key.
 static struct {
     kn_auth auth;
     bool keyed, mute;
-    _Atomic int64_t nonce;             // nonce of the hello that waits for its answer; 0: none
-    _Atomic int64_t life;              // present life of kneadd; 0: not known yet
-    _Atomic int64_t floor_us;          // age of kneadd, i.e. time since its start, in its first answer of this life
-    _Atomic int64_t ahead_us;          // age of kneadd minus this machine's monotonic clock, an estimate
-    _Atomic int64_t believed_ns;       // time of the last believed message
-    _Atomic int64_t asked_ns;          // time at which the nonce was made
-    _Atomic int64_t said_ns;           // time of the last hello
-    _Atomic int64_t forged_ns, old_ns; // last message without the key's tag; last message with it, but not fresh
+    _Atomic int64_t nonce;    // nonce of the hello message that has not been answered yet; 0: none
+    _Atomic int64_t life;     // number of the present life (run) of kneadd; 0: not known yet
+    _Atomic int64_t floor_us; // age of kneadd (time since its start) in its first answer of this life, us
+    // Estimated difference between the age of kneadd and this machine's monotonic clock, us.
+    _Atomic int64_t ahead_us;
+    _Atomic int64_t believed_ns; // time at which the last accepted message arrived
+    _Atomic int64_t asked_ns;    // time at which the present nonce was created
+    _Atomic int64_t said_ns;     // time at which the last hello message was sent
+    // Times of the last message without a valid tag, and of the last message with a valid tag that was not fresh.
+    _Atomic int64_t forged_ns, old_ns;
 } own;
 
 // --- open and close -------------------------------------------------------------------------------------------------
@@ -74,7 +80,7 @@ static const char *lan(void)
     return name && *name ? name : NULL;
 }
 
-// Choose the URL. LCM_DEFAULT_URL concerns the force bus only.
+// Choose the URL of the bus. The variable LCM_DEFAULT_URL sets the URL of the force bus only.
 static const char *choose(const char *url, const char *otherwise)
 {
     bool meshes = strcmp(otherwise, KN_FORCE_URL) != 0;
@@ -83,7 +89,7 @@ static const char *choose(const char *url, const char *otherwise)
     return url;
 }
 
-// Load the key once per process.
+// Load the key from the file KNEAD_KEY, once per process.
 static bool take_key(char *error, size_t error_size)
 {
     const char *key = getenv("KNEAD_KEY"), *mute = getenv("KNEAD_MUTE");
@@ -95,7 +101,7 @@ static bool take_key(char *error, size_t error_size)
     own.mute = muted;
     if (own.mute)
         fprintf(stderr,
-                "knead: KNEAD_MUTE=1: no hello is said; messages are believed when they were stamped within %d s "
+                "knead: KNEAD_MUTE=1: no hello is sent; messages are accepted if they are stamped within %d s "
                 "of this machine's clock\n",
                 APART_US / 1000000);
     return own.keyed = true;
@@ -119,7 +125,7 @@ static void on_memory(const lcm_recv_buf_t *buf, const char *channel, void *self
     j->handed += deliver(j, channel, buf->data, buf->data_size);
 }
 
-// Open a queue in memory and subscribe to all of its channels.
+// Open an LCM queue in memory and subscribe to all channels of the queue.
 static bool open_memory(kn_join *j, char *error, size_t error_size)
 {
     if (!take_key(error, error_size)) return false;
@@ -129,7 +135,7 @@ static bool open_memory(kn_join *j, char *error, size_t error_size)
     return all;
 }
 
-// Open the receiving socket, and LCM for sending.
+// Open the receiving socket, and an LCM instance for sending.
 static bool open_socket(kn_join *j, const char *url, char *error, size_t error_size)
 {
     if (!parse(&j->bus, url, error, error_size) || !kn_bus_check_route(&j->bus, error, error_size)) return false;
@@ -162,12 +168,13 @@ void kn_join_close(kn_join *j)
     free(j);
 }
 
-// Return the largest message of a channel, bytes. The limit is small for forces and contacts, which a device's thread
-// hears: checking the tag of a large forged message would take that thread a millisecond.
+// Return the largest accepted size of a message on a channel, bytes. The limit is small for force and contact messages,
+// which the thread of a device receives. Checking the tag of a large forged message would take this thread a
+// millisecond.
 static size_t largest_of(const char *channel)
 {
     if (!strcmp(channel, "KNEAD_MESH_INIT")) return KN_JOIN_LARGEST;
-    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // the file of a scene has 1 MiB at most
+    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // the file of a scene has at most 1 MiB
     return strcmp(channel, "KNEAD_MESH_UPDATE") ? 4096 : DATAGRAM_MAX;
 }
 
@@ -188,7 +195,7 @@ lcm_t *kn_join_memory(kn_join *j) { return j->lcm; }
 
 bool kn_join_speaks(char *error, size_t error_size)
 {
-    if (own.mute) snprintf(error, error_size, "KNEAD_MUTE=1: a hand has to send");
+    if (own.mute) snprintf(error, error_size, "KNEAD_MUTE=1: not allowed for a hand, which has to send");
     return !own.mute;
 }
 
@@ -201,17 +208,18 @@ static int64_t now_us(void) { return kn_now_ns() / 1000; }
 // Return true if messages of this join are signed and checked.
 static bool signs(const kn_join *j) { return own.keyed && !j->trusts; }
 
-// Say hello if it is time. kneadd answers a hello with its life, which all later messages carry.
+// Send a hello message if one is due. kneadd answers a hello with the number of its life, which all its later messages
+// carry.
 static void say_hello(kn_join *j)
 {
     uint8_t bytes[KN_AUTH_NONCE + KN_AUTH_TRAILER];
     int64_t now_ns = kn_now_ns(), life = atomic_load(&own.life), said_ns = atomic_load(&own.said_ns);
-    // While no life is known, ask often. Once a life is known, ask only after a silence.
+    // While the life of kneadd is not known, send a hello often. Once it is known, send a hello only after a silence.
     bool due = life ? now_ns - atomic_load(&own.believed_ns) >= SILENCE_NS && now_ns - said_ns >= SILENCE_NS
                     : now_ns - said_ns >= HELLO_NS || said_ns == 0;
     if (!signs(j) || own.mute || !j->hails || !due) return;
     int64_t nonce = atomic_load(&own.nonce);
-    // Keep the nonce while an answer may still come.
+    // Create a new nonce only if the old one was answered or an answer can no longer come.
     if (nonce == 0 || now_ns - atomic_load(&own.asked_ns) > NONCE_NS) {
         nonce = kn_auth_random();
         atomic_store(&own.asked_ns, now_ns);
@@ -232,27 +240,28 @@ static void note_age(int64_t age_us, bool answer)
     atomic_store(&own.believed_ns, kn_now_ns());
 }
 
-// Take the answer to our own hello. Each nonce is accepted once.
+// Handle the answer of kneadd to the hello of this process. Each nonce is accepted only once.
 static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp stamp)
 {
     int64_t nonce;
     if (size != sizeof nonce || stamp.life == 0) return;
     memcpy(&nonce, bytes, sizeof nonce);
     if (nonce == 0 || !atomic_compare_exchange_strong(&own.nonce, &nonce, 0)) return;
-    // In a new life, do not believe messages from before this answer.
+    // In a new life of kneadd, refuse messages that were sent before this answer.
     bool same = atomic_load(&own.life) == stamp.life;
     if (!same) atomic_store(&own.floor_us, stamp.age_us);
     note_age(stamp.age_us, true);
     atomic_store(&own.life, stamp.life);
 }
 
-// Judge freshness by the wall clock, for a listener that says no hello. Every message type of this project begins with
-// its hash and utime.
+// Return true if a message is fresh by the wall clock, for a listener that sends no hello. Every message type of this
+// project begins with its hash and utime.
 static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
     if (size < 16) return false;
     int64_t utime = kn_bytes_64(payload + 8), apart_us = (int64_t)((uint64_t)utime - (uint64_t)kn_wall_us());
-    // Each message must be newer than the last one: by its age within one life, by its utime across lives.
+    // Each message must be newer than the last accepted one. Compare their ages within one life of kneadd, and their
+    // utimes across two lives.
     bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : utime > j->last_us;
     if (!newer || apart_us < -APART_US || apart_us > APART_US) return false;
     j->last = stamp;
@@ -261,12 +270,12 @@ static bool is_recent(kn_join *j, const unsigned char *payload, size_t size, kn_
     return true;
 }
 
-// Judge freshness by the life and age of kneadd in the stamp.
+// Return true if a message is fresh by the life and the age of kneadd in its stamp.
 static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);
     if (stamp.life != life || life == 0) return false;
-    // Poses come from another client, whose stamps are not in order with kneadd's.
+    // Pose messages come from a client, so the order of their stamps is independent of that of kneadd's stamps.
     if (!strncmp(channel, POSES, strlen(POSES))) {
         int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
@@ -284,12 +293,13 @@ static bool is_fresh(kn_join *j, const char *channel, kn_auth_stamp stamp)
     return true;
 }
 
-// Return true if a message is to be handed on. `*size` becomes the size of the payload.
+// Return true if a message is authentic and fresh, so that it may be passed to handlers. `*size` becomes the size of
+// the payload without the trailer.
 static bool believe(kn_join *j, const char *channel, const unsigned char *bytes, size_t *size)
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
-    // The tag is checked before anything of the message is read.
+    // Check the tag before reading anything of the message.
     if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp))
         return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
@@ -304,15 +314,16 @@ const char *kn_join_why(const char *otherwise)
     int64_t believed_ns = atomic_load(&own.believed_ns), old_ns = atomic_load(&own.old_ns);
     if (!own.keyed) return otherwise;
     if (old_ns > believed_ns && own.mute)
-        return "messages come, but were not stamped within 5 s of this machine's clock";
+        return "messages arrive, but they are not stamped within 5 s of this machine's clock";
     if (old_ns > believed_ns)
-        return "messages come with this KNEAD_KEY, but are old: no kneadd that has it answers our hello";
-    return atomic_load(&own.forged_ns) > believed_ns ? "messages come, but not signed with this KNEAD_KEY" : otherwise;
+        return "messages arrive with this KNEAD_KEY, but are old: no kneadd with this key answers our hello";
+    return atomic_load(&own.forged_ns) > believed_ns ? "messages arrive, but not signed with this KNEAD_KEY"
+                                                     : otherwise;
 }
 
 // --- hear -----------------------------------------------------------------------------------------------------------
 
-// Return true if a channel matches. '*' stands for a tool's name, [a-z0-9_]+.
+// Return true if a channel name matches the subscription. '*' stands for a tool's name, [a-z0-9_]+.
 static bool matches(const heard *h, const char *channel)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789_";
@@ -322,7 +333,7 @@ static bool matches(const heard *h, const char *channel)
     return *name && !name[strspn(name, letters)];
 }
 
-// Return true if any handler takes a message of that size on that channel.
+// Return true if any handler accepts a message of this size on this channel.
 static bool wanted(const kn_join *j, const char *channel, size_t size)
 {
     bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL) && size == KN_AUTH_NONCE + KN_AUTH_TRAILER;
@@ -330,7 +341,7 @@ static bool wanted(const kn_join *j, const char *channel, size_t size)
     return any;
 }
 
-// Judge a complete message and call its handlers. Return their number.
+// Check a complete message and call the handlers of its channel. Return the number of handlers called.
 static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, size_t size)
 {
     int handed = 0;
@@ -345,14 +356,14 @@ static int deliver(kn_join *j, const char *channel, const unsigned char *bytes, 
     return handed;
 }
 
-// Take the next part of a message. Part 0 of another message discards the unfinished message.
+// Add the next part to the message that is being assembled. Part 0 of a new message discards the unfinished message.
 static int take_part(kn_join *j, const kn_packet *p)
 {
     typeof(j->long_message) *m = &j->long_message;
     if (p->part == 0) {
         m->whole = 0;
         if (p->parts < 2 || !wanted(j, p->channel, p->whole)) return 0;
-        // Reuse the buffer of earlier messages if it is large enough.
+        // Allocate a larger buffer only if the buffer of earlier messages is too small.
         if (p->whole > m->room) {
             unsigned char *bytes = realloc(m->bytes, p->whole);
             if (!bytes) return 0;
@@ -362,14 +373,14 @@ static int take_part(kn_join *j, const kn_packet *p)
         snprintf(m->channel, sizeof m->channel, "%s", p->channel);
         m->sequence = p->sequence, m->whole = p->whole, m->got = 0, m->part = 0;
     }
-    // Accept parts in order and without gaps only.
+    // Accept a part only if it follows the previous part of the same message without a gap.
     bool next = m->whole && p->sequence == m->sequence && p->whole == m->whole && p->part == m->part &&
                 p->offset == m->got && p->size <= m->whole - m->got;
     if (!next) return 0;
     memcpy(m->bytes + m->got, p->payload, p->size);
     m->got += (uint32_t)p->size;
     m->part++;
-    // Wait for more parts, unless this is the last one and all bytes are there.
+    // Wait for more parts, unless this part is the last one and all bytes have arrived.
     if (m->part < p->parts || m->got < m->whole) return 0;
     size_t size = m->whole;
     m->whole = 0;
@@ -383,7 +394,7 @@ int kn_join_take(kn_join *j, const void *datagram, size_t size)
     return p.split ? take_part(j, &p) : deliver(j, p.channel, p.payload, p.size);
 }
 
-// Take the waiting datagrams, KN_JOIN_TURN at most, so that a flood of datagrams does not block the caller.
+// Process the waiting datagrams, at most KN_JOIN_TURN, so that a flood of datagrams does not block the caller.
 static int take_waiting(kn_join *j)
 {
     int handed = 0;
@@ -407,10 +418,11 @@ int kn_join_handle(kn_join *j, int timeout_ms)
     for (;;) {
         say_hello(j);
         int handed = take_waiting(j);
-        // Round up, so that the loop does not spin in the last millisecond.
+        // Round the remaining time up to milliseconds, so that the loop does not poll without waiting in the last
+        // millisecond.
         int64_t left_ms = (end_ns - kn_now_ns() + 999999) / 1000000;
         if (handed > 0 || left_ms <= 0) return handed;
-        // Wake up in between to say hello in time.
+        // Limit each wait to the interval of hellos, so that a hello is sent in time.
         int slice_ms = left_ms < HELLO_NS / 1000000 ? (int)left_ms : HELLO_NS / 1000000;
         poll(&(struct pollfd){.fd = kn_join_fd(j), .events = POLLIN}, 1, slice_ms);
     }
@@ -420,7 +432,8 @@ void kn_join_send(kn_join *j, const char *channel, uint8_t *bytes, int size)
 {
     int64_t life = atomic_load(&own.life);
     say_hello(j);
-    // kneadd refuses a signature without its present life, so send nothing while no life is known.
+    // kneadd refuses a message whose stamp does not have its present life. Thus send nothing while the life is not
+    // known.
     if (signs(j) && (life == 0 || own.mute)) return;
     if (signs(j)) {
         kn_auth_stamp stamp = {life, now_us() + atomic_load(&own.ahead_us)};

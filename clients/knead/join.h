@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_JOIN_H
 #define KN_CLIENTS_JOIN_H
-// A client's connection to an LCM bus. It receives through kneadd's own bounded receiver (server/bus.h). liblcm only
-// sends: a crafted datagram makes the receiving half of liblcm write out of bounds.
+// A client's connection to an LCM bus. It receives through kneadd's own bounded receiver (server/bus.h). liblcm is used
+// only to send, because a crafted datagram makes the receiving half of liblcm write out of bounds.
 //
 //     kn_join_open -> kn_join_hear, once per channel -> kn_join_handle, as often as there is time -> kn_join_close
 //
@@ -22,16 +22,16 @@
 // URL of a queue in memory in place of a bus, for tests that move the messages themselves (tests/rig.h).
 #define KN_MEMORY_URL "memq://"
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
-// Largest message in parts, bytes. A mesh of 2^20 triangles has 12 MiB.
+// Largest size of a message that is sent in parts, bytes. A mesh of 2^20 triangles needs 12 MiB.
 #define KN_JOIN_LARGEST (16 << 20)
 #define KN_JOIN_ASK "is kneadd running on this bus? (server/run, or kneadd --scene core/scenes/dough.yaml)"
-// Largest number of datagrams that one call of kn_join_handle takes.
+// Largest number of datagrams that one call of kn_join_handle processes.
 #define KN_JOIN_TURN 256
 
 typedef struct kn_join kn_join;
 
-// Check URL and environment without opening anything. Return false with one line in error for bad input. If the check
-// succeeds, a failure of kn_join_open means that the machine refuses.
+// Check the URL and the environment variables without opening a socket. Return false with one line in error if they are
+// invalid. If the check succeeds, a later failure of kn_join_open is caused by the operating system.
 bool kn_join_check(const char *url, const char *otherwise, char *error, size_t error_size);
 
 // Join the bus at `url`. If `url` is NULL, use LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL. Else use
@@ -42,7 +42,7 @@ bool kn_join_check(const char *url, const char *otherwise, char *error, size_t e
 //     KNEAD_KEY     a key file (server/auth.h): messages are signed, and only fresh messages with its tag are believed
 //     KNEAD_MUTE=1  with a key: send nothing. Messages stamped within 5 s of this machine's wall clock are then fresh
 kn_join *kn_join_open(const char *url, const char *otherwise, char *error, size_t error_size);
-// NULL is allowed.
+// Close the connection and free it. `join` may be NULL.
 void kn_join_close(kn_join *join);
 
 // Call `handler` for each message on `channel`. A '*' at the end of `channel` stands for any name of a tool,
@@ -50,35 +50,36 @@ void kn_join_close(kn_join *join);
 // channels.
 bool kn_join_hear(kn_join *join, const char *channel, lcm_msg_handler_t handler, void *user);
 
-// Take the waiting datagrams, KN_JOIN_TURN at most. If no message reaches a handler, wait up to `timeout_ms` for the
-// first one. Return the number of calls of handlers. The function also sends a hello when one is due. The function
-// allocates memory only for messages in parts.
+// Process the waiting datagrams, at most KN_JOIN_TURN, and call the handlers of their messages. If no message reaches a
+// handler, wait up to `timeout_ms` for one. Return the number of calls of handlers. The function sends a hello message
+// when one is due. It allocates memory only for messages in parts.
 int kn_join_handle(kn_join *join, int timeout_ms);
 
-// Process one datagram as if it had come over the bus. Return the number of handlers called.
+// Process one datagram as if it had been received from the bus. Return the number of handlers called.
 int kn_join_take(kn_join *join, const void *datagram, size_t size);
 
 // Return a descriptor that is readable when datagrams are waiting.
 int kn_join_fd(const kn_join *join);
 
-// Send `size` bytes. The buffer must have room for KN_AUTH_TRAILER more. With a key nothing is sent before a life is
-// known.
+// Send a message of `size` bytes on a channel. The buffer must have room for KN_AUTH_TRAILER further bytes. If a key is
+// set, nothing is sent until the present life of kneadd is known.
 void kn_join_send(kn_join *join, const char *channel, uint8_t *bytes, int size);
 
 // Return the reason why no message has been believed recently, or `otherwise` if no reason is known.
 const char *kn_join_why(const char *otherwise);
 
-// Return the memory queue of a join at KN_MEMORY_URL.
+// Return the in-memory message queue of a join that was opened with KN_MEMORY_URL.
 lcm_t *kn_join_memory(kn_join *join);
 
-// Return true if this process may send, else false with one line in error.
+// Return true if this process may send messages. Otherwise (KNEAD_MUTE) return false with one line in error.
 bool kn_join_speaks(char *error, size_t error_size);
 
-// Stop signing and checking on this join. Use this only for messages that never reach kneadd (the echo of knead
-// latency).
+// Stop signing and checking the messages of this join. Use this function only for messages that never reach kneadd (the
+// echo of knead latency).
 void kn_join_trust(kn_join *join);
 
-// Set SCHED_FIFO for the calling thread, or SCHED_OTHER for priority 0. Return 0, or the errno of the refusal.
+// Set the scheduling of the calling thread: SCHED_FIFO with the given priority, or SCHED_OTHER for priority 0. Return
+// 0, or the errno if the kernel refuses.
 int kn_join_priority(int priority);
 
 #endif

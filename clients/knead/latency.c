@@ -19,29 +19,29 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: knead latency [SCENE] [OPTION]...\n"
-    "\n"
-    "From a pose to the force that answers it: a hand presses the scene's first tool into the object, 1000 poses a\n"
-    "second, on a kneadd that is started for it, with its own buses. In the same milliseconds the same messages go\n"
-    "there and back with nothing in between: what the machine does hits both.\n"
-    "\n"
-    "  SCENE             default: dough.yaml, as installed or in the source tree; 847 nodes\n"
-    "  --seconds N       of work, 1 to 3600; default 10\n"
-    "  --phase MODE      lock (default) or free: kneadd's --phase\n"
-    "  --lcm-url URL     measures the kneadd that serves URL instead. The tool stays in the air, 5 cm above; without\n"
-    "                    stages, which only a kneadd of our own tells\n"
-    "  --contract A,B    us; default 60,150: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
-    "                    most the echo's p99 + execution's p99 + B. none: states none\n"
-    "  --drift PPM       how much slower the hand's clock runs than kneadd's; default 100\n"
-    "  --json FILE       all that is printed\n"
-    "  --plot FILE       PNG of the distributions, by gnuplot\n"
-    "  --help, --version\n"
-    "\n"
-    "A pose that no answer echoes is missed: the next one overtook it. It is as late as the answer to that.\n"
-    "Exit: 1 the contract is missed, 2 bad input, 3 kneadd or the bus cannot be had.\n";
+    "usage: knead latency [SCENE] [OPTION]...\n\n"
+    "Measures the time from a pose to the force that answers it. A hand presses the scene's first tool into the\n"
+    "object with 1000 poses a second, on a kneadd that is started for the measurement, with its own buses. In the\n"
+    "same milliseconds the same messages go there and back with nothing in between: disturbances of the machine\n"
+    "affect both.\n\n"
+    "  SCENE             scene to serve (default: dough.yaml, as installed or in the source tree; 847 nodes)\n"
+    "  --seconds N       measure for N seconds, 1 to 3600 (default: 10)\n"
+    "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
+    "  --lcm-url URL     measure the kneadd that serves URL instead. The tool stays in the air, 5 cm above the\n"
+    "                    object. The stages are missing, because only a kneadd started here reports them\n"
+    "  --contract A,B    limits in us, or none: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
+    "                    most the echo's p99 + execution's p99 + B (default: 60,150)\n"
+    "  --drift PPM       how much slower the hand's clock runs than kneadd's (default: 100)\n"
+    "  --json FILE       write all results as JSON\n"
+    "  --plot FILE       draw the distributions as PNG (needs gnuplot)\n"
+    "  --help, --version\n\n"
+    "A pose that no answer echoes is counted as missed: the next pose overtook it. Its latency is that of the\n"
+    "answer to the next pose.\n"
+    "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
-static const double above_m = 0.05, years_s = 1e8; // tool above the object, m; duration of a path without an end, s
-static const double deep = 0.3;                    // depth of the press as a share of the object's height
+// above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s.
+static const double above_m = 0.05, years_s = 1e8;
+static const double deep = 0.3; // depth of the press as a share of the object's height
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
@@ -73,7 +73,7 @@ static int take_number(const char *option, const char *text, double low, double 
     return KN_EXIT_OK;
 }
 
-// Read the two tolerances of a contract. "none" is stored as -1.
+// Read the two tolerances of a latency contract (for p50 and p99), us. The text "none" is stored as -1.
 static int take_contract(const char *text, double us[2])
 {
     char rest;
@@ -83,7 +83,7 @@ static int take_contract(const char *text, double us[2])
     return KN_EXIT_OK;
 }
 
-// Read the options and check that they fit together.
+// Read the command-line options and check that they can be combined.
 static int parse(options *o, int argc, char **argv)
 {
     enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
@@ -115,20 +115,21 @@ static int parse(options *o, int argc, char **argv)
     }
     o->seconds = (int)seconds;
     if (code != KN_EXIT_OK) return code;
-    // The only argument without a name is the scene.
+    // The only argument that is not an option is the scene.
     if (optind < argc) o->scene = argv[optind++];
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
-                           "--lcm-url: expected neither SCENE nor --phase with it; the kneadd there has its own");
+                           "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
     char error[256];
     if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
     return KN_EXIT_OK;
 }
 
-// Find the default scene relative to the program: as installed, or in the source tree of the build.
+// Find the file of the default scene, starting from the folder of this program. The file is in an installation or in
+// the source tree of the build.
 static const char *default_scene(char path[PATH_MAX])
 {
     static const char *const places[] = {"../share/knead/scenes/dough.yaml", "../../../core/scenes/dough.yaml"};
@@ -141,7 +142,7 @@ static const char *default_scene(char path[PATH_MAX])
     return "core/scenes/dough.yaml";
 }
 
-// Get the scene from a kneadd that runs already.
+// Receive the scene from a kneadd that is already running.
 static kn_scene *ask_scene(const char *url, char *error, size_t size)
 {
     kn_record *record = kn_record_open(url, error, size);
@@ -156,20 +157,21 @@ static kn_scene *ask_scene(const char *url, char *error, size_t size)
     return scene;
 }
 
-// Make the hand's path. If this program has started kneadd, the tool presses slowly into the object during the whole
-// measurement, so that the tool always touches the object. If kneadd ran already, the tool stays above the object.
+// Create the path of the hand. If this program has started kneadd, the tool presses slowly into the object during the
+// whole measurement, so that the tool always touches the object. If kneadd was already running, the tool stays above
+// the object.
 static kn_path *make_path(const kn_scene *scene, const options *o, const char **work)
 {
     const kn_probe_def *tool = &scene->model.probe[0];
     double extent_m[3];
     kn_model_def_extent(&scene->model, extent_m);
-    // Height of the tool at which it touches the top of the object.
+    // Compute the height of the tool at which it touches the top of the object.
     double touch_m = extent_m[2] + kn_foot_m(tool);
     *work = "press";
-    // The press lasts a little longer than the measurement.
+    // Choose the speed of the press such that it lasts a little longer than the measurement.
     double depth_m = deep * extent_m[2], speed_m_s = depth_m / (1 + 1.2 * o->seconds);
     if (!o->url) return kn_path_press(&(kn_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
-    // The path has a single piece that stands still.
+    // Without a press, the path has a single piece in which the tool stands still.
     kn_path *path = calloc(1, sizeof *path + sizeof(kn_piece));
     if (!path) return NULL;
     kn_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
@@ -180,13 +182,13 @@ static kn_path *make_path(const kn_scene *scene, const options *o, const char **
     return path;
 }
 
-// Evaluate the measurement and write all outputs. Return KN_EXIT_FAILED if the contract is missed.
+// Evaluate the measurement and write all outputs. Return KN_EXIT_FAILED if the latency contract is not kept.
 static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 {
     kn_latency_report r = {.scene = scene->name};
     if (!o->url) r.phase = o->phase ? o->phase : "lock";
     memcpy(r.contract_us, o->contract_us, sizeof r.contract_us);
-    // The model is built only to count its nodes.
+    // Build the model of the scene only to count its nodes for the report.
     char error[256];
     kn_model *model = kn_model_build(&scene->model, error, sizeof error);
     r.nodes = model ? model->node_count - kn_composite_tied(model) : 0;
@@ -206,7 +208,7 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
     kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
-    // The echo always has a bus of its own.
+    // Choose a separate bus for the echo in every case.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
     kn_path *way = make_path(scene, o, &l.work);
@@ -215,9 +217,9 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
     if (code == KN_EXIT_OK && !kn_latency_run(&l, &interrupted))
         code = kn_complain("latency", KN_EXIT_DEVICE, "%s", l.error);
-    // Always stop kneadd: its trace has the stages of the poses.
+    // Stop kneadd in every case. Its trace has the times of the stages of each pose.
     bool ended = kn_latency_served_stop(served, &l.flights[KN_LATENCY_POSE]);
-    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd did not end well");
+    if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
     kn_path_destroy(way);
@@ -229,7 +231,7 @@ int kn_latency_main(int argc, char **argv)
     options o;
     int code = parse(&o, argc, argv);
     if (code != KN_EXIT_OK || o.done) return code;
-    // Check the output files first: a measurement may take an hour.
+    // Check first that the output files can be written, because a measurement may take an hour.
     if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
     if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;
     char place[PATH_MAX], error[512] = "";

@@ -6,9 +6,10 @@
 //     every ms   0 ms   pose ---------> kneadd ---------> force        of the same sizes, through the same
 //              0.5 ms   pose ---------> echo ----------> force         receivers, into the same thread
 //
-// The two take turns within each millisecond. Any other work of the machine affects both alike, and only their
-// difference within one run is judged. The hand's clock runs KN_LATENCY_DRIFT_PPM slower than the server's, as two
-// crystals differ. Thus a run meets every phase of a free-running tick.
+// The pose to kneadd and the pose to the echo alternate within each millisecond. Thus any other work of the machine
+// affects both alike, and only their difference within one run is judged. The hand's clock runs KN_LATENCY_DRIFT_PPM
+// slower than the server's clock, like two different quartz crystals. Thus the poses of one run arrive at every phase
+// of the server's free-running tick.
 #include "clients/knead/path.h"
 #include "server/bus.h"
 #include <stdbool.h>
@@ -20,15 +21,19 @@
 
 typedef struct kn_flight { // a pose and its answer; times by CLOCK_MONOTONIC, 0: never
     int64_t session, seq, sent_ns;
-    int64_t back_ns;                                     // time at which the waiting thread had decoded the answer
-    int64_t newer_ns;                                    // time of the first answer to this or a later pose of session
-    int64_t execution_ns;                                // duration of the tick, as reported by the answer
-    int64_t arrived_ns, woke_ns, stepped_ns, guarded_ns; // from kneadd's trace
+    // Time at which the receiving thread had decoded the answer to this pose.
+    int64_t back_ns;
+    // Time of the first answer to this pose or to a later pose of the same session.
+    int64_t newer_ns;
+    // Duration of the tick that used the pose, as reported in the answer.
+    int64_t execution_ns;
+    // Times from kneadd's trace: pose arrived, tick began, lattice stepped, output stage done.
+    int64_t arrived_ns, woke_ns, stepped_ns, guarded_ns;
     int32_t contacts;
-    bool counts; // sent while the piece `work` was played
+    bool counts; // true: the pose was sent while the piece `work` of the path was played, so it counts
 } kn_flight;
 
-typedef struct kn_flights { // in the order of sending
+typedef struct kn_flights { // list of poses with their answers, in the order of sending
     kn_flight *list;
     int count, capacity;
 } kn_flights;
@@ -37,18 +42,18 @@ enum { KN_LATENCY_POSE, KN_LATENCY_ECHO, KN_LATENCY_PATHS };
 
 typedef struct kn_latency {
     // Settings.
-    const char *url;                    // of the measured kneadd
-    char echo_url[KN_LATENCY_URL_SIZE]; // of the bare echo
+    const char *url;                    // bus of the measured kneadd
+    char echo_url[KN_LATENCY_URL_SIZE]; // bus of the bare echo
     const char *probe;
-    const kn_path *path; // of the hand
-    const char *work;    // name of the path's piece that counts
-    int seconds;         // time of `work` to measure
+    const kn_path *path; // path that the hand plays
+    const char *work;    // name of the piece of the path whose poses are measured
+    int seconds;         // duration of the measurement, counted only while the piece `work` is played, s
     double drift_ppm;
     // Results.
     kn_flights flights[KN_LATENCY_PATHS];
-    int missed_ms;   // milliseconds that the hand's own thread missed
-    int interrupted; // number of times that the hand had to lift and start again
-    bool real_time;  // the hand's thread had real-time priority
+    int missed_ms;   // number of 1 ms cycles that the hand's own thread missed
+    int interrupted; // number of times that the hand had to lift the tool and start the path again
+    bool real_time;  // true: the hand's thread had real-time priority
     char error[256];
 } kn_latency;
 
@@ -57,25 +62,26 @@ typedef struct kn_latency {
 bool kn_latency_run(kn_latency *l, const volatile int *stop);
 void kn_latency_free(kn_latency *l);
 
-// A kneadd started by this program. It ends with this process, however the process ends.
+// A kneadd process started by this program. It ends when this program ends, even if this program is killed.
 typedef struct kn_latency_served {
-    int pid, trace; // process id, 0: none; descriptor of kneadd's trace, -1: none
-    FILE *said;     // standard output of kneadd
+    int pid, trace; // pid: process id of kneadd, 0: none; trace: file descriptor of kneadd's trace, -1: none
+    FILE *said;     // stream that reads the standard output of kneadd
     char url[KN_LATENCY_URL_SIZE], mesh_url[KN_LATENCY_URL_SIZE];
     char greeting[512]; // first line of kneadd's output
 } kn_latency_served;
 
-// Choose buses for this process alone, on LCM's multicast group: the URLs in `s`, and one for the echo.
+// Choose URLs of buses that only this process uses, on LCM's multicast group. Store the URLs for kneadd in `s` and the
+// URL for the echo in `echo_url`.
 void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE]);
-// Start the kneadd beside this program, else the one in PATH, and wait until kneadd serves. Return an exit code. On
-// failure kneadd or this program has given the reason on stderr.
+// Start kneadd and wait until it serves the scene. The executable is the one in the folder of this program, else the
+// one in PATH. Return an exit code. On failure kneadd or this program has printed the reason on stderr.
 int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase);
-// Stop kneadd and fill in the stages of the poses. Return false if kneadd ended with an error.
+// Stop kneadd and copy the times of the stages from its trace into `poses`. Return false if kneadd ended with an error.
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);
 
-// Results, in microseconds. A pose that a newer pose replaced before kneadd used it has no answer of its own and counts
-// as missed. In the percentiles its latency lasts until the first answer to a later pose, or is infinite if no later
-// pose was answered.
+// Series of measured times, in microseconds. A pose that a newer pose replaced before kneadd used it has no answer of
+// its own and counts as missed. In the percentiles its latency lasts until the first answer to a later pose, or is
+// infinite if no later pose was answered.
 enum {
     KN_SERIES_ECHO,
     KN_SERIES_POSE,
@@ -87,14 +93,15 @@ enum {
     KN_SERIES_EXECUTION,
     KN_SERIES_COUNT
 };
-typedef struct kn_series { // sorted
+typedef struct kn_series { // times of one stage for all poses, sorted
     double *us;
     int count, missed;
 } kn_series;
 typedef struct kn_latency_report {
-    const char *scene; // name of the scene
+    const char *scene; // name of the measured scene
     int nodes;
-    const char *phase; // "lock", "free"; NULL: kneadd ran already, phase unknown
+    // Phase of kneadd's tick relative to the poses, "lock" or "free"; NULL: unknown, because kneadd ran already.
+    const char *phase;
     // Contract: allowed excess of p50 and p99 of the pose series over the sum of echo and execution, us; < 0: none.
     double contract_us[2];
     kn_series series[KN_SERIES_COUNT];
@@ -103,11 +110,13 @@ typedef struct kn_latency_report {
 // Sort the values of a measurement into the series of the report. Return false if out of memory.
 bool kn_latency_sort(kn_latency_report *r, const kn_latency *l);
 void kn_latency_report_free(kn_latency_report *r);
-// Return the value at the given share (0.5: median) of the sorted series, by nearest rank. NAN for an empty series.
+// Return the value at the given share of the sorted series, by nearest rank; the share 0.5 gives the median. Return NAN
+// if the series is empty.
 double kn_series_at(const kn_series *s, double share);
-// Print the table. Return true if the contract is kept.
+// Print the table of the latencies. Return true if the latency contract is kept.
 bool kn_latency_print(const kn_latency_report *r, const kn_latency *l);
-// Return true if a contract is kept (which = 0: p50, 1: p99). Store the measured and the allowed latency.
+// Return true if the contract of one percentile is kept: p50 if `which` is 0, p99 if it is 1. Store the measured
+// latency in `*is_us` and the allowed latency in `*allowed_us`.
 bool kn_latency_kept(const kn_latency_report *r, int which, double *is_us, double *allowed_us);
 // Write the results as JSON, or draw them as a picture. Return an exit code.
 int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path);

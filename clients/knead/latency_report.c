@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Percentiles of the table.
+// Shares of the poses for which the table has a column (percentiles).
 static const double shares[] = {0.5, 0.9, 0.99, 0.999, 1.0};
 static const char *const share_names[] = {"p50", "p90", "p99", "p99_9", "max"};
 enum { SHARES = 5 };
@@ -17,14 +17,14 @@ enum { SHARES = 5 };
 static const struct {
     const char *name, *key, *meaning;
 } series[KN_SERIES_COUNT] = {
-    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, nothing in between"},
+    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, with nothing in between"},
     [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
-    [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose lies in its mailbox"},
+    [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose is in its mailbox"},
     [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses it"},
     [KN_SERIES_STEP] = {"  step", "step", "the lattice"},
     [KN_SERIES_GUARD] = {"  guard", "guard", "the output stage"},
     [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has it"},
-    [KN_SERIES_EXECUTION] = {"execution", "execution", "of the tick, as kneadd tells: read, step, guard"},
+    [KN_SERIES_EXECUTION] = {"execution", "execution", "the tick, as kneadd reports: read, step, guard"},
 };
 
 // Return the list of poses that a series is computed from.
@@ -36,10 +36,10 @@ static const kn_flights *flights_of(const kn_latency *l, int which)
 // Return the value of one pose in a series, us. NAN: the pose has no such value. INFINITY: no answer ever came.
 static double value_us(const kn_flight *f, int which)
 {
-    // Echo and pose count until the first answer to this pose or to a later one.
+    // For the series echo and pose, the time lasts until the first answer to this pose or to a later pose.
     bool whole = which <= KN_SERIES_POSE;
     if (whole) return f->newer_ns ? 1e-3 * (double)(f->newer_ns - f->sent_ns) : INFINITY;
-    // Stages exist only for poses that were answered, and only in kneadd's trace.
+    // The times of the stages are known only for poses that were answered and that are in kneadd's trace.
     if (f->back_ns == 0) return NAN;
     if (f->woke_ns == 0 && which != KN_SERIES_EXECUTION) return NAN;
     switch (which) {
@@ -52,7 +52,8 @@ static double value_us(const kn_flight *f, int which)
     }
 }
 
-// Collect and sort the values of all series. Only poses that were sent while the hand was at work count.
+// Collect and sort the values of all series. Only poses that were sent while the hand played the piece `work` of its
+// path count.
 bool kn_latency_sort(kn_latency_report *r, const kn_latency *l)
 {
     for (int w = 0; w < KN_SERIES_COUNT; w++) {
@@ -78,14 +79,14 @@ void kn_latency_report_free(kn_latency_report *r)
 
 double kn_series_at(const kn_series *s, double share)
 {
-    // Nearest rank, counted from 0.
+    // Compute the index of the nearest rank, counted from 0.
     int rank = (int)ceil(share * s->count) - 1;
     return s->count ? s->us[rank < 0 ? 0 : rank] : NAN;
 }
 
 bool kn_latency_kept(const kn_latency_report *r, int n, double *is_us, double *allowed_us)
 {
-    // Contract 0 concerns p50, contract 1 concerns p99.
+    // The first contract (`which` = 0) concerns p50, the second (1) p99.
     double share = n ? 0.99 : 0.5;
     *is_us = kn_series_at(&r->series[KN_SERIES_POSE], share);
     *allowed_us = kn_series_at(&r->series[KN_SERIES_ECHO], share) +
@@ -112,7 +113,7 @@ static void print_row(const kn_latency_report *r, int w)
 
 bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
 {
-    // The load average tells if the machine had other work.
+    // Print the load average, because it shows if the machine had other work.
     double load[1] = {NAN};
     getloadavg(load, 1);
     printf("%s, %d nodes, tool %s, %d poses of a 1 kHz hand%s%s%s; load average %.1f\n\n", r->scene, r->nodes, l->probe,
@@ -120,12 +121,12 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
            l->real_time ? "" : ", normal priority", load[0]);
     printf("%-14s %8s %8s %8s %8s %8s %8s\n", "us", "p50", "p90", "p99", "p99.9", "max", "missed");
     for (int w = 0; w < KN_SERIES_COUNT; w++) print_row(r, w);
-    // Count the poses that touched the object: without contact the step is cheaper.
+    // Count the poses in which the tool touched the object, because the step takes less time without contact.
     int contacts = 0;
     for (int i = 0; i < l->flights[KN_LATENCY_POSE].count; i++)
         contacts += l->flights[KN_LATENCY_POSE].list[i].counts && l->flights[KN_LATENCY_POSE].list[i].contacts > 0;
-    printf("\ntouching in %d of them; the hand came too late for %d of its own ms and had to begin anew %d times\n",
-           contacts, l->missed_ms, l->interrupted);
+    printf("\ntouching in %d of them; the hand was too late for %d of its own ms and restarted %d times\n", contacts,
+           l->missed_ms, l->interrupted);
     bool kept = true;
     for (int n = 0; n < 2; n++) {
         double is_us, allowed_us;
@@ -138,14 +139,14 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
     return kept;
 }
 
-// Write a number, or null for infinity and NAN, which JSON does not have.
+// Write a member with a number to the JSON file. Write null for infinity and NAN, which JSON cannot represent.
 static void put_number(FILE *f, const char *key, double us)
 {
     if (isfinite(us)) fprintf(f, ", \"%s_us\": %.3f", key, us);
     else fprintf(f, ", \"%s_us\": null", key);
 }
 
-// Write a JSON string. Control characters are left out.
+// Write a text as a JSON string. Control characters are left out.
 static void put_text(FILE *f, const char *text)
 {
     fputc('"', f);
@@ -187,12 +188,12 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
     return kn_complain("latency", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
 }
 
-// Draw the share of poses against latency. The axis of the share is in nines (90 %, 99 %, 99.9 %), so that a tail of
-// one pose a second is visible.
+// Draw the share of the poses that were answered within a time, against this time. The axis of the share is in nines
+// (90 %, 99 %, 99.9 %), so that a tail of one pose a second is visible.
 int kn_latency_plot(const kn_latency_report *r, const char *path)
 {
     static const int drawn[] = {KN_SERIES_ECHO, KN_SERIES_EXECUTION, KN_SERIES_POSE};
-    // gnuplot line types: the measured time in colour, the two references in black.
+    // Gnuplot line types: the measured latency in colour, the two series to compare with in black.
     static const int order[] = {3, 2, 1};
     int code;
     FILE *f = kn_plot_open("latency", path, 900, 560, &code);
@@ -211,7 +212,7 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     fputc('\n', f);
     for (int d = 0; d < 3; d++) {
         const kn_series *s = &r->series[drawn[d]];
-        // Leave out shares beyond which there is less than one pose.
+        // Leave out shares so close to 1 that less than one pose is slower.
         for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
             double share = 1 - pow(10, -nines), us = kn_series_at(s, share);
             if (isfinite(us) && us > 0 && (1 - share) * s->count >= 1) fprintf(f, "%.2f %.4f\n", us, nines);

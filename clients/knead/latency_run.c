@@ -15,39 +15,44 @@
 #include <string.h>
 #include <sys/random.h>
 
-static const int hand_priority = 60;           // same as knead probe's device, below kneadd's threads
-static const int echo_priority = 70;           // same as kneadd's main thread, for which the echo stands
-static const int64_t echo_at_ns = 500000;      // offset within the hand's millisecond
-static const int64_t straggler_ns = 100000000; // wait for late answers at the end
+// Real-time priority of the hand: as in knead probe, below that of kneadd's threads.
+static const int hand_priority = 60;
+// Real-time priority of the echo: that of kneadd's main thread, which the echo replaces.
+static const int echo_priority = 70;
+static const int64_t echo_at_ns = 500000;      // time of the echo's pose within the millisecond of the hand, ns
+static const int64_t straggler_ns = 100000000; // wait for late answers at the end of the measurement, ns
 static const char echo_out[] = "KNEAD_LATENCY_POSE", echo_back[] = "KNEAD_LATENCY_FORCE";
-// Largest number of hands in one run; largest message, bytes.
+// HANDS_MAX: largest number of hands that are started one after the other in one measurement. MESSAGE_MAX: largest size
+// of a message, bytes.
 enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    kn_join *ear_bus, *ear_echo, *echo_bus; // the hand sends on the ear's joins
-    kn_flights answers[KN_LATENCY_PATHS];   // filled by the ear: session, seq, back_ns, execution_ns
-    kn_mailbox forces;                      // from ear to hand
+    // Connections of ear and echo to the buses; the hand sends through those of the ear.
+    kn_join *ear_bus, *ear_echo, *echo_bus;
+    // Answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts.
+    kn_flights answers[KN_LATENCY_PATHS];
+    kn_mailbox forces; // mailbox that passes forces from the ear to the hand
     kn_hand_force force_slots[3];
     kn_hand hand;
-    int64_t session; // session of the next hand
+    int64_t session; // session number of the next hand
     int hands;
     uint32_t echo_seq;
     atomic_bool done;
-    atomic_int worked; // milliseconds in which the hand was at work
+    atomic_int worked; // number of milliseconds in which the hand played the piece `work` of its path
 } run;
 
 static bool reserve(kn_flights *f, int capacity)
 {
     f->list = malloc((size_t)capacity * sizeof *f->list);
-    // Touch all pages now: a page fault must not occur during the measurement.
+    // Write to all memory pages now, so that no page fault occurs during the measurement.
     if (f->list) memset(f->list, 0xff, (size_t)capacity * sizeof *f->list);
     f->capacity = f->list ? capacity : 0;
     return f->list != NULL;
 }
 
-// Append an entry. A full list drops the entry.
+// Append a flight (a pose or an answer) to the list. If the list is full, drop the flight.
 static void note(kn_flights *f, const kn_flight *flight)
 {
     if (f->count < f->capacity) f->list[f->count++] = *flight;
@@ -76,7 +81,7 @@ static void *echo_main(void *self)
 
 // --- ear: receives all answers in one thread
 
-// Note an answer. An answer of kneadd is also passed on to the hand.
+// Record an answer of kneadd or of the echo. An answer of kneadd is also passed to the hand.
 static void hear_force(run *r, int path, const void *bytes, int size)
 {
     knead_contact_force_t f;
@@ -84,7 +89,7 @@ static void hear_force(run *r, int path, const void *bytes, int size)
     int64_t now_ns = kn_now_ns();
     kn_flights *heard = &r->answers[path];
     const kn_flight *last = heard->count ? &heard->list[heard->count - 1] : NULL;
-    if (!last || last->session != f.session || last->seq != f.seq) // a repeated answer to the same pose is left out
+    if (!last || last->session != f.session || last->seq != f.seq) // record only the first answer to a pose
         note(heard, &(kn_flight){.session = f.session,
                                  .seq = f.seq,
                                  .back_ns = now_ns,
@@ -107,7 +112,7 @@ static void *ear_main(void *self)
 {
     run *r = self;
     kn_join_priority(hand_priority);
-    // One thread polls both buses, so that the receiver delays both alike.
+    // Poll both buses in one thread, so that the receiver delays the answers of kneadd and of the echo alike.
     struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0}};
     while (!atomic_load(&r->done)) {
         if (poll(in, 2, 100) <= 0) continue;
@@ -121,11 +126,11 @@ static void *ear_main(void *self)
 
 static void send_pose(run *r, int path, kn_pose *pose, bool counts)
 {
-    static char channel[64]; // channel of the poses; there is one hand at a time
+    static char channel[64]; // name of the pose channel; static, because only one hand exists at a time
     uint8_t bytes[MESSAGE_MAX];
     knead_probe_pose_t message;
     if (path == KN_LATENCY_POSE) snprintf(channel, sizeof channel, "KNEAD_POSE_%s", r->l->probe);
-    // Stamp as late as possible: the time counts from here.
+    // Set the time stamp of the pose as late as possible, because the latency is measured from this time.
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     note(&r->l->flights[path],
@@ -136,10 +141,10 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
     else kn_join_send(r->ear_echo, echo_out, bytes, size);
 }
 
-// Start a new hand with new sessions.
+// Start a new hand with new session numbers.
 static void take_hand(run *r)
 {
-    double top_m = r->l->path->piece[0].from.position_m[2]; // the path begins here, above the object
+    double top_m = r->l->path->piece[0].from.position_m[2]; // height z at which the path begins, above the object, m
     kn_hand_init(&r->hand, &(kn_hand_def){.path = r->l->path, .clear_z_m = top_m, .session = r->session});
     r->session += KN_HAND_TRIES;
     r->hands++;
@@ -160,7 +165,7 @@ static bool move(run *r, const kn_wake *wake, bool *at_work)
         take_hand(r);
         return true;
     }
-    // Only the piece `work` of the path counts.
+    // Poses count only while the hand plays the piece `work` of the path.
     *at_work = out.send && r->hand.mode == KN_HAND_PLAY && !strcmp(r->hand.piece, r->l->work);
     if (!out.send) return true;
     kn_pose pose = {.session = out.session, .seq = out.seq};
@@ -179,18 +184,19 @@ static void *hand_main(void *self)
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
     take_hand(r);
-    // `limit` ends the run on a machine that stalls most of the time, ms.
+    // `wanted` is the time to measure, ms. `limit` is the duration after which the measurement ends on a machine that
+    // stalls most of the time, ms.
     int wanted = 1000 * l->seconds, limit = 3 * wanted + 60000;
     for (int worked = 0; worked < wanted && clock.tick < limit && !*r->stop;) {
         bool at_work = false;
-        // Run slower than the server's clock by drift_ppm.
+        // Let the hand's clock run slower than the server's clock by drift_ppm.
         clock.start_ns += (int64_t)(l->drift_ppm * 1e-6 * KN_PERIOD_NS);
         kn_wake wake = kn_clock_wait(&clock);
         if (!move(r, &wake, &at_work)) break;
         if (!at_work) continue;
         atomic_store_explicit(&r->worked, ++worked, memory_order_relaxed);
         l->missed_ms += wake.missed;
-        // Send the echo's pose half a millisecond later.
+        // Send the pose to the echo half a millisecond after the pose to kneadd.
         kn_clock_sleep(clock.start_ns + clock.tick * KN_PERIOD_NS + echo_at_ns);
         kn_pose pose = {.session = 1, .seq = ++r->echo_seq, .orientation_wxyz = {1}};
         send_pose(r, KN_LATENCY_ECHO, &pose, true);
@@ -201,7 +207,7 @@ static void *hand_main(void *self)
 
 // --- all threads together
 
-// Reserve memory, join the buses and subscribe.
+// Allocate the lists, join the buses and subscribe to the channels.
 static bool open_all(run *r)
 {
     kn_latency *l = r->l;
@@ -215,7 +221,7 @@ static bool open_all(run *r)
     if (!(r->ear_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
     if (!kn_join_speaks(error, size)) return false;
     kn_join **echoes[] = {&r->ear_echo, &r->echo_bus};
-    // The echo's messages are not signed: no kneadd sees them.
+    // The messages of the echo are not signed, because no kneadd receives them.
     for (int i = 0; i < 2; i++) {
         if (!(*echoes[i] = kn_join_open(echo, echo, error, size))) return false;
         kn_join_trust(*echoes[i]);
@@ -235,7 +241,7 @@ static void close_all(run *r)
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
 }
 
-// Copy the answers into the list of poses. Both lists are in the order of sending.
+// Copy the times of the answers into the list of the poses that they answer. Both lists are in the order of sending.
 static void join_answers(kn_flights *sent, const kn_flights *heard)
 {
     for (int i = 0, at = 0; i < heard->count; i++) {
@@ -243,15 +249,15 @@ static void join_answers(kn_flights *sent, const kn_flights *heard)
         int from = at;
         while (at < sent->count && (sent->list[at].session != a->session || sent->list[at].seq != a->seq)) at++;
         if (at == sent->count) {
-            at = from; // not an answer to our poses
+            at = from; // the message is not an answer to a pose of this process
             continue;
         }
         sent->list[at].back_ns = a->back_ns;
         sent->list[at].execution_ns = a->execution_ns;
         sent->list[at].contacts = a->contacts;
     }
-    const kn_flight *later = NULL; // next pose with an answer
-    // Find the first answer to each pose or to a later one of its session, from the end.
+    const kn_flight *later = NULL; // the next later pose that has an answer
+    // Going backwards, find for each pose the first answer to this pose or to a later pose of its session.
     for (int i = sent->count - 1; i >= 0; i--) {
         kn_flight *pose = &sent->list[i];
         if (pose->back_ns) later = pose;
@@ -280,7 +286,7 @@ static bool run_threads(run *r)
     bool echoes = pthread_create(&echo, NULL, echo_main, r) == 0;
     bool moved = echoes && pthread_create(&hand, NULL, hand_main, r) == 0;
     if (moved) wait_for_hand(r, hand);
-    // Wait for late answers, because they count, too.
+    // Wait for late answers, so that they are included in the measurement.
     if (moved) kn_clock_sleep(kn_now_ns() + straggler_ns);
     atomic_store(&r->done, true);
     if (echoes) pthread_join(echo, NULL);
@@ -293,18 +299,18 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     static run r;
     r = (run){.l = l, .stop = stop};
     kn_mailbox_init(&r.forces, r.force_slots, sizeof *r.force_slots);
-    // Random sessions do not collide with those of another client.
+    // Begin with a random session number, so that the sessions do not collide with those of a different client.
     if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
     r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;
     bool ok = open_all(&r) && run_threads(&r);
-    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses the threads of the echo");
-    // Name the cause if the hand gave up.
+    if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses threads for the echo");
+    // If the hand gave up, report the reason.
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
                  r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")
                  : r.hand.trouble == KN_HAND_NOT_ENGAGED
                      ? "kneadd answers, but does not let the tool in: does another hand hold it?"
-                     : "the machine stood still too often: the hand gave up");
+                     : "the machine stood still too often, so the hand gave up");
         ok = false;
     }
     for (int p = 0; p < KN_LATENCY_PATHS; p++) join_answers(&l->flights[p], &r.answers[p]);

@@ -14,11 +14,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// First port, ports per run, and number of port sets. All ports are below those that Linux assigns by itself.
+// Port numbers: the first port, the number of ports per run of knead latency, and the number of such sets of ports. All
+// are below the range from which Linux assigns ports by itself.
 static const int ports_from = 12000, ports_each = 3, ports_sets = 6000;
 
-// Choose ports by process id. Two runs at once must not hear each other, and stock liblcm tells buses apart only by
-// port.
+// Choose ports by process id. Two simultaneous runs must not receive each other's messages, and stock liblcm
+// distinguishes buses only by port.
 void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE])
 {
     int port = ports_from + ports_each * (int)(getpid() % ports_sets);
@@ -27,24 +28,26 @@ void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_S
     snprintf(echo_url, KN_LATENCY_URL_SIZE, "udpm://239.255.76.67:%d?ttl=0", port + 2);
 }
 
-// Start a child process that ends when this process ends. `out` becomes the child's standard output. Return 0 on
-// failure.
+// Start a child process that ends when this process ends. The descriptor `out` becomes the standard output of the
+// child. Return the process id of the child, or 0 on failure.
 static int spawn(const char *path, char *const argv[], int out)
 {
     pid_t parent = getpid(), pid = fork();
     if (pid < 0) return 0;
     if (pid > 0) return pid;
     prctl(PR_SET_PDEATHSIG, SIGTERM);
-    // A terminal's ^C must reach only this process, which then stops the child.
+    // Put the child into its own process group. Ctrl-C in the terminal then reaches only this process, which stops the
+    // child.
     setpgid(0, 0);
-    // The parent may have died before prctl took effect.
+    // Exit if the parent process died before prctl took effect.
     if (getppid() != parent) _exit(KN_EXIT_DEVICE);
     dup2(out, STDOUT_FILENO);
     execvp(path, argv);
     _exit(127);
 }
 
-// Return kneadd beside knead, as in a build or an installation. Otherwise return the name for a search in PATH.
+// Return the path of kneadd in the folder of knead, as in a build or an installation. If it does not exist, return the
+// bare name, for which PATH is searched.
 static const char *find_kneadd(char path[PATH_MAX])
 {
     ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - sizeof "kneadd");
@@ -66,19 +69,19 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
                     s->mesh_url, "--phase", (char *)phase, "--trace",   trace,  NULL};
     s->pid = spawn(find_kneadd(program), argv, pipes[1]);
     close(pipes[1]);
-    // kneadd prints its first line as soon as it serves.
+    // Wait for the first line of kneadd's output, which kneadd prints as soon as it serves the scene.
     s->said = fdopen(pipes[0], "r");
     if (s->pid && s->said && fgets(s->greeting, sizeof s->greeting, s->said)) return KN_EXIT_OK;
     int status = 0, pid = s->pid;
     s->pid = 0;
     if (pid) waitpid(pid, &status, 0);
-    // kneadd has printed the reason if it ended with an exit code
+    // If kneadd ended with an exit code, it has already printed the error.
     if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status);
     return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
 }
 
-// Copy the times of each tick's stages from kneadd's trace to the poses. Rows and poses have the same order. A pose
-// that two ticks used gets the stages of the first tick.
+// Copy the times of each tick's stages from kneadd's trace to the poses. The rows of the trace and the poses have the
+// same order. A pose that two ticks used gets the times of the first tick.
 static void take_stages(FILE *trace, kn_flights *poses)
 {
     char line[512];
@@ -87,7 +90,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
         if (sscanf(line, "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
                    &row.session, &row.seq, &row.arrived_ns, &row.woke_ns, &row.stepped_ns, &row.guarded_ns) != 6)
             continue;
-        // Skip a row whose pose is not in the list.
+        // Find the pose of this row of the trace. Skip the row if its pose is not in the list.
         int from = at;
         while (at < poses->count && (poses->list[at].session != row.session || poses->list[at].seq != row.seq)) at++;
         if (at == poses->count) {
@@ -105,7 +108,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
 
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses)
 {
-    // kneadd writes the end of its trace before it exits.
+    // Wait until kneadd has exited, because it writes the end of its trace before.
     int status = 0;
     if (s->pid) {
         kill(s->pid, SIGTERM);

@@ -13,7 +13,7 @@ int kn_lineup_open(kn_lineup *l, const kn_view_options *o)
 {
     int code = KN_EXIT_OK;
     *l = (kn_lineup){.o = o, .count = o->file_count > 0 ? o->file_count : 1};
-    // --compare adds one panel.
+    // The option --compare adds one panel to those of the objects.
     l->panels = l->count + o->compare;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) code = kn_source_open(&l->source[i], o, i);
     return code;
@@ -33,7 +33,7 @@ bool kn_lineup_ended(const kn_lineup *l)
     return ended == l->count;
 }
 
-// Copy the skin (surface mesh), with room for one value per vertex.
+// Copy the skin (surface mesh) of a still, with room for one value per vertex.
 static bool copy(kn_still *to, const kn_still *from)
 {
     to->vertex_count = from->vertex_count;
@@ -49,12 +49,13 @@ static bool copy(kn_still *to, const kn_still *from)
     return true;
 }
 
-// Make the last panel, the comparison of two objects. Edges are inside the object and are not compared.
+// Create the still of the last panel, which shows the comparison of two objects. Only the skins are compared, because
+// the lattice edges are inside the objects.
 static int compare(kn_lineup *l)
 {
     char error[300];
     kn_still *s = &l->still[2];
-    // Keep the last match as long as it fits the meshes.
+    // Use the last match of vertices again as long as it fits the two meshes.
     const bool known = kn_match_fits(&l->match, &l->still[0], &l->still[1]);
     if (!known) kn_match_free(&l->match);
     if (!known && !kn_match_make(&l->match, &l->still[0], &l->still[1], error, sizeof error))
@@ -68,7 +69,8 @@ static int compare(kn_lineup *l)
     return KN_EXIT_OK;
 }
 
-// Widen the extent by an object, at rest and now. A position that is not finite is left out.
+// Widen the extent so that it contains an object at rest and at the present time. A position that is not finite is left
+// out.
 static void take_in(kn_extent *e, const kn_still *s, int scale)
 {
     for (int v = 0; v < s->vertex_count; v++)
@@ -84,7 +86,7 @@ static void take_in(kn_extent *e, const kn_still *s, int scale)
 int kn_lineup_stills(kn_lineup *l, kn_extent *e)
 {
     int code = KN_EXIT_OK;
-    // The captions and views start from the options at each moment.
+    // Reset the view of each panel to the look that the options give, at each moment.
     for (int i = 0; i < l->panels; i++) l->still[i].view = l->o->look;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) code = kn_source_still(&l->source[i], l->o, &l->still[i]);
     if (code == KN_EXIT_OK && l->o->compare) code = compare(l);
@@ -99,10 +101,11 @@ void kn_lineup_drop(kn_lineup *l)
 
 // ---- pictures
 
-// Return the first column of pixels of a panel. Widths differ by one pixel if the picture cannot be divided evenly.
+// Return the first pixel column of a panel. The widths of the panels differ by one pixel if the picture cannot be
+// divided evenly.
 static int left_of(const kn_lineup *l, int panel) { return l->o->width * panel / l->panels; }
 
-// Open one renderer per panel when the first picture is taken.
+// Open one renderer per panel when the first picture is drawn.
 static bool open_shots(kn_lineup *l, char *error, size_t error_size)
 {
     const size_t bytes = 4 * (size_t)l->o->width * (size_t)l->o->height;
@@ -117,7 +120,8 @@ static bool open_shots(kn_lineup *l, char *error, size_t error_size)
     return l->panel && l->rgba;
 }
 
-// Copy a panel into the picture. The first two columns of every panel but the first become the dividing line.
+// Copy the pixels of a panel into the picture. The first two columns of every panel but the first become the dividing
+// line.
 static void paste(kn_lineup *l, int panel)
 {
     const size_t all = 4 * (size_t)l->o->width, left = 4 * (size_t)left_of(l, panel);
@@ -129,11 +133,12 @@ static void paste(kn_lineup *l, int panel)
     }
 }
 
-// Return the colour scale of --color, or, if `distance` is set, of the distance in a comparison.
+// Return the colour scale of the measure of --color. If `distance` is true, return the colour scale of the distance in
+// a comparison instead.
 static kn_scale scale_of(const kn_view_options *o, bool distance, double most)
 {
     const int measure = distance ? (int)KN_MEASURE_DISPLACEMENT : o->measure;
-    // A negative measure means no colours.
+    // A negative measure means that the object has no colours.
     if (measure < 0) return (kn_scale){"", "", 1};
     const double asked = distance && o->measure >= 0 ? 0 : o->top_si;
     return (kn_scale){distance ? "distance" : kn_measure_names[measure].words, kn_measure_names[measure].unit,
@@ -149,7 +154,7 @@ int kn_lineup_shoot(kn_lineup *l, const kn_extent *e, bool framed)
         const kn_scale scale = scale_of(l->o, distance, e->most[distance]);
         l->still[i].view.frame = framed ? e->box : NULL;
         l->still[i].view.follow = true;
-        // the last panel of a scale has the legend
+        // Draw the legend of a colour scale in the last panel with this scale.
         const kn_shot_words words = i + 1 >= l->count ? KN_SHOT_LEGEND : KN_SHOT_NAMED;
         ok = kn_shot_take(l->shot[i], &l->still[i], distance || l->o->measure >= 0 ? &scale : NULL,
                           l->o->plain ? KN_SHOT_PLAIN : words, l->panel, error, sizeof error);

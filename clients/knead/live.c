@@ -9,7 +9,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Time after the last message at which a probe counts as not held, ms. Forces come every millisecond.
+// A probe counts as not held if its last message is older than this time, ms. Force messages of a held probe arrive
+// every millisecond.
 #define FORGET_MS 200
 // Beginnings of the channel names; the name of a tool follows.
 #define FORCE "KNEAD_FORCE_"
@@ -17,13 +18,13 @@
 
 int64_t kn_live_now_ms(void) { return kn_now_ns() / 1000000; }
 
-// Take a scene. Parse it only if its text is new.
+// Handle a scene message. Parse the scene only if its text is new.
 static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
     knead_scene_t message;
     (void)channel;
-    // Check the size first: the decoder trusts the lengths in a message.
+    // Check the size of the message first, because the decoder trusts the lengths in a message.
     if (!kn_wire_scene_fits(buffer->data, buffer->data_size)) return;
     if (knead_scene_t_decode(buffer->data, 0, (int)buffer->data_size, &message) < 0) return;
     live->heard[0]++;
@@ -31,11 +32,11 @@ static void on_scene(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (!live->scene || strcmp(live->scene->text, message.text) != 0)
         scene = kn_scene_parse(message.name, message.text, strlen(message.text), NULL, 0, live->scene_error,
                                sizeof live->scene_error);
-    else live->scene_error[0] = 0; // the known scene came again, so an error in between no longer counts
+    else live->scene_error[0] = 0; // the message has the known scene, so an error of an earlier message is obsolete
     knead_scene_t_decode_cleanup(&message);
     if (!scene) return;
     live->scene_error[0] = 0;
-    live->probe_count = 0; // the new scene may have other names
+    live->probe_count = 0; // the names of the probes may differ in the new scene
     kn_scene_destroy(live->scene);
     live->scene = scene;
 }
@@ -47,7 +48,7 @@ static kn_live_probe *find(kn_live *live, const char *name)
     return NULL;
 }
 
-// Find a probe by name, or add it.
+// Find a probe by its name, or add a probe with this name to the list.
 static kn_live_probe *slot(kn_live *live, const char *name)
 {
     kn_live_probe *known = find(live, name);
@@ -58,7 +59,7 @@ static kn_live_probe *slot(kn_live *live, const char *name)
     return p;
 }
 
-// Take a force message. It shows that the server knows the probe, and where the probe's tool is.
+// Handle a force message. It shows that the server knows the probe, and it has the pose of the probe's tool.
 static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
@@ -74,19 +75,20 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
     p->heard_ms = kn_live_now_ms();
 }
 
-// Take a pose message. It has the position of the hand that holds a tool.
+// Handle a pose message, which has the pose of the hand that holds a tool.
 static void on_pose(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     knead_probe_pose_t pose;
     if (knead_probe_pose_t_decode(buffer->data, 0, (int)buffer->data_size, &pose) < 0) return;
-    kn_live_probe *p = find(user, channel + strlen(POSE)); // ignore tools that the server does not answer
+    // Ignore the pose of a tool for which the server has sent no force.
+    kn_live_probe *p = find(user, channel + strlen(POSE));
     if (!p) return;
     memcpy(p->hand_position_m, pose.position_m, sizeof p->hand_position_m);
     memcpy(p->hand_orientation_wxyz, pose.orientation_wxyz, sizeof p->hand_orientation_wxyz);
     p->hand_ms = kn_live_now_ms();
 }
 
-// Take the topology of the mesh.
+// Handle a message with the topology of the mesh.
 static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
@@ -95,7 +97,7 @@ static void on_mesh_init(const lcm_recv_buf_t *buffer, const char *channel, void
     kn_mesh_init(&live->mesh, buffer->data, buffer->data_size);
 }
 
-// Take a part of the new positions. Count a mesh when all parts of one tick are there.
+// Handle a message with a part of the new vertex positions. Count a mesh when all parts of one tick have arrived.
 static void on_mesh_update(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live *live = user;
@@ -123,16 +125,17 @@ bool kn_live_open(kn_live *live, const char *url, const char *mesh_url, char *er
 void kn_live_listen(kn_live *live, int timeout_ms)
 {
     int64_t end_ms = kn_live_now_ms() + timeout_ms, left_ms = timeout_ms;
-    // Take the waiting messages of both buses. Sleep only while both buses are empty.
+    // Handle the waiting messages of both buses. Sleep only while no message is waiting on either bus.
     while (kn_join_handle(live->bus, 0) + kn_join_handle(live->mesh_bus, 0) == 0 && left_ms > 0) {
         struct pollfd wait[2] = {{.fd = kn_join_fd(live->bus), .events = POLLIN},
                                  {.fd = kn_join_fd(live->mesh_bus), .events = POLLIN}};
-        poll(wait, 2, left_ms < 50 ? (int)left_ms : 50); // wake up in between: a hello may be due
+        // Wake up after at most 50 ms, because a hello message may be due.
+        poll(wait, 2, left_ms < 50 ? (int)left_ms : 50);
         left_ms = end_ms - kn_live_now_ms();
     }
 }
 
-// A probe that was not heard recently counts as absent, but keeps its place in the list.
+// Return NULL for a probe without a recent message. Such a probe keeps its place in the list.
 const kn_live_probe *kn_live_find(const kn_live *live, const char *name)
 {
     for (int i = 0; i < live->probe_count; i++)

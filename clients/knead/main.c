@@ -1,4 +1,4 @@
-// knead: all tools around the daemon in one command, with one file per subcommand. See commands.h.
+// knead: all tools for the daemon kneadd in one command, with one file per subcommand. See commands.h.
 #include "clients/knead/commands.h"
 #include "clients/knead/result.h"
 #include "server/rt.h"
@@ -19,11 +19,12 @@ static const command commands[] = {
 
 static void print_help(FILE *out)
 {
-    fprintf(out, "knead: feel, record and replay objects that are kneaded. The daemon that serves them is kneadd.\n\n"
+    fprintf(out, "knead: feel, record and replay deformable objects that flow. The daemon kneadd serves them.\n\n"
                  "usage: knead SUBCOMMAND [OPTION]...\n\n");
     for (const command *c = commands; c->name; c++) fprintf(out, "  %-10s %s\n", c->name, c->summary);
-    fprintf(out, "\n`knead SUBCOMMAND --help` tells the rest; `knead --version` the version.\n"
-                 "Exit codes: 0 ok, 1 the check asked for failed, 2 bad input, 3 device or transport, 70 internal.\n");
+    fprintf(out,
+            "\n`knead SUBCOMMAND --help` describes a subcommand; `knead --version` prints the version.\n"
+            "Exit codes: 0 ok, 1 a requested check failed, 2 bad input, 3 device or transport, 70 internal error.\n");
 }
 
 static int run(int argc, char **argv)
@@ -38,10 +39,10 @@ static int run(int argc, char **argv)
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // getopt begins its messages with this name
+            char why[200], full[32]; // name of the subcommand for messages; getopt begins its messages with it
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
-            // Check first that all files can be opened: liblcm and libev hang or abort otherwise.
+            // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.
             if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
             return c->main(argc - 1, argv + 1);
         }
@@ -60,7 +61,8 @@ int main(int argc, char **argv)
 {
     int code = run(argc, argv);
     kn_result_close(code);
-    // Check both: the last flush does not report an error of an earlier write.
+    // Check the result of fflush and the error flag of stdout, because fflush does not report an error of an earlier
+    // write.
     if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead: standard output could not be written to its end\n", stderr);
     return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;

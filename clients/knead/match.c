@@ -3,13 +3,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Tolerance of equal positions at rest, which are floats.
+// Two positions at rest count as equal up to this distance, m. The positions have single precision.
 #define SAME_M 1e-6
-// Largest distance at rest, as a share of the longest side of a triangle. Each point of an equilateral triangle, or of
-// a square of two triangles, is closer to a corner than this share.
+// Largest allowed distance at rest between two matched vertices, as a share of the longest triangle side. Each point of
+// an equilateral triangle, or of a square of two triangles, is closer to a corner than this share.
 #define COARSE 0.6
 
-// A vertex for a search by x.
+// A vertex in a list that is sorted by x, for the search of the nearest vertex.
 typedef struct spot {
     float x[3];
     int vertex;
@@ -28,23 +28,24 @@ static float squared(const float a[3], const float b[3])
     return d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
 }
 
-// Compare one vertex with the nearest one so far. Return false if the vertex is too far away along x alone.
+// Compare one vertex with the nearest vertex found so far. Return false if its distance along x alone is larger than
+// the distance of the nearest vertex.
 static bool nearer(const spot *s, const float x[3], const spot **best, float *least)
 {
     const float across = s->x[0] - x[0], d = squared(s->x, x);
-    if (across * across > *least) return false; // all vertices beyond are further away, too
+    if (across * across > *least) return false; // all vertices further along x are further away as well
     if (d < *least || !*best) *least = d, *best = s;
     return true;
 }
 
 // Find the nearest vertex in a list that is sorted by x. The search starts at x and goes to both sides, until the
-// distance along x alone is larger than that to the nearest vertex.
+// distance along x alone exceeds the distance of the nearest vertex found.
 static const spot *nearest(const spot *s, int count, const float x[3])
 {
     const spot *best = NULL;
     float least = INFINITY;
     int low = 0, high = count;
-    // Binary search for the first spot that is not below x.
+    // Find by binary search the first vertex whose x coordinate is not below that of the given point.
     while (low < high) {
         const int middle = low + (high - low) / 2;
         if (s[middle].x[0] < x[0]) low = middle + 1;
@@ -55,7 +56,7 @@ static const spot *nearest(const spot *s, int count, const float x[3])
     return best;
 }
 
-// Return the longest side of all triangles at rest.
+// Return the length of the longest triangle side of a still at rest.
 static double longest_side(const kn_still *s)
 {
     float most = 0;
@@ -65,7 +66,7 @@ static double longest_side(const kn_still *s)
     return sqrt(most);
 }
 
-// Return the vertices sorted by their x at rest, or NULL if out of memory.
+// Return the vertices of a still, sorted by their x coordinate at rest. Return NULL if out of memory.
 static spot *sorted(const kn_still *s)
 {
     spot *out = malloc(((size_t)s->vertex_count + 1) * sizeof *out);
@@ -74,7 +75,7 @@ static spot *sorted(const kn_still *s)
     return out;
 }
 
-// Find the nearest vertex of `from` for each vertex of `to`. `*apart_m` grows to the largest distance.
+// Find the nearest vertex of `from` for each vertex of `to`. Raise `*apart_m` to the largest of their distances.
 static bool find_nearest(const kn_still *from, const kn_still *to, int *vertex, double *apart_m)
 {
     spot *s = sorted(from);
@@ -93,14 +94,14 @@ bool kn_match_make(kn_match *m, const kn_still *first, const kn_still *second, c
     *m = (kn_match){.count = second->vertex_count};
     m->first = malloc(((size_t)m->count + 1) * sizeof *m->first);
     snprintf(error, error_size, "out of memory");
-    // Search in both directions: a part that only one of the objects has must be noticed.
+    // Search in both directions, because a part that only one of the objects has must be detected.
     bool ok = m->first && first->vertex_count > 0 && m->count > 0 &&
               find_nearest(first, second, m->first, &m->apart_m) && find_nearest(second, first, NULL, &m->apart_m);
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
     if (ok && m->apart_m > COARSE * fmax(longest_side(first), longest_side(second))) {
         snprintf(error, error_size,
-                 "at rest the two are up to %.3g mm apart, expected objects of one shape: "
-                 "compared are points that lie beside each other at rest",
+                 "at rest the two are up to %.3g mm apart, expected objects of the same shape, "
+                 "because points are compared that coincide at rest",
                  1e3 * m->apart_m);
         ok = false;
     }
@@ -117,7 +118,7 @@ bool kn_match_fits(const kn_match *m, const kn_still *first, const kn_still *sec
     return true;
 }
 
-// Compare displacements, not positions: the matched vertices differ at rest.
+// Compare displacements and not positions, because two matched vertices may have different positions at rest.
 void kn_match_distance(const kn_match *m, const kn_still *first, const kn_still *second, float *value)
 {
     for (int v = 0; v < m->count; v++) {

@@ -6,7 +6,7 @@
 
 bool kn_measure_take(const char *text, int *measure)
 {
-    // Search from the end; -1 means that the name is unknown.
+    // Search the list of names from its end. If the name is unknown, the result is -1.
     *measure = KN_MEASURES - 1;
     while (*measure >= 0 && strcmp(kn_measure_names[*measure].name, text) != 0) --*measure;
     return *measure >= 0;
@@ -18,7 +18,7 @@ double kn_measure_top(kn_measure measure, const char *text)
     kn_unit unit = {0};
     char error[100];
     const char *name = kn_measure_names[measure].unit;
-    // A quantity without a unit is accepted only if the measure has none.
+    // A number without a unit is accepted only if the measure itself has no unit.
     if (*name && !kn_unit_parse(&unit, name, error, sizeof error)) return 0;
     if (!kn_quantity_parse(&q, text, error, sizeof error) || (*name && q.bare)) return 0;
     if (!kn_unit_same_dimension(&q.unit, &unit)) return 0;
@@ -34,7 +34,7 @@ const char *kn_measure_top_example(kn_measure measure)
 
 double kn_measure_scale(kn_measure measure, double asked, double most)
 {
-    // Smallest scale of each measure.
+    // Smallest end of the colour scale of each measure, SI units.
     static const double least[KN_MEASURES] = {1e-5, 1, 1e-3};
     return asked > 0 ? asked : kn_scale_top(fmax(most, least[measure]));
 }

@@ -15,17 +15,18 @@
 static const char help[] =
     "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "Fills a closed surface with tetrahedra, for a scene's object.mesh; or checks a mesh that there is, and says what\n"
-    "it has: nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "Fills a closed surface with tetrahedra, for object.mesh of a scene; or checks a mesh and prints its figures:\n"
+    "nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
-    "  -o OUT.msh          the mesh, in Gmsh's format 4.1, in the unit of the surface\n"
-    "  --size LENGTH       of an edge, about: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  the program (gmsh): gmsh meshes the surface anew, tetgen keeps it and adds to it\n"
-    "  --unit m|cm|mm|um   of the coordinates in the file (mm)\n\n"
-    "A surface with holes, with edges of three triangles, or of two pieces is refused, file:line:col: what is wrong.\n"
+    "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
+    "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'\n"
+    "  --tool gmsh|tetgen  meshing program: gmsh meshes the surface anew, tetgen keeps it and adds to it (default:\n"
+    "                      gmsh)\n"
+    "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
+    "A surface is refused, with file:line:col, if it has holes, edges of three triangles, or two pieces.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
-// Quality (core/simplices.h) below which an element is worth a warning. Such an element has 3 % of the volume of a
+// Quality of an element (core/simplices.h) below which a warning is printed. Such an element has 3 % of the volume of a
 // regular tetrahedron with the same sum of squared edges.
 #define THIN 0.1
 
@@ -37,7 +38,7 @@ typedef struct options {
     bool help, tool_given;
 } options;
 
-static const char mesh[] = "mesh"; // name for complaints
+static const char mesh[] = "mesh"; // name of the subcommand in error messages
 
 // ---- options
 
@@ -82,10 +83,10 @@ static bool ends_in_msh(const char *path)
     return size > 4 && strcmp(path + size - 4, ".msh") == 0;
 }
 
-// Check that the options fit the kind of input.
+// Check that the given options are valid for the kind of input (a surface or a mesh).
 static int check_options(const options *o)
 {
-    // The ending of the name tells a surface from a mesh.
+    // The ending of the file name shows if the input is a surface or a mesh.
     bool surface = kn_shell_named(o->in);
     if (!surface && !ends_in_msh(o->in))
         return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
@@ -98,7 +99,7 @@ static int check_options(const options *o)
     return KN_EXIT_OK;
 }
 
-// Read the options. Return an exit code after a complaint.
+// Read the command-line options. Return 0, or print an error and return an exit code.
 static int take_options(int argc, char **argv, options *o)
 {
     static const struct option known[] = {
@@ -114,18 +115,17 @@ static int take_options(int argc, char **argv, options *o)
             return kn_complain(mesh, KN_EXIT_USAGE, "--tool %s: expected gmsh or tetgen", optarg);
         else if (c == 'u' && !take_unit(o, optarg))
             return kn_complain(mesh, KN_EXIT_USAGE, "--unit %s: expected m, cm, mm or um", optarg);
-        else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the reason
+        else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the error
     }
     if (o->help) return KN_EXIT_OK;
-    if (argc - optind != 1)
-        return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; --help tells the rest");
+    if (argc - optind != 1) return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; see --help");
     o->in = argv[optind];
     return check_options(o);
 }
 
 // ---- report
 
-// Print what a mesh has, and the line that uses it in a scene.
+// Print the properties of a mesh, and the line that uses the mesh in a scene.
 static void print_mesh(const options *o, const char *file, const char *format, const kn_simplices *s)
 {
     kn_simplices_measures m;
@@ -142,13 +142,13 @@ static void print_mesh(const options *o, const char *file, const char *format, c
            1e3 * m.edge_max_m);
     printf("quality   %.2f in the mean, %.2f at worst (element %ld); 1 is the regular %s\n", m.quality_mean,
            m.quality_min, s->tag[m.worst], flat ? "triangle" : "tetrahedron");
-    // A thin element deserves a warning.
+    // Warn if the worst element of the mesh is thin.
     if (m.quality_min < THIN)
-        printf("warning   element %ld is thin: it hardly carries and may turn over\n", s->tag[m.worst]);
+        printf("warning   element %ld is thin: it hardly carries load and may invert\n", s->tag[m.worst]);
     printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
 }
 
-// Load a mesh as a scene does and print it.
+// Load a mesh in the same way as a scene does, and print its properties.
 static int check_mesh(const options *o, const char *file)
 {
     char error[512];
@@ -156,22 +156,22 @@ static int check_mesh(const options *o, const char *file)
     kn_simplices *s = kn_msh_load(file, o->units_per_m, &facts, error, sizeof error);
     if (!s) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);
     print_mesh(o, file, facts.format, s);
-    // Report the parts of the file that the object will not have.
+    // Report the parts of the file that are not used for the object.
     if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
-    if (facts.loose > 0) printf("left out  %d nodes that no element has\n", facts.loose);
+    if (facts.loose > 0) printf("left out  %d nodes that no element uses\n", facts.loose);
     kn_simplices_destroy(s);
     return KN_EXIT_OK;
 }
 
 // ---- a mesh of a surface
 
-// Write a mesh in Gmsh's format 4.1, with one block of nodes and one of elements.
+// Write a mesh in version 4.1 of Gmsh's format, with one block of nodes and one block of elements.
 static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
 {
     fprintf(f, "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 %d 1 %d\n3 1 0 %d\n", s->node_count, s->node_count,
             s->node_count);
     for (int i = 0; i < s->node_count; i++) fprintf(f, "%d\n", i + 1);
-    // 12 digits hide the rounding errors of converting the unit to metres and back.
+    // Write 12 digits, which hide the rounding errors of converting a length to metres and back.
     for (int i = 0; i < s->node_count; i++)
         fprintf(f, "%.12g %.12g %.12g\n", units_per_m * s->x_m[i][0], units_per_m * s->x_m[i][1],
                 units_per_m * s->x_m[i][2]);
@@ -183,10 +183,10 @@ static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
     fprintf(f, "$EndElements\n");
 }
 
-// Write the mesh completely or not at all. An earlier file stays until the new one is complete.
+// Write the mesh file completely or not at all. An existing file is replaced only when the new file is complete.
 static int save_mesh(const options *o, const kn_simplices *s)
 {
-    // Write to a file beside the wanted one, and rename the new file at the end.
+    // Write to a temporary file in the same folder, and rename it to the final name at the end.
     char part[4096];
     snprintf(part, sizeof part, "%s.part", o->out);
     FILE *f = fopen(part, "w");
@@ -199,12 +199,12 @@ static int save_mesh(const options *o, const kn_simplices *s)
     return kn_complain(mesh, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", o->out, strerror(why));
 }
 
-// Fill the surface, save the mesh and check it.
+// Fill the surface with tetrahedra, save the mesh and check the saved mesh.
 static int fill(const options *o, const kn_shell *shell)
 {
     char error[512];
     kn_simplices *s = NULL;
-    // Estimate the number of tetrahedra before the program runs for minutes.
+    // Estimate the number of tetrahedra first, because the external program may run for minutes.
     double size = o->size_m * o->units_per_m, count = shell->volume / (0.08 * size * size * size);
     if (count > KN_SIMPLICES_ELEMENTS_MAX)
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",

@@ -15,13 +15,14 @@
 #include <time.h>
 #include <unistd.h>
 
-// Largest angle between triangles of one smooth piece, as in gmsh's own examples. A ball of 24 x 12 facets has angles
-// of 15 degrees.
+// Largest angle between neighbouring triangles of one smooth piece of the surface, degrees. gmsh's own examples use the
+// same value. A ball of 24 x 12 facets has angles of 15 degrees.
 #define ANGLE_DEG 40
-// Largest volume of a tetrahedron for tetgen, in units of size^3. At quality 1.4 the mean edge is 1.06 size (block of 5
-// x 5 x 3 cm, size 6 mm).
+// Largest volume of a tetrahedron that tetgen may create, as a multiple of size^3, where size is the desired edge
+// length. At quality 1.4 the mean edge is 1.06 size (block of 5 x 5 x 3 cm, size 6 mm).
 #define TETGEN_VOLUME 0.3
-// Exit code of a child whose program does not exist; longest line of a log.
+// EXIT_NO_PROGRAM: exit code of a child process whose program does not exist. LINE_BYTES: largest length of a line of a
+// log.
 enum { EXIT_NO_PROGRAM = 127, LINE_BYTES = 200 };
 
 typedef struct job {
@@ -31,7 +32,8 @@ typedef struct job {
     size_t error_size;
 } job;
 
-// State that a signal handler needs while a program runs; a handler can reach only static variables.
+// running: process id of the external program, 0: none; stopped: number of the received signal. Both are static because
+// a signal handler needs them.
 static volatile sig_atomic_t running, stopped;
 
 static void on_signal(int number)
@@ -43,7 +45,7 @@ static void on_signal(int number)
 static const int deadly[] = {SIGINT, SIGTERM, SIGHUP};
 enum { DEADLY = 3 };
 
-// Catch signals so that the temporary folder is removed.
+// Catch the signals that would end this process, so that the temporary folder is removed first.
 static void watch_signals(struct sigaction before[DEADLY])
 {
     struct sigaction action = {.sa_handler = on_signal};
@@ -51,8 +53,8 @@ static void watch_signals(struct sigaction before[DEADLY])
     for (int i = 0; i < DEADLY; i++) sigaction(deadly[i], &action, &before[i]);
 }
 
-// Restore the handlers. If a signal came, end this process by the same signal, so that the parent process sees the
-// cause.
+// Restore the handlers. If this process received a signal, end it by the same signal, so that the parent process sees
+// the cause.
 static void unwatch_signals(const struct sigaction before[DEADLY])
 {
     for (int i = 0; i < DEADLY; i++) sigaction(deadly[i], &before[i], NULL);
@@ -81,14 +83,15 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
     return remove(path);
 }
 
-// Remove the folder with everything that the programs leave in their home (gmsh: preferences of its toolkit).
+// Remove the temporary folder with everything in it. The folder is also the home of the programs, where gmsh leaves the
+// preferences of its toolkit.
 static void remove_folder(const job *j) { nftw(j->folder, remove_one, 8, FTW_DEPTH | FTW_PHYS); }
 
-// Limit of processor time, s. A million tetrahedra take a third of it.
+// Largest processor time of an external program, s. A mesh of a million tetrahedra takes a third of this time.
 enum { WORK_S = 300 };
 
-// Turn this child process into the external program. The folder is also its home, so that no user's settings change the
-// mesh.
+// Replace this child process by the external program. Its home is the temporary folder, so that settings of the user do
+// not change the mesh.
 static void become(const job *j, char *const *argv)
 {
     int log = chdir(j->folder) == 0 ? open("log", O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600) : -1;
@@ -98,14 +101,14 @@ static void become(const job *j, char *const *argv)
     dup2(log, STDOUT_FILENO);
     dup2(log, STDERR_FILENO);
     setenv("HOME", j->folder, 1);
-    // The limit ends gmsh, which never finishes on a plain tetrahedron.
+    // Limit the processor time, because gmsh never finishes on some surfaces, e.g. that of a single tetrahedron.
     setrlimit(RLIMIT_CPU, &(struct rlimit){WORK_S, WORK_S + 5});
     execvp(argv[0], argv);
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
 
-// Wait until the child ends. On a terminal, show once a second that the child is at work, since there is no other
-// output for minutes.
+// Wait until the child ends. On a terminal, show once a second that the child is working, because the child may print
+// nothing for minutes.
 static int attend(const job *j, pid_t child)
 {
     static const struct timespec pause = {0, 20000000};
@@ -122,18 +125,19 @@ static int attend(const job *j, pid_t child)
     return status;
 }
 
-// Run a program in the folder. Return its status as waitpid does, or -1 if it could not be started.
+// Run an external program in the temporary folder. Return its status as waitpid does, or -1 if the program could not be
+// started.
 static int run(const job *j, char *const *argv)
 {
     sigset_t deadly_set, before;
     int status = -1;
     sigemptyset(&deadly_set);
     for (int i = 0; i < DEADLY; i++) sigaddset(&deadly_set, deadly[i]);
-    // Hold signals back until `running` tells the handler which process to stop.
+    // Block signals until `running` is set, because it tells the signal handler which process to stop.
     sigprocmask(SIG_BLOCK, &deadly_set, &before);
     pid_t child = stopped ? -1 : fork();
     if (child == 0) {
-        // The child gets the default actions back.
+        // Restore the default actions of the signals in the child process.
         for (int i = 0; i < DEADLY; i++) signal(deadly[i], SIG_DFL);
         sigprocmask(SIG_SETMASK, &before, NULL);
         become(j, argv);
@@ -145,35 +149,35 @@ static int run(const job *j, char *const *argv)
     return status;
 }
 
-// Find the line of the log that gives the reason: the first line about an error, else the last line.
+// Find the line of the program's log that gives the reason of a failure. It is the first line about an error, else the
+// last line.
 static void find_reason(const job *j, char reason[LINE_BYTES])
 {
     char line[LINE_BYTES];
     FILE *log = fopen(in_folder(j, "log"), "r");
-    snprintf(reason, LINE_BYTES, "it said nothing");
+    snprintf(reason, LINE_BYTES, "it printed no message");
     for (bool found = false; log && !found && fgets(line, sizeof line, log);) {
         const char *text = line + strspn(line, " \t\r\n");
         found = strncmp(text, "Error", 5) == 0 || strstr(text, " intersects facet ") != NULL;
-        if (strncmp(text, "Error   : ", 10) == 0) text += 10; // gmsh's prefix
+        if (strncmp(text, "Error   : ", 10) == 0) text += 10; // remove the prefix of gmsh
         if (*text) snprintf(reason, LINE_BYTES, "%.*s", (int)strcspn(text, "\r\n"), text);
     }
     if (log) fclose(log);
-    // The message goes to a terminal: keep printable characters only.
+    // Replace characters that are not printable, because the message is printed on a terminal.
     for (char *c = reason; *c; c++)
         if (*c < ' ' || *c > '~') *c = '?';
 }
 
-// Turn the program's status into an exit code, with a reason in error.
+// Convert the status of the external program to an exit code, with the reason of a failure in error.
 static int judge(const job *j, int status)
 {
     char reason[LINE_BYTES];
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return KN_EXIT_OK;
     if (WIFEXITED(status) && WEXITSTATUS(status) == EXIT_NO_PROGRAM) {
-        snprintf(j->error, j->error_size, "%s is not installed, expected it: apt-get install %s", j->program,
-                 j->program);
+        snprintf(j->error, j->error_size, "%s is not installed: apt-get install %s", j->program, j->program);
         return KN_EXIT_DEVICE;
     }
-    // SIGXCPU: the limit of processor time was reached.
+    // The signal SIGXCPU means that the program has reached the limit of processor time.
     bool endless = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
     if (endless) snprintf(reason, sizeof reason, "not done after %d s, expected --tool tetgen or another size", WORK_S);
     else find_reason(j, reason);
@@ -187,14 +191,14 @@ static int unwritten(const job *j)
     return KN_EXIT_DEVICE;
 }
 
-// Report a mesh that cannot be read. The message leaves out the name of the temporary file, because the file is
-// removed.
+// Report that the mesh of the external program cannot be read. The message does not name the temporary file, because
+// the file is removed.
 static int unusable(const job *j, const char *what)
 {
     char copy[512];
     snprintf(copy, sizeof copy, "%s", what);
     const char *clause = strstr(copy, ": ");
-    snprintf(j->error, j->error_size, "%s made no mesh to be used: %s", j->program, clause ? clause + 2 : copy);
+    snprintf(j->error, j->error_size, "%s made an unusable mesh: %s", j->program, clause ? clause + 2 : copy);
     return KN_EXIT_USAGE;
 }
 
@@ -206,7 +210,8 @@ static bool write_geo(const job *j, double size)
     if (!f) return false;
     fprintf(f,
             "Merge \"in.stl\";\n"
-            "ClassifySurfaces{%d*Pi/180, 1, 1, Pi};\n" // split closed pieces, so that each can be mapped to the plane
+            // Split closed pieces of the surface, because only open pieces can be mapped to the plane.
+            "ClassifySurfaces{%d*Pi/180, 1, 1, Pi};\n"
             "CreateGeometry;\n"
             "Surface Loop(1) = Surface{:};\nVolume(1) = {1};\nPhysical Volume(1) = {1};\n"
             "Mesh.MeshSizeMin = %.17g;\nMesh.MeshSizeMax = %.17g;\n"
@@ -218,7 +223,7 @@ static bool write_geo(const job *j, double size)
 
 static int run_gmsh(job *j, const kn_shell *shell, double size, double units_per_m, kn_simplices **mesh)
 {
-    // One thread gives the same mesh every time.
+    // Use one thread, so that gmsh gives the same mesh every time.
     char *const argv[] = {"gmsh", "-3", "-nt", "1", "-format", "msh41", "in.geo", "-o", "out.msh", NULL};
     char what[512];
     if (!kn_shell_write_stl(shell, in_folder(j, "in.stl")) || !write_geo(j, size)) return unwritten(j);
@@ -230,7 +235,7 @@ static int run_gmsh(job *j, const kn_shell *shell, double size, double units_per
 
 // ---- tetgen: in.1.node is  count 3 0 0,  then  number x y z;  in.1.ele is  count 4 0,  then  number and four nodes
 
-// Read the first line: a count, and some numbers that are ignored.
+// Read the first line of a tetgen file: the number of items that follow, and some numbers that are ignored.
 static bool read_count(kn_words *w, long most, int others, long *count)
 {
     long ignored;
@@ -240,7 +245,7 @@ static bool read_count(kn_words *w, long most, int others, long *count)
     return true;
 }
 
-// Read the nodes, which are numbered from 0, and convert them to metres.
+// Read the nodes of the tetgen mesh, which are numbered from 0. Convert their coordinates to metres.
 static bool read_nodes(kn_words *w, kn_simplices *s, double units_per_m)
 {
     long number;
@@ -268,7 +273,7 @@ static bool read_elements(kn_words *w, kn_simplices *s)
     return true;
 }
 
-// Read the two files of tetgen. Return NULL with one line in error.
+// Read the mesh from the two output files of tetgen. On failure return NULL with one line in error.
 static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, size_t size)
 {
     kn_words node = {.name = "in.1.node", .section = "nodes", .error = error, .error_size = size}, element = node;
@@ -286,7 +291,7 @@ static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, 
         if (!s) snprintf(error, size, "not enough memory for the mesh");
     }
     bool good = s && read_nodes(&node, s, units_per_m) && read_elements(&element, s);
-    // Check the mesh before it is used.
+    // Check the mesh that tetgen made before it is used.
     good = good && kn_simplices_check(s, error, size);
     if (!good) {
         kn_simplices_destroy(s);
@@ -303,8 +308,8 @@ static int run_tetgen(job *j, const kn_shell *shell, double size, double units_p
     snprintf(options, sizeof options, "-pq1.4a%.9gQ", TETGEN_VOLUME * size * size * size);
     char *const argv[] = {"tetgen", options, "in.off", NULL};
     if (!kn_shell_write_off(shell, in_folder(j, "in.off"))) return unwritten(j);
-    // tetgen dies without a message on a surface that intersects itself. A second run with -d names the crossing
-    // facets.
+    // tetgen crashes without a message if the surface intersects itself. In that case a second run with -d reports the
+    // facets that intersect.
     char *const crossings[] = {"tetgen", "-d", "in.off", NULL};
     int status = run(j, argv);
     if (WIFSIGNALED(status) && !stopped) run(j, crossings);
@@ -319,7 +324,7 @@ int kn_mesher_run(kn_mesher mesher, const kn_shell *shell, double size, double u
 {
     job j = {.program = mesher == KN_MESHER_GMSH ? "gmsh" : "tetgen", .error = error, .error_size = error_size};
     struct sigaction before[DEADLY];
-    // From here on a signal stops the external program, and the folder is removed nevertheless.
+    // From here on, a signal stops the external program, and the temporary folder is removed in that case as well.
     watch_signals(before);
     int code = KN_EXIT_DEVICE;
     if (make_folder(&j)) {

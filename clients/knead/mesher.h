@@ -11,9 +11,9 @@
 
 typedef enum kn_mesher { KN_MESHER_GMSH, KN_MESHER_TETGEN } kn_mesher;
 
-// Fill a surface. `size` is the wanted length of an edge in the surface's unit; `units_per_m` of these units make a
-// metre. The mesh is in metres and has passed kn_simplices_check. Return one of KN_EXIT_*, with one line in error
-// unless it is KN_EXIT_OK.
+// Fill a surface. `size` is the desired edge length, in the length unit of the surface. `units_per_m` is the number of
+// these units in a metre. The mesh is in metres and has passed kn_simplices_check. Return an exit code KN_EXIT_*. If it
+// is not KN_EXIT_OK, one line in error gives the reason.
 int kn_mesher_run(kn_mesher mesher, const kn_shell *shell, double size, double units_per_m, kn_simplices **mesh,
                   char *error, size_t error_size);
 

@@ -5,7 +5,7 @@
 bool kn_motors_open(kn_motors *m, int room)
 {
     *m = (kn_motors){.row = malloc(sizeof *m->row * (size_t)room), .room = room};
-    // Touch all pages now, so that the device's thread meets no page fault.
+    // Write to all memory pages now, so that no page fault delays the thread of the device.
     if (m->row) memset(m->row, 0, sizeof *m->row * (size_t)room);
     return m->row != NULL;
 }
@@ -19,7 +19,7 @@ void kn_motors_close(kn_motors *m)
 void kn_motors_add(kn_motors *m, const kn_hand *h, const double position_m[3], const double force_n[3], int elapsed_ms)
 {
     m->ms += elapsed_ms;
-    // A full list keeps its first rows, but the time goes on.
+    // If the list is full, drop the new row but continue to count the time.
     if (m->count == m->room) return;
     kn_motors_row *row = &m->row[m->count++];
     *row = (kn_motors_row){.ms = m->ms,

@@ -8,7 +8,8 @@ bool kn_number_take(const char *text, double low, double high, double *value)
     kn_quantity q;
     char error[100];
     const kn_unit none = {0};
-    // Accept only a quantity without a unit ("bare"). The quantity parser allows blanks, but an option must not.
+    // Accept only a number without a unit ("bare"). The quantity parser allows blanks in the text, but an option must
+    // not contain any.
     if (strchr(text, ' ') || !kn_quantity_parse(&q, text, error, sizeof error) || !q.bare) return false;
     *value = kn_quantity_in(&q, &none);
     return *value >= low && *value <= high;

@@ -27,13 +27,13 @@ static bool hash_of(const char *beside, const char *name, const char *text, uint
 {
     static const char *const block[] = {"quality", "solver", "mesh"};
     char error[512], *rest = strdup(text);
-    // Remove one block after the other.
+    // Remove the top-level blocks `quality`, `solver` and `mesh` from the text, one after the other.
     for (int i = 0; i < 3 && rest; i++) {
         char *whole = rest;
         rest = kn_graft(whole, block[i], "", error, sizeof error);
         free(whole);
     }
-    // Parsing gives the canonical text of the remainder.
+    // Parse what is left of the text, which gives its canonical form.
     kn_scene *scene =
         rest ? kn_scene_parse_beside(beside, name, rest, strlen(rest), NULL, 0, error, sizeof error) : NULL;
     if (scene) *hash = hash_lines(scene->text);
@@ -49,7 +49,8 @@ static bool is_of(const char *path, const kn_scene *scene, uint64_t logged)
     return scene && hash_of(path, path, scene->text, &hash) && hash == logged;
 }
 
-// Compare the scene of the log with the scene under test, with the user's sets and then without them.
+// Compare the scene of the log with the scene under test: first with the user's sets (`key=value` texts), then without
+// them.
 static bool same_scene(const kn_replay *r, const kn_replay_def *def, const char *path, const kn_scene *scene)
 {
     char error[512];
@@ -58,7 +59,7 @@ static bool same_scene(const kn_replay *r, const kn_replay_def *def, const char 
     if (!r->logged_text) return true;
     if (!hash_of(def->log_path, r->logged_name, r->logged_text, &logged)) return false;
     if (is_of(path, scene, logged)) return true;
-    // The sets may be the only difference, so load the file once more without them.
+    // The user's sets may be the only difference between the scenes, so load the scene file once more without the sets.
     kn_scene *file = kn_scene_load(path, NULL, 0, error, sizeof error);
     bool same = is_of(path, file, logged);
     kn_scene_destroy(file);

@@ -9,11 +9,12 @@
 #include "server/replay.h"
 
 // Check the log of `def` against `scene`. Return false and one line in `error` if the log cannot be used.
-// def: the replay that will be run. It needs at least one set (a `key=value` that overrides the scene). Without sets
-// the replay itself refuses a log of another scene before this check can compare the two scenes.
-// scene: the scene at `scene_path` with the user's sets. It may differ from the scene of the log in these keys only:
-// solver, quality, mesh (contents of mesh messages), and the places of small cells (object.accuracy, object.margin, the
-// probes' reach). The two scenes are compared with the user's sets and, if they differ, once more without the sets.
+// def: the replay that will be run. It needs at least one set (a `key=value` that overrides the scene). A replay
+// without sets refuses a log of another scene by itself, before this function can compare the two scenes.
+// scene: the scene at `scene_path` with the user's sets. `scene` may differ from the scene of the log in these keys
+// only: solver, quality, mesh (contents of mesh messages), and the places of small cells (object.accuracy,
+// object.margin, the probes' reach). The two scenes are compared with the user's sets and, if they differ, once more
+// without the sets.
 bool kn_origin_check(const kn_replay_def *def, const char *scene_path, const kn_scene *scene, char *error,
                      size_t error_size);
 

@@ -54,7 +54,7 @@ bool kn_output_holds(const char *a, const char *b)
     char outer[2 * PATH_MAX], inner[2 * PATH_MAX];
     resolve(a, outer);
     resolve(b, inner);
-    // b lies inside a if a is a prefix that ends at the end of b or at a slash of b.
+    // Path b lies inside path a if a is a prefix of b and ends at the end of b or before a slash of b.
     const size_t n = strlen(outer);
     return kn_output_same(a, b) || (strncmp(outer, inner, n) == 0 && (!inner[n] || inner[n] == '/'));
 }

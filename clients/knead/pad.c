@@ -1,8 +1,8 @@
 #include "clients/knead/pad.h"
 #include <math.h>
 
-// The values of dough are those of an edge in the first paper, for an area of 1 cm^2. The values of clay and jelly are
-// chosen relative to dough.
+// The values of dough are those of a lattice edge in the project's first paper, for an area of 1 cm^2. The values of
+// clay and jelly are chosen relative to dough.
 const kn_pad_def kn_pads[KN_PADS] = {
     {.name = "wall"},
     {.name = "dough",
@@ -33,8 +33,8 @@ static double c2_of(const kn_pad_def *d, double force_n)
     return d->c2_n_s_m * pow(d->c2_least_n_s_m / d->c2_n_s_m, share);
 }
 
-// Solve F (1 + G/A + G/c2(F)) = Q + G H/A for F. The left side grows with F, so bisection finds the root. 50 halvings
-// reach the precision of a double.
+// Solve F (1 + G/A + G/c2(F)) = Q + G H/A for the contact force F (symbols: see pad.h). The left side grows with F, so
+// bisection finds the root. 50 halvings reach the precision of a double.
 static double meet(const kn_pad_def *d, double q, double g, double h, double a)
 {
     double target = q + g * h / a;
@@ -55,17 +55,18 @@ double kn_pad_tick(kn_pad *pad, const kn_coupling *coupling, double dt_s, double
     bool wall = d->k1_n_m == 0.0 && d->c1_n_s_m == 0.0;
     // A wall has A = infinity, so its Voigt element never moves.
     double a = wall ? INFINITY : d->c1_n_s_m + dt_s * d->k1_n_m, h = d->k1_n_m * pad->voigt_m;
-    // Depth of the device below the deformed surface, and the terms Q and G of pad.h.
+    // Compute the depth of the device below the deformed surface, and the terms Q and G of the force law F = Q - G w in
+    // pad.h.
     double out_m = depth_m - pad->voigt_m - pad->flow_m;
     double q = coupling->stiffness_n_m * out_m + coupling->damping_n_s_m * speed_m_s;
     double g = coupling->damping_n_s_m + dt_s * coupling->stiffness_n_m;
     // Contact begins when the device is below the surface. Contact then lasts until the force is zero, even if the
     // device is above the surface, because the coupling's damper can still press.
     double force = out_m > 0.0 || pad->touching ? meet(d, q, g, h, a) : 0.0;
-    // Contact never pulls.
+    // A negative contact force would pull the tool into the pad, so contact ends instead.
     pad->force_n = fmax(force, 0.0);
     pad->touching = pad->force_n > 0.0;
-    // Implicit Euler: both parts move with the force at the end of the step.
+    // Implicit Euler step: the Voigt element and the damper c2 move with the force at the end of the step.
     pad->voigt_m += dt_s * (pad->force_n - h) / a;
     pad->flow_m += dt_s * pad->force_n / c2_of(d, pad->force_n);
     return pad->force_n;

@@ -13,29 +13,30 @@
 //     w = (F - H)/A + F/c2(F)        w: speed of the surface at the end of the step
 //     H = k1 e,  A = c1 + dt k1      e: displacement of the Voigt element, m
 //
-// F >= 0. After the tool has left, e creeps back to 0, and the flow of damper c2 remains. The proxy has no mass. No
-// function allocates memory.
+// F >= 0. After the tool has left, the displacement e of the Voigt element creeps back to 0, and the flow of damper c2
+// remains. The proxy has no mass. No function allocates memory.
 #include "core/coupling.h"
 #include <stdbool.h>
 
 typedef struct kn_pad_def {
     const char *name;
-    // Spring and damper of the Voigt element. If both are 0, the pad is a wall: its surface never moves.
+    // Stiffness k1 and damping c1 of the Voigt element. If both are 0, the pad is a wall: its surface never moves.
     double k1_n_m, c1_n_s_m;
-    // Damping of c2 at the force from_n and at the force to_n. Between the two forces it falls exponentially. If
-    // c2_n_s_m is 0, there is no damper c2.
+    // Damping of the damper c2 at the force from_n (c2_n_s_m) and at the force to_n (c2_least_n_s_m). Between the two
+    // forces the damping falls exponentially. If c2_n_s_m is 0, there is no damper c2.
     double c2_n_s_m, c2_least_n_s_m;
     double from_n, to_n;
 } kn_pad_def;
 
-// Predefined pads: a wall, dough, clay, soft jelly, stiff jelly. All but the wall are objects under a probe of about
-// 1 cm. The dampers of dough together act like 1 kN s/m at rest and like 46 N s/m while dough flows.
+// Predefined pads: a wall, dough, clay, soft jelly, stiff jelly. Each pad except the wall stands for an object under a
+// probe of about 1 cm. The dampers of dough together act like 1 kN s/m at rest and like 46 N s/m while dough flows.
 #define KN_PADS 5
 extern const kn_pad_def kn_pads[KN_PADS];
 
-typedef struct kn_pad { // read-only for the caller
+typedef struct kn_pad { // state of a pad; read-only for the caller
     kn_pad_def def;
-    // Displacements of the Voigt element (e) and of the damper c2. Depth of the surface: voigt_m + flow_m.
+    // Displacement of the Voigt element (voigt_m) and of the damper c2 (flow_m). The depth of the pad's surface is
+    // voigt_m + flow_m.
     double voigt_m, flow_m;
     double force_n;
     bool touching;
@@ -48,7 +49,7 @@ void kn_pad_init(kn_pad *pad, const kn_pad_def *def);
 // speed_m_s: rate of change of depth_m. Return the contact force F, N.
 double kn_pad_tick(kn_pad *pad, const kn_coupling *coupling, double dt_s, double depth_m, double speed_m_s);
 
-// Return the energy stored in k1, J.
+// Return the energy stored in the spring k1 of the pad [J].
 double kn_pad_stored_j(const kn_pad *pad);
 
 // A pad together with its virtual coupling, for use as the object of a rig (rig.h). The undeformed surface is at z = 0.

@@ -16,18 +16,19 @@ struct kn_paraview {
     int moments;
     // Model that the arrays below belong to. NULL: none yet.
     const kn_model *model;
-    int models; // number of this model, see kn_moment
+    int models; // running number of this model, see kn_moment
     kn_cells cells;
     kn_springs springs;
     kn_gauge *gauge;
     kn_tool_form tool[KN_PROBES_MAX];
-    double *measure, (*contact)[3];               // [nodes]
-    float (*xyz)[3], (*moved)[3], (*velocity)[3]; // [nodes]
-    float *stress, *residual, (*force)[3];        // [nodes]
-    float *ratio;                                 // [cells]
-    float *edge_stress, *edge_strain, *edge_rest; // [edges]
-    int32_t *line, *line_end;                     // [2 edges], [edges]
-    uint8_t *line_type;                           // [edges]
+    double *measure, (*contact)[3];               // one element per node
+    float (*xyz)[3], (*moved)[3], (*velocity)[3]; // one element per node
+    float *stress, *residual, (*force)[3];        // one element per node
+    float *ratio;                                 // one element per cell
+    float *edge_stress, *edge_strain, *edge_rest; // one element per edge
+    // Cells of the lines: indices of both end points of each edge; for each edge, end of its indices in `line`.
+    int32_t *line, *line_end;
+    uint8_t *line_type; // one element per edge
 };
 
 static bool short_of_memory(char *error, size_t size)
@@ -116,7 +117,7 @@ static void read_nodes(kn_paraview *p, const kn_moment *m)
     }
 }
 
-// Read stress, strain and residual strain of every edge.
+// Copy stress, strain and residual strain of every lattice edge into the arrays to export.
 static void read_edges(kn_paraview *p, const kn_state *state)
 {
     for (int e = 0; e < p->springs.count; e++) {
@@ -176,7 +177,7 @@ static bool write_edges(kn_paraview *p, const kn_moment *m, char *error, size_t 
 
 // Buffers of one tool at one moment. These buffers are much smaller than the object's and are allocated for each file.
 typedef struct tool_room {
-    float (*xyz)[3], (*vector)[3][3]; // [points]; [points] of each of three vectors
+    float (*xyz)[3], (*vector)[3][3]; // xyz: positions of the points; vector: three arrays of one vector per point
     int32_t *corner, *end;
     uint8_t *type;
 } tool_room;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_PARAVIEW_H
 #define KN_CLIENTS_PARAVIEW_H
-// Export of an object to ParaView. A moment is the state of the object and its tools at one time. All files are in one
-// folder:
+// Export of an object to ParaView. A moment is the state of the object and its tools at one time. All files of an
+// export are in one folder:
 //
 //     object.pvd    the file to open: the object and its tools through time
 //     edges.pvd     every edge of the lattice as a line
@@ -17,18 +17,18 @@
 //            no points while nobody holds the tool           field: orientation_wxyz, gain
 #include "core/state.h"
 
-// One moment. The caller owns all that the pointers refer to.
+// Moment: state of the object and its tools at one time. The caller owns all objects to which the pointers refer.
 typedef struct kn_moment {
     const kn_model *model;
-    int models;            // number of the model; increases with every new model, because addresses can repeat
-    const kn_state *state; // without solver scratch: contact_force_n of the nodes is not known and not exported
+    int models;            // running number of the model; two models can have the same address, but not the same number
+    const kn_state *state; // if `state` has no solver scratch, contact forces of the nodes are unknown and not exported
     double time_s;
-    // tool[i]: tool of probe i. live: a hand holds the tool.
+    // tool[i]: pose and forces of the tool of probe i. live: a hand holds this tool.
     struct kn_moment_tool {
         bool live;
         double position_m[3], orientation_wxyz[4];
-        double contact_force_n[3];        // on the tool, before any limit
-        double force_n[3], torque_n_m[3]; // force and torque given to the hand
+        double contact_force_n[3];        // contact force on the tool, before any force limit
+        double force_n[3], torque_n_m[3]; // force and torque that kneadd gives to the hand
         double gain;
     } tool[KN_PROBES_MAX];
 } kn_moment;

@@ -3,8 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double rest_s = 1.0; // after a withdrawal: the object's fast recovery has ended by then
-static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4; // see add_landing
+// Duration of the rest after a withdrawal; the object's fast recovery has ended by then.
+static const double rest_s = 1.0;
+// Speeds and times of the last part of the way down, see add_landing.
+static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4;
 
 double kn_path_distance(const double a[3], const double b[3])
 {
@@ -31,7 +33,7 @@ static void add_line(kn_path *path, const char *name, const kn_path_point *from,
     add(path, KN_PIECE_LINE, name, from, way_m > 0.0 ? cruise_s + 2.0 * KN_PATH_RAMP_S : 0.0)->to = *to;
 }
 
-// Allocate a path with room for so many pieces, in one block.
+// Allocate a path with room for `count` pieces, as one block of memory.
 static kn_path *create(int pieces)
 {
     kn_path *path = calloc(1, sizeof *path + (size_t)pieces * sizeof(kn_piece));
@@ -118,8 +120,8 @@ kn_path *kn_path_sine(const kn_path_def *def)
     return path;
 }
 
-// The velocity at a point is the difference of its two neighbours' positions, divided by that of their times (Catmull
-// and Rom). At both ends of the path the velocity is 0.
+// The velocity at a point is the difference of the positions of its two neighbours, divided by the difference of their
+// times (Catmull and Rom). At both ends of the path the velocity is 0.
 kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[])
 {
     kn_path *path = create(count - 1);
@@ -139,7 +141,7 @@ kn_path *kn_path_through(int count, const double time_s[], kn_path_point point[]
 void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from, double z_m, const kn_path_point *to)
 {
     *path = (kn_path){.piece = piece};
-    // Braking evenly from the present velocity covers half of velocity times ramp time.
+    // If the tool brakes evenly from its present velocity to rest, it moves by half of velocity times braking time.
     kn_path_point still = *from, up;
     for (int i = 0; i < 3; i++) still.position_m[i] += 0.5 * KN_PATH_RAMP_S * from->velocity_m_s[i];
     memset(still.velocity_m_s, 0, sizeof still.velocity_m_s);
@@ -152,8 +154,8 @@ void kn_path_retreat(kn_path *path, kn_piece piece[4], const kn_path_point *from
     add(path, KN_PIECE_STAND, "wait", to, 0.0);
 }
 
-// Compute the share of the way that a LINE has covered at time t, 0..1, and the rate of change of this share, 1/s. The
-// speed over time is a trapezoid of area 1.
+// Compute the fraction of a LINE that the tool has covered at time t, 0..1, and the rate of change of this fraction
+// [1/s]. The rate over time is a trapezoid of area 1.
 static void trapezoid(double t, double duration_s, double *share, double *rate)
 {
     double r = KN_PATH_RAMP_S, peak = 1.0 / (duration_s - r), left = duration_s - t;
@@ -162,7 +164,8 @@ static void trapezoid(double t, double duration_s, double *share, double *rate)
     else *share = peak * (t - 0.5 * r), *rate = peak;
 }
 
-// Evaluate the cubic Hermite curve of a piece at time t. h are the base functions, g = dh/du their derivatives.
+// Evaluate the cubic Hermite curve of a piece at time t. h: the Hermite base functions of u; g = dh/du: their
+// derivatives. u runs from 0 to 1 along the piece.
 static void curve(const kn_piece *p, double t, kn_path_point *out)
 {
     double d = p->duration_s, u = t / d;
@@ -196,7 +199,7 @@ const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *out)
         if (path->piece[middle].start_s <= t_s) low = middle;
         else high = middle - 1;
     }
-    // Hold the ends: clamp the time into the piece.
+    // Outside the path the tool rests at the path's first or last point, so clamp the time into the piece.
     const kn_piece *p = &path->piece[low];
     double t = fmin(fmax(t_s - p->start_s, 0.0), p->duration_s), share = 0.0, rate = 0.0;
     *out = p->from;
@@ -207,7 +210,8 @@ const kn_piece *kn_path_at(const kn_path *path, double t_s, kn_path_point *out)
         curve(p, t, out);
         return p;
     }
-    // LINE and SINE both move along a straight line. They differ in the share of the way that is covered at time t.
+    // LINE and SINE both move along a straight line. They differ in the fraction of the line that the tool has covered
+    // at time t.
     if (p->kind == KN_PIECE_LINE) {
         trapezoid(t, p->duration_s, &share, &rate);
     } else {

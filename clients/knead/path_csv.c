@@ -13,7 +13,7 @@
 static const double workspace_m = 1.0;
 static const double speed_max_m_s = 5.0;
 
-// Position in the file, for error messages.
+// Present position in the CSV file, for error messages.
 typedef struct reader {
     const char *file;
     int line;
@@ -50,14 +50,14 @@ static bool read_row(const reader *r, const char *line, int fields, double value
     return true;
 }
 
-// The rows read so far.
+// Rows of the CSV file that have been read so far.
 typedef struct rows {
     int count, room;
     double *time_s;
     kn_path_point *point;
 } rows;
 
-// Make room for one more row.
+// Make room for one more row of the CSV file. Return false when memory is short.
 static bool grow(rows *all)
 {
     if (all->count < all->room) return true;
@@ -78,7 +78,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     double length = 0.0;
     memcpy(p.position_m, value + 1, sizeof p.position_m);
     if (kn_path_distance(p.position_m, (const double[3]){0}) > workspace_m)
-        return complain(r, column[1], "further than %g m from the origin; are these metres?", workspace_m);
+        return complain(r, column[1], "further than %g m from the origin, expected coordinates in metres", workspace_m);
     // Normalise the quaternion. A file with few digits may be off by 0.001.
     for (int i = 4; i < fields; i++) length += value[i] * value[i];
     if (fields == 8 && fabs(sqrt(length) - 1.0) > 1e-3)
@@ -87,11 +87,11 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     if (all->count > 0) {
         double span_s = value[0] - all->time_s[all->count - 1];
         double way_m = kn_path_distance(p.position_m, all->point[all->count - 1].position_m);
-        if (span_s <= 0.0) return complain(r, column[0], "time does not rise");
+        if (span_s <= 0.0) return complain(r, column[0], "time does not increase");
         if (value[0] - all->time_s[0] > KN_PATH_LONGEST_S)
             return complain(r, column[0], "more than a day after the first row");
         if (way_m > speed_max_m_s * span_s)
-            return complain(r, column[1], "%.3g m/s since the row before, expected at most %g", way_m / span_s,
+            return complain(r, column[1], "%.3g m/s since the previous row, expected at most %g", way_m / span_s,
                             speed_max_m_s);
     }
     if (!grow(all)) return complain(r, 1, "out of memory");

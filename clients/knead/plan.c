@@ -7,10 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FINE_STEPS 16       // steps of FINE in one step of the scene
-#define FINE_TOLERANCE 1e-4 // of FINE's CG: a tolerance of 1e-6 instead changes the force of a press by only 1e-7
+#define FINE_STEPS 16 // number of time steps of the reference FINE in one time step of the scene
+// CG tolerance of the reference FINE. A tolerance of 1e-6 instead changes the force of a press by only 1e-7.
+#define FINE_TOLERANCE 1e-4
 #define SAME_TOLERANCE 1e-8
-// SAME_PASSES: linearisations of SAME. LEAST, CAP: CG iterations of a reference. CAP_TIMES, CAP_LEAST: see cap_of.
+// SAME_PASSES: number of linearisations per time step of the reference SAME. LEAST, CAP: smallest and largest number of
+// CG iterations of a reference. CAP_TIMES, CAP_LEAST: see cap_of.
 enum { SAME_PASSES = 5, LEAST = 2, CAP = 1000, CAP_TIMES = 3, CAP_LEAST = 24 };
 
 static const char *const names[] = {"blend", "secant", "tangent", "rk4"};
@@ -76,7 +78,7 @@ static bool resolve(const kn_plan *plan, kn_run *run, char *error, size_t error_
                                             sets.set, sets.count, error, error_size);
     kn_model *model = NULL;
     bool composite = scene && kn_composite_is(&scene->model), built = composite || run->method == KN_METHOD_RK4;
-    // Some refusals come only when the model is built.
+    // Some invalid settings are found only when the model is built, so build the model.
     if (scene && built) model = kn_model_build(&scene->model, error, error_size);
     bool ok = scene && (model || !built);
     if (ok) {
@@ -164,8 +166,9 @@ bool kn_plan_add_own(kn_plan *plan, char *error, size_t error_size)
     return take(plan, run, error, error_size) >= 0;
 }
 
-// Return the cap of CG iterations. Without a tolerance every step gets the same count. Otherwise the cap is CAP_TIMES
-// times the count, but at least CAP_LEAST and at most CAP.
+// Return the largest number of CG iterations that a time step may take. Without a tolerance every step takes exactly
+// `count` iterations. Otherwise the largest number is CAP_TIMES times the count, but at least CAP_LEAST and at most
+// CAP.
 static int cap_of(const kn_run *run)
 {
     if (run->tolerance == 0) return run->iterations;
@@ -218,7 +221,7 @@ bool kn_plan_add(kn_plan *plan, const kn_axes_def *a, bool strict, char *error, 
     for (int s = 0; s < (a->spacings ? a->spacings : 1); s++) {
         kn_run run = own_run(plan), probe;
         if (a->spacings) run.spacing_m = a->spacing_m[s];
-        // Try the lattice once before its runs are added.
+        // Check that the scene accepts this lattice before its runs are added.
         probe = run;
         if (!resolve(plan, &probe, error, error_size)) {
             if (strict) return false;
@@ -230,8 +233,8 @@ bool kn_plan_add(kn_plan *plan, const kn_axes_def *a, bool strict, char *error, 
     return true;
 }
 
-// Find the reference of this role for a point, and add it to the plan if it is missing. Return the index of the
-// reference, or -1 and one line in `error`.
+// Find the reference run of the given role (SAME or FINE) for a point, and add the reference to the plan if it is
+// missing. Return the index of the reference, or -1 and one line in `error`.
 static int take_reference(kn_plan *plan, const kn_run *point, kn_role role, char *error, size_t error_size)
 {
     kn_run run = *point;
@@ -251,7 +254,7 @@ bool kn_plan_references(kn_plan *plan, char *error, size_t error_size)
 {
     int points = plan->count;
     if (plan->scene->accuracy > 0)
-        note(plan, "two resolutions, in the references too: knead check --log measures what the coarser one costs");
+        note(plan, "two resolutions, in the references too: knead check --log measures the error of the coarser one");
     for (int i = 0; i < points; i++) {
         kn_run run = plan->run[i];
         run.same = take_reference(plan, &run, KN_ROLE_SAME, error, error_size);

@@ -25,19 +25,19 @@
 typedef enum kn_method { KN_METHOD_BLEND, KN_METHOD_SECANT, KN_METHOD_TANGENT, KN_METHOD_RK4 } kn_method;
 typedef enum kn_role { KN_ROLE_POINT, KN_ROLE_SAME, KN_ROLE_FINE } kn_role;
 
-// One replay of the log.
+// Run: one replay of the log with given solver settings.
 typedef struct kn_run {
     kn_role role;
-    bool own;         // the run uses the scene's own settings
-    double spacing_m; // 0: the object is a mesh
+    bool own;         // true: the run uses the solver settings that the scene itself contains
+    double spacing_m; // spacing of the lattice's nodes; 0: the object is a mesh
     double dt_s;
     kn_method method;
     kn_precision precision;
     int iterations, iterations_max, passes;
     double tolerance;
-    int same, fine; // a point's references SAME and FINE, as indices in plan->run; -1: none
+    int same, fine; // indices in plan->run of the references SAME and FINE of this point; -1: none
     int nodes;
-    char id[17]; // hash of the canonical text, 16 hex digits
+    char id[17]; // hash of the run's canonical scene text, 16 hex digits
 } kn_run;
 
 // Axes of a sweep. An axis is a list of values of one setting. An axis without values uses the scene's own value.
@@ -45,9 +45,9 @@ typedef struct kn_axes_def {
     int methods, precisions, counts, tolerances, passes, steps, spacings;
     kn_method method[4];
     kn_precision precision[2];
-    int count[KN_AXIS_MAX]; // CG iterations that every step gets
-    // Residual at which CG stops after `count` iterations or more. CG ends at the latest after three times `count` or
-    // 24 iterations, whichever is larger. 0: exactly `count` iterations.
+    int count[KN_AXIS_MAX]; // number of CG iterations in every time step
+    // Relative residual at which CG may stop once it has made `count` iterations. CG ends at the latest after three
+    // times `count` or 24 iterations, whichever is larger. 0: CG makes exactly `count` iterations.
     double tolerance[KN_AXIS_MAX];
     int pass[KN_AXIS_MAX];
     double dt_s[KN_AXIS_MAX], spacing_m[KN_AXIS_MAX];
@@ -55,42 +55,44 @@ typedef struct kn_axes_def {
 
 typedef struct kn_plan {
     const char *scene_path, *log_path;
-    const char *const *sets; // `key=value` texts of --set, applied to the scene in every run
+    const char *const *sets; // texts `key=value` of the option --set; every run applies them to the scene
     int set_count;
-    kn_scene *scene; // the scene, with the sets applied
-    char *text;      // canonical text of the scene without quality; the basis of all runs
-    bool fine;       // FINE references are wanted
+    kn_scene *scene; // the scene at scene_path with the texts in `sets` applied
+    char *text;      // canonical text of the scene without its block `quality`; all runs start from this text
+    bool fine;       // true: the plan contains the references FINE, see the top of this file
     int count;
     kn_run run[KN_RUNS_MAX];
     int notes;
-    char note[4][300]; // notes for the user, such as why a lattice is impossible
+    char note[4][300]; // notes to print for the user, such as the reason why a lattice is impossible
 } kn_plan;
 
 // Load the scene of the plan. Return false and one line in error on failure.
 bool kn_plan_open(kn_plan *plan, char *error, size_t error_size);
 void kn_plan_close(kn_plan *plan);
 
-// Add one point for each combination of values of the axes. Points that are in the plan already are not added again. If
-// the scene does not allow a lattice or a method, add a note instead. strict: an impossible lattice is an error,
-// because the user named the lattices.
+// Add one point (run to judge) for each combination of values of the axes. Points that are in the plan already are not
+// added again. If the scene does not allow a lattice or a method, add a note instead. strict: an impossible lattice is
+// an error, because the user named the lattices.
 bool kn_plan_add(kn_plan *plan, const kn_axes_def *axes, bool strict, char *error, size_t error_size);
-// Add the scene's own settings as a point.
+// Add the solver settings that the scene itself contains as a point (run to judge).
 bool kn_plan_add_own(kn_plan *plan, char *error, size_t error_size);
-// Add the references of all points. Call it when all points are in the plan.
+// Add the reference runs of all points. Call this function when all points are in the plan.
 bool kn_plan_references(kn_plan *plan, char *error, size_t error_size);
 
-typedef struct kn_run_sets { // settings of a run that override those of plan->text in a replay
+typedef struct kn_run_sets { // settings of one run, which override the scene text plan->text in a replay
     char made[KN_RUN_SETS][48];
-    const char *set[KN_RUN_SETS]; // pointers to made
+    const char *set[KN_RUN_SETS]; // pointers to the texts in `made`
     int count;
 } kn_run_sets;
 // Write the settings of a run as `key=value` texts.
 void kn_run_sets_make(kn_run_sets *sets, const kn_run *run);
 
-// Describe a run for people: "5 mm, 1 ms, blend f32, 8". Return text.
+// Describe the settings of a run in words, such as "5 mm, 1 ms, blend f32, 8" (spacing, time step, method, precision,
+// CG iterations). Return `text`.
 const char *kn_run_name(const kn_run *run, char text[96]);
 const char *kn_method_name(kn_method method);
-// Describe the iterations of a run: "8", "8..24 to 0.001", with " x2" for two linearisations, "-" for rk4. Return text.
+// Describe the number of CG iterations of a run, such as "8", or "8..24 to 0.001" with a tolerance. " x2" is appended
+// for two linearisations. For rk4 the text is "-". Return `text`.
 const char *kn_run_effort(const kn_run *run, char text[64]);
 
 #endif

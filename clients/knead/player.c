@@ -1,7 +1,7 @@
 #include "clients/knead/player.h"
 #include <math.h>
 
-// Publish the news for other threads.
+// Publish the state of the hand for other threads.
 static void tell(kn_player *p)
 {
     const double *f = p->hand.given_n;
@@ -10,7 +10,8 @@ static void tell(kn_player *p)
     atomic_store(&p->piece, p->hand.piece);
     atomic_store(&p->tries, p->hand.tries);
     atomic_store(&p->trips, p->hand.trips);
-    atomic_store(&p->mode, (int)p->hand.mode); // last: the other news are in place when a reader sees the mode
+    // Stored last, so the other values are valid when another thread sees the new mode.
+    atomic_store(&p->mode, (int)p->hand.mode);
 }
 
 void kn_player_init(kn_player *p, const kn_hand_def *def)

@@ -21,7 +21,7 @@ const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000
 static void (*before)(int); // handler of SIGPIPE before the plot was opened; one plot is open at a time
 static int said = -1;       // memory file with gnuplot's standard error: warnings, and the reason why it ended
 static int drawn = -1;      // memory file with the image; gnuplot itself does not report failed writes
-static int image = -1;      // the file of the image
+static int image = -1;      // descriptor of the file to which the image is written at the end
 
 static int find_gnuplot(const char *subcommand, const char *path)
 {
@@ -43,7 +43,8 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
     // gnuplot's output must not mix with text that is still buffered here.
     fflush(stdout);
     image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    // Save standard output and error, because gnuplot inherits replacements for both.
+    // Save this program's standard output and standard error. Both are replaced while gnuplot starts, because gnuplot
+    // inherits them.
     int terminal = dup(STDOUT_FILENO), errors = dup(STDERR_FILENO);
     said = memfd_create("gnuplot", MFD_CLOEXEC);
     drawn = memfd_create("picture", MFD_CLOEXEC);

@@ -4,8 +4,8 @@
 // pipe. plot.gp defines the look of all plots: fonts, colours, grid. The callers add curves, axes and texts.
 #include <stdio.h>
 
-// Check that gnuplot is installed and that the file can be written. Call this before a long computation. Return an exit
-// code. On failure, print an error message that begins with the name of the subcommand.
+// Check that gnuplot is installed and that the file can be written. Call this before a long computation. Return 0, or
+// print an error message that begins with the name of the subcommand and return an exit code.
 int kn_plot_try(const char *subcommand, const char *path);
 
 // Open a plot of `wide` x `high` pixels. Return the stream for its script; plot.gp is already written to it. On failure
@@ -13,7 +13,7 @@ int kn_plot_try(const char *subcommand, const char *path);
 // gnuplot draws into memory, and kn_plot_close writes the image to the file. So the path appears neither in a shell
 // command nor in a script, and a full disk is reported.
 FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code);
-// Close a plot and write its image. Return an exit code.
+// Close a plot and write its image to the file. Return 0, or print an error message and return an exit code.
 int kn_plot_close(FILE *f, const char *subcommand, const char *path);
 
 // Write text as a gnuplot string in single quotes. gnuplot takes every character in single quotes literally, except the
@@ -21,7 +21,7 @@ int kn_plot_close(FILE *f, const char *subcommand, const char *path);
 void kn_plot_quote(FILE *f, const char *text);
 
 #define KN_PLOT_COLOURS 8
-// Colours of plot.gp's line types 1.., such as "0072b2".
+// Colours of the line types 1, 2, ... in plot.gp, as hexadecimal RGB such as "0072b2".
 extern const char *const kn_plot_colour[KN_PLOT_COLOURS];
 
 #endif

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct __attribute__((packed)) vertex { // layout as declared in the header of the file
+typedef struct __attribute__((packed)) vertex { // one vertex in the layout that the header of the PLY file declares
     float xyz[3], normal[3], quality;
     uint8_t rgb[3];
 } vertex;
@@ -15,8 +15,8 @@ typedef struct __attribute__((packed)) face {
     int32_t vertex[3];
 } face;
 
-// Add the share of one corner of a triangle to the normal of its vertex: the triangle's unit normal times the corner's
-// angle. The weighting makes the result independent of how a quad is cut into triangles.
+// Add the contribution of one corner of a triangle to the normal of the corner's vertex: the triangle's unit normal
+// times the corner's angle. The weighting makes the result independent of how a quad is cut into triangles.
 static void add_corner(const float at[3], const float next[3], const float last[3], float normal[3])
 {
     double a[3], b[3], across[3];
@@ -40,7 +40,7 @@ static void add_normals(const kn_still *s, vertex *v)
             add_corner(s->now[at], s->now[c[(i + 1) % 3]], s->now[c[(i + 2) % 3]], normal);
             memcpy(v[at].normal, normal, sizeof normal);
         }
-    // Normalise the sums.
+    // Scale the summed normal of each vertex to unit length.
     for (int i = 0; i < s->vertex_count; i++) {
         float n[3];
         memcpy(n, v[i].normal, sizeof n);
@@ -54,7 +54,7 @@ bool kn_ply_write(FILE *f, const kn_still *s, kn_measure what, double top, const
     const kn_measure_name *name = &kn_measure_names[what];
     vertex *v = calloc((size_t)s->vertex_count + 1, sizeof *v);
     if (!v) return false;
-    // Fill positions, values and colours.
+    // Fill in position, value of the measure and colour of every vertex.
     for (int i = 0; i < s->vertex_count; i++) {
         float srgb[3];
         memcpy(v[i].xyz, s->now[i], sizeof v[i].xyz);

@@ -3,18 +3,24 @@
 #include <math.h>
 #include <string.h>
 
-static const double air_m_s = 0.15, sideways_m_s = 0.4; // speeds in the air, like those of a calm hand
+// Largest vertical and sideways speeds of the tool in the air, like those of a calm hand.
+static const double air_m_s = 0.15, sideways_m_s = 0.4;
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
-static const double press_m_s[2] = {0.03, 0.01};   // round tool, flat tool
-static const double stroke_m_s[2] = {0.03, 0.004}; // sideways while pressing
-static const double touch_m_s[2] = {0.03, 1e-4};   // speed at the first touch; see the landing in path.c
-static const double object_m_s2 = 0.2;             // 0 to 1 cm/s in 50 ms: dough's 1 kN s/m answers with 0.2 N/ms
-static const double flushing_m_s = 5e-4;           // flat tool, from the first touch until the tool lies flat
-static const double landing_m = 1e-3, landing_m_s2 = 2e-3; // the last millimetre of a flat tool takes a second
+static const double press_m_s[2] = {0.03, 0.01};   // speed of a press into the object: of a round tool, of a flat tool
+static const double stroke_m_s[2] = {0.03, 0.004}; // sideways speed in the object: of a round tool, of a flat tool
+// Speed at the first touch of the object: of a round tool, of a flat tool (see add_landing in path.c).
+static const double touch_m_s[2] = {0.03, 1e-4};
+// Acceleration in the object: 0 to 1 cm/s in 50 ms, to which dough (1 kN s/m) answers with 0.2 N/ms.
+static const double object_m_s2 = 0.2;
+// Speed of a flat tool from its first touch until it lies flat on the object.
+static const double flushing_m_s = 5e-4;
+// Braking distance and deceleration of a flat tool above the object; the last millimetre takes one second.
+static const double landing_m = 1e-3, landing_m_s2 = 2e-3;
 // clear_m: tolerance of the hover height. there_m: distance within which the tool counts as above its goal.
 static const double clear_m = 1e-3, there_m = 2e-4;
-static const int clear_ms = 300;   // time for a fault to clear after the lift: 200 ms of poses and a margin
-static const int leaving_ms = 100; // time for the force to fade and the tool to become free
+// Time that kneadd gets to clear a fault after the tool is lifted: 200 ms of poses and a margin.
+static const int clear_ms = 300;
+static const int leaving_ms = 100; // time in which the force fades and kneadd frees the tool
 
 void kn_pointer_init(kn_pointer *p, kn_probe_shape shape, int64_t session)
 {
@@ -29,7 +35,7 @@ static void enter(kn_pointer *p, kn_pointer_mode mode)
     p->mode_ms = 0;
 }
 
-// Begin a new session: pose numbers, the newest force and the watchdog start again.
+// Begin a new session: reset the pose number, the newest force and the watchdog.
 static void open_session(kn_pointer *p)
 {
     p->session++;
@@ -39,7 +45,7 @@ static void open_session(kn_pointer *p)
     kn_watchdog_rearm(&p->watchdog);
 }
 
-// Take the newest force, run the watchdog, and update the news.
+// Check the newest force, advance the watchdog, and update p->news, the state for the caller.
 static void feel(kn_pointer *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_news *n = &p->news;
@@ -93,7 +99,7 @@ static void decide(kn_pointer *p)
         enter(p, p->wish.held ? KN_POINTER_FOLLOW : KN_POINTER_ABSENT);
         break;
     }
-    // After a stale wish, too, the tool does not press before the button is released.
+    // After a stale wish (a wish that is too old) the tool does not press before the button is released.
     p->barred = (p->barred || p->wish.stale) && p->wish.pressed;
 }
 
@@ -103,7 +109,7 @@ static double braking(double way_m, double a_m_s2, double end_m_s)
     return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
 }
 
-// Return speed moved towards wanted by at most `most`.
+// Return `speed`, changed towards `wanted` by at most `most`.
 static double toward(double speed, double wanted, double most)
 {
     return speed + fmin(fmax(wanted - speed, -most), most);
@@ -114,7 +120,8 @@ static void move_down(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->ground_m;
     bool inside = above_m <= 0.0 || p->news.contact;
-    // Come to rest at the goal. Plan with half of the acceleration, so that the tool can keep up with the plan.
+    // Slow down so that the tool comes to rest at the goal. Plan with half of the acceleration, so that the tool can
+    // keep up with the planned speed.
     double speed = braking(*z - goal_m, 0.5 * object_m_s2, 0.0);
     if (inside) {
         // Use the press speed. A flat tool that touches the object only in part sinks slowly until it lies flat.
@@ -132,7 +139,7 @@ static void move_down(kn_pointer *p, double goal_m, double dt_s)
     if (*z == goal_m) *v = 0.0;
 }
 
-// Move up or down to the hover height. Inside the object the speed is that of a press.
+// Move up or down to the hover height. Inside the object the tool moves at the speed of a press.
 static void move_up(kn_pointer *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], way_m = goal_m - *z;
@@ -140,7 +147,7 @@ static void move_up(kn_pointer *p, double goal_m, double dt_s)
     double most = inside ? press_m_s[p->flat] : air_m_s,
            speed = fmin(most, braking(fabs(way_m), 0.5 * object_m_s2, 0.0));
     *v = toward(*v, copysign(speed, way_m), (inside ? object_m_s2 : air_m_s2) * dt_s);
-    // Snap to the goal within 10 um, when the tool is slow.
+    // Set the tool exactly to its goal if it is slow and at most 10 um away.
     if (fabs(way_m) < 1e-5 && fabs(*v) < 1e-2) *z = goal_m, *v = 0.0;
     *z += *v * dt_s;
 }
@@ -154,7 +161,8 @@ static void move_sideways(kn_pointer *p, bool press, double dt_s)
     bool down = press && p->point.position_m[2] < p->wish.touch_z_m, free = !down && !p->news.contact;
     bool moves = down || lifted(p);
     double a_m_s2 = free ? sideways_m_s2 : object_m_s2, most_m_s = free ? sideways_m_s : stroke_m_s[p->flat];
-    double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0; // half, as in move_down
+    // Half of the acceleration, so that the tool can keep up with the planned speed.
+    double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0;
     for (int i = 0; i < 2; i++) {
         v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, a_m_s2 * dt_s);
         if (far_m < 1e-5 && moves) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
@@ -165,7 +173,7 @@ static void move_sideways(kn_pointer *p, bool press, double dt_s)
 // Compute the pose of this millisecond.
 static void follow(kn_pointer *p)
 {
-    const double dt_s = 1e-3; // per pose sent, so a stall of this process never causes a jump
+    const double dt_s = 1e-3; // one period per pose sent, so a stall of this process never causes a jump
     double *x = p->point.position_m;
     // The very first pose is at the hover height above the goal.
     if (!p->placed) memcpy(x, (double[]){p->wish.at_m[0], p->wish.at_m[1], p->wish.hover_z_m}, 3 * sizeof *x);
@@ -175,8 +183,8 @@ static void follow(kn_pointer *p)
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
-    // The ground is the lowest height that this press has reached. The tool moves slowly below the ground only, because
-    // the object has been pushed down to the ground.
+    // The ground is the lowest height that the tool has reached in this press. The object has been pushed down to the
+    // ground, so the tool needs to move slowly only below the ground.
     p->ground_m = press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY;
     move_sideways(p, press, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
@@ -186,7 +194,7 @@ static void follow(kn_pointer *p)
 
 kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn_hand_force *force, int elapsed_ms)
 {
-    // A new press starts without a ground, and is allowed even if the last press was barred.
+    // A new press starts without a ground (lowest height reached), and is allowed even if the last press was barred.
     if (wish->press != p->wish.press) p->ground_m = INFINITY, p->barred = false;
     p->wish = *wish;
     feel(p, force, elapsed_ms);
@@ -197,7 +205,7 @@ kn_hand_out kn_pointer_tick(kn_pointer *p, const kn_pointer_wish *wish, const kn
     if (p->mode == KN_POINTER_ABSENT || p->mode == KN_POINTER_SILENT) return (kn_hand_out){.leaves = true};
     follow(p);
     p->seq++;
-    // Remember the first pose that carries this wish. The answer to that pose answers the wish.
+    // Store the number of the first pose that follows this wish. A force that answers this pose answers the wish.
     if (!p->asked_event && wish->event != p->news.event) p->asked_event = wish->event, p->asked_seq = p->seq;
     return (kn_hand_out){.send = true, .session = p->session, .seq = p->seq, .point = p->point};
 }

@@ -14,39 +14,45 @@
 #include "clients/knead/hand.h"
 #include "core/model.h"
 
-typedef struct kn_pointer_wish { // wish of the user; positions are positions of the tool
-    bool held;                   // somebody uses the tool; otherwise the hand lifts the tool and leaves
-    bool pressed;                // the button is down
-    int32_t press;    // number of the press; a new number while pressed means that the button was released in between
-    double at_m[2];   // x and y; if they change while news.depth_m > 0, the tool strokes at constant depth
-    double hover_z_m; // height clear of the object everywhere
+typedef struct kn_pointer_wish { // what the user wants the tool to do; all positions are positions of the tool
+    bool held;                   // true: somebody uses the tool. false: the hand lifts the tool and ends its session
+    bool pressed;                // true: the button of the mouse is down, or the finger touches the screen
+    int32_t press; // number of the press; a new number while pressed means that the button was released in between
+    // Wanted x and y of the tool. If they change while news.depth_m > 0, the tool moves sideways through the object at
+    // constant depth.
+    double at_m[2];
+    double hover_z_m; // z of the tool at which it touches the object nowhere
     double touch_z_m; // z at which the tool, above at_m, touches the object as the press begins; used while pressed
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
-    double depth_m;   // wanted depth below touch_z_m, >= 0
-    int32_t event;    // number of the wish, rising; 0: none yet
-    bool stale;       // the wish is too old: the tool is lifted and does not press before the button is released
+    double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
+    int32_t event;    // number of this wish, larger than that of every earlier wish; 0: no wish yet
+    // True: the wish is too old, so the tool is lifted and does not press before the button is released.
+    bool stale;
 } kn_pointer_wish;
 
 typedef enum kn_pointer_mode {
-    KN_POINTER_ABSENT, // the hand has left the tool: no poses are sent
-    KN_POINTER_FOLLOW, // the tool follows the wishes
-    KN_POINTER_LET_GO, // after a fault: lifting, and waiting for the fault to clear
-    KN_POINTER_SILENT  // no poses, before a new session begins
+    KN_POINTER_ABSENT, // the hand has let go of the tool, so no poses are sent
+    KN_POINTER_FOLLOW, // the tool follows the user's wishes
+    KN_POINTER_LET_GO, // after a fault, the hand lifts the tool and waits until kneadd clears the fault
+    KN_POINTER_SILENT  // the hand sends no poses, so that kneadd ends the session; then a new session begins
 } kn_pointer_mode;
 
-typedef struct kn_pointer_news { // after one millisecond
+typedef struct kn_pointer_news { // state of the hand after one millisecond
     kn_pointer_mode mode;
-    double force_n, depth_m; // magnitude of the force on the hand; depth below touch_z_m, 0 while not pressing
-    int32_t flags, fault;    // flags and fault of the newest force; 0 if there is no force or the newest is too old
+    // force_n: magnitude of the force on the hand. depth_m: depth of the tool below touch_z_m; 0 if the tool does not
+    // press.
+    double force_n, depth_m;
+    // Flags and fault in the newest force message; 0 if there is no message or the newest is too old.
+    int32_t flags, fault;
     bool contact;
-    bool heard;    // kneadd answers
+    bool heard;    // true: kneadd answers the poses of this hand
     bool released; // false: the button must be released before the tool presses again, for example after a fault
-    int32_t event; // newest wish that kneadd has answered
-    int64_t tick;  // tick of kneadd's answer to `event`
+    int32_t event; // number of the newest wish that kneadd has answered
+    int64_t tick;  // tick in which kneadd answered the wish `event`
 } kn_pointer_news;
 
 typedef struct kn_pointer {
-    bool flat; // the tool has a flat foot, see foot.h
+    bool flat; // true: the tool has a flat underside, see foot.h
     kn_pointer_wish wish;
     kn_pointer_mode mode;
     kn_watchdog watchdog;
@@ -54,19 +60,21 @@ typedef struct kn_pointer {
     kn_path_point point;
     int64_t session, seq;
     int mode_ms;
-    double ground_m;     // lowest height of the tool in this press, at most touch_z_m; INFINITY: no press
-    bool placed, barred; // placed: the position is set; barred: no press before the button is released
-    int32_t asked_event; // wish that was sent with pose asked_seq and is not answered yet; 0: none
+    // Lowest z that the tool has reached in this press, at most touch_z_m; INFINITY: the tool is not pressing.
+    double ground_m;
+    // placed: `point` has a position. barred: the tool must not press before the button is released.
+    bool placed, barred;
+    int32_t asked_event; // number of the wish that was sent with pose asked_seq and is not answered yet; 0: none
     int64_t asked_seq;
     kn_pointer_news news;
 } kn_pointer;
 
-// Initialise a pointer in mode ABSENT. shape: shape of its tool. session: the first session has the number session + 1,
-// and the number of every later session is larger by one.
+// Initialise a pointer in mode ABSENT. shape: shape of the tool that the pointer moves. session: the first session has
+// the number session + 1, and the number of every later session is larger by one.
 void kn_pointer_init(kn_pointer *pointer, kn_probe_shape shape, int64_t session);
 
-// Advance by one ms and update pointer->news. wish: the newest wish, which may be the wish of the last call. force,
-// elapsed_ms: as for kn_device_hand.
+// Advance the hand by one ms and update pointer->news. wish: the newest wish of the user, which may be the same as in
+// the last call. force, elapsed_ms: as for kn_device_hand.
 kn_hand_out kn_pointer_tick(kn_pointer *pointer, const kn_pointer_wish *wish, const kn_hand_force *force,
                             int elapsed_ms);
 

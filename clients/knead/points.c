@@ -12,18 +12,20 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define BLOCK 2048 // bytes, more than three lines with every number at its longest
+// Size of the `quality` block in bytes: more than its three lines need with every number at its longest.
+#define BLOCK 2048
 
 // ---- checks before the sweep
 
-// Permission bits are checked too, because root may write any file. A file that is writable for nobody is not replaced.
+// Check the permission bits, because root may write any file. A file that is writable for nobody is not replaced.
 int kn_points_try(const kn_plan *plan)
 {
     char path[PATH_MAX], folder[PATH_MAX];
     struct stat there;
     if (plan->scene->model.solver.kind == KN_SOLVER_RK4)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "--write: %s: solver.kind is rk4, which has no points, expected implicit", plan->scene_path);
+                           "--write: %s: solver.kind is rk4, which has no quality points, expected implicit",
+                           plan->scene_path);
     if (!realpath(plan->scene_path, path) || stat(path, &there) != 0)
         return kn_complain("tradeoff", KN_EXIT_DEVICE, "--write: %s: %s", plan->scene_path, strerror(errno));
     if (!S_ISREG(there.st_mode) || !(there.st_mode & 0222) || access(path, W_OK) != 0)
@@ -33,7 +35,7 @@ int kn_points_try(const kn_plan *plan)
     snprintf(folder, sizeof folder, "%s", path);
     if (access(dirname(folder), W_OK | X_OK) == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE,
-                       "--write: %s: its folder is read-only, expected one for a new file of that name",
+                       "--write: %s: its folder is read-only, expected a writable folder, because the file is replaced",
                        plan->scene_path);
 }
 
@@ -42,7 +44,8 @@ int kn_points_try(const kn_plan *plan)
 // Write the precision and spacing that the active quality point itself states: "precision: f64, spacing: 0.01 m, ".
 static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t error_size)
 {
-    // Parse the scene without its quality block. If a value differs from the planned scene's, the active point set it.
+    // Parse the scene without its quality block. If a value differs from that of the planned scene, the active quality
+    // point has set this value.
     const kn_model_def *found = &plan->scene->model;
     kn_scene *bare = kn_scene_parse_beside(plan->scene_path, plan->scene_path, plan->text, strlen(plan->text), NULL, 0,
                                            error, error_size);
@@ -56,7 +59,7 @@ static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t 
     return true;
 }
 
-// Format the new block. The caller frees it; NULL when memory is short.
+// Format the new `quality` block of the scene. The caller frees the text. Return NULL when memory is short.
 static char *quality_block(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN], const char *lattice)
 {
     char *text = malloc(BLOCK);
@@ -84,7 +87,7 @@ static bool is_same_scene(const kn_plan *plan, const char *path, const char *tex
     kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
     char *now = scene ? kn_graft(scene->text, "quality", "", error, error_size) : NULL;
     bool same = now && !strcmp(now, plan->text);
-    if (now && !same) snprintf(error, error_size, "the scene has changed meanwhile");
+    if (now && !same) snprintf(error, error_size, "the scene file was changed meanwhile");
     free(now);
     kn_scene_destroy(scene);
     return same;
@@ -109,13 +112,13 @@ static bool replace(const char *path, const char *text)
     return ok;
 }
 
-// Report the points that were written, and the points of other lattices or precisions that were removed.
+// Report which quality points were written, and which quality points of other lattices or precisions were removed.
 static void tell(const kn_plan *plan)
 {
     printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (plan->scene->point[q].defined && !plan->scene->point[q].live)
-            printf("the %s that was there is gone: it was of another lattice or precision\n", kn_quality_name(q));
+            printf("removed the old point %s: it was of another lattice or precision\n", kn_quality_name(q));
 }
 
 int kn_points_write(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])

@@ -8,10 +8,10 @@
 // changes between quality points keeps its lattice.
 #include "clients/knead/front.h"
 
-// Check that the scene file can be replaced. Call this before the sweep. Return an exit code. On failure, print an
-// error message.
+// Check that the scene file can be replaced. Call this before the sweep. Return 0, or print an error message and return
+// an exit code.
 int kn_points_try(const kn_plan *plan);
-// Write the named points into the scene file. Return an exit code. On failure, print an error message.
+// Write the named quality points into the scene file. Return 0, or print an error message and return an exit code.
 int kn_points_write(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN]);
 
 #endif

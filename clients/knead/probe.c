@@ -1,5 +1,5 @@
-// knead probe: a virtual haptic device at 1 kHz. hand.h has the hand, player.h its news and device.h its thread. This
-// file has the order of the session and its messages.
+// knead probe: a virtual haptic device at 1 kHz. hand.h contains the hand, player.h the state that other threads can
+// read, and device.h the thread. This file contains the steps of a session in order, and the messages to the user.
 #include "clients/knead/commands.h"
 #include "clients/knead/dent.h"
 #include "clients/knead/foot.h"
@@ -21,24 +21,27 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-static const int scene_wait_ms = 4000;          // KNEAD_SCENE is sent every 1 s
-static const int64_t mesh_wait_ns = 3000000000; // KNEAD_MESH_INIT is sent every 1 s
-static const double press_m = 0.01;             // default depth of a press, from the first paper
-static const double shallowest_m = 1e-4;        // a smaller depth is no press
-static const double thinnest = 0.1;       // share of the block's height that must remain: thinner cells turn inside out
-static const double lift_m = 0.02;        // height above the top that is clear of all material pushed up there
-static const double even_m = 1e-5;        // a top with a smaller unevenness counts as even
-static const int trip_ms = 15000;         // time allowed per try for engaging, a retreat and the silence after it
-static const double most_uneven_m = 2e-3; // limit of uneven_m: sinking slowly into a dent takes 4 s at most
+static const int scene_wait_ms = 4000;          // longest wait for KNEAD_SCENE, which kneadd sends every 1 s
+static const int64_t mesh_wait_ns = 3000000000; // longest wait for a mesh; kneadd sends KNEAD_MESH_INIT every 1 s
+static const double press_m = 0.01;             // default depth of a press, from the project's first paper
+static const double shallowest_m = 1e-4;        // smallest depth of a press
+// Fraction of the object's height that must remain under the tool; thinner cells turn inside out.
+static const double thinnest = 0.1;
+static const double lift_m = 0.02; // height above the object's top to which no material is pushed up
+static const double even_m = 1e-5; // unevenness of the object's top below which the top counts as even
+// Time that each try may take for engaging, for a retreat and for the silence after the retreat.
+static const int trip_ms = 15000;
+// Largest uneven_m of a path; the tool then sinks slowly into a dent for 4 s at most.
+static const double most_uneven_m = 2e-3;
 
 // One run of `knead probe`.
 typedef struct probe {
     kn_probe_options opt;
     kn_scene *scene;
     const kn_probe_def *tool;
-    kn_path *path[KN_HAND_TRIES]; // one per try; a path from a file serves all tries
-    bool regenerate;              // paths are generated, one for each try
-    bool no_way;                  // no path could be made for the next try
+    kn_path *path[KN_HAND_TRIES]; // one path for each try; a path from a file is used for all tries
+    bool regenerate;              // true: paths are generated, one for each try
+    bool no_way;                  // true: no path could be made for the next try
     kn_record *record;
     kn_join *mesh_bus;
     kn_mesh mesh;
@@ -46,8 +49,8 @@ typedef struct probe {
     kn_player player;
     kn_grasp grasp; // the player's hand with a simulated device in it, if --hand was given
     kn_device device;
-    double x_m, y_m; // where the path is deepest; the dent is measured there
-    double before_m; // height of the object there before the session; NAN: the place is beside the object
+    double x_m, y_m; // place of the path's lowest point, at which the depth of the dent is measured
+    double before_m; // height of the object at (x_m, y_m) before the session; NAN: this place is beside the object
     char error[512];
 } probe;
 
@@ -77,10 +80,10 @@ static int find_tool(probe *p)
     for (int i = 0; i < def->probe_count && !p->tool; i++)
         if (round ? !kn_foot_flat(def->probe[i].shape) : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
             p->tool = &def->probe[i];
-    // A scene without round tools has to do with its first tool.
+    // If the scene has no round tool, use its first tool.
     if (!p->tool && round && def->probe_count > 0) p->tool = &def->probe[0];
     if (p->tool) return KN_EXIT_OK;
-    // No such tool: list the tools of the scene.
+    // The scene has no tool of the wanted name, so list its tools in the error message.
     int n = snprintf(p->error, sizeof p->error, "%s has no probe `%s`; it has:", p->scene->name,
                      p->opt.probe ? p->opt.probe : "");
     for (int i = 0; i < def->probe_count && n > 0 && (size_t)n < sizeof p->error; i++)
@@ -118,7 +121,7 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
     else kn_mesh_update(&p->mesh, buf->data, buf->data_size);
 }
 
-// Wait up to 3 s for a whole mesh later than after_tick. Return false if none came.
+// Wait up to 3 s for a complete mesh of a tick later than after_tick. Return false if no such mesh came.
 static bool look(probe *p, int64_t after_tick)
 {
     for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
@@ -170,10 +173,10 @@ static kn_path *generate(probe *p, bool again)
     double tool_m = kn_foot_m(p->tool);
     bool press = !strcmp(p->opt.path, "press");
     if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
-        complain(KN_EXIT_DEVICE, "the object has left the place under the tool");
+        complain(KN_EXIT_DEVICE, "the object has moved away from under the tool");
         return NULL;
     }
-    // Convert the depth of a press to a depth below the first contact.
+    // The depth of a press counts from the untouched top. Convert it to a depth below the height of first contact.
     if (press) shape.depth_m = shape.touch_z_m - tool_m - height_m + (shape.depth_m > 0.0 ? shape.depth_m : press_m);
     // Height of the tool's underside at the lowest point, and the depth of the dent under the tool.
     double bottom_m = shape.touch_z_m - tool_m - shape.depth_m, dent_m = height_m + tool_m - shape.touch_z_m;
@@ -211,7 +214,8 @@ static int make_path(probe *p)
     }
     if (!p->path[0]) return KN_EXIT_USAGE;
     find_deepest(p);
-    if (!kn_dent_height(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN; // deepest beside the object
+    // The lowest point of the path is beside the object.
+    if (!kn_dent_height(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN;
     return KN_EXIT_OK;
 }
 
@@ -220,14 +224,14 @@ static int64_t random_session(void)
 {
     int64_t session = 0;
     if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & INT64_MAX) | 1 << 8; // > 0; the sessions of further tries count up
+    return (session & INT64_MAX) | 1 << 8; // positive; the sessions of further tries have the next numbers
 }
 
 // Prepare the simulated device of --hand from the scene, the tool and --device.
 static int take_device(probe *p)
 {
     if (p->tool->coupling_n_m == 0.0)
-        fprintf(stderr, "knead probe: %s follows its pose rigidly: it may chatter where a coupled tool would not\n",
+        fprintf(stderr, "knead probe: %s follows its pose rigidly and may chatter where a coupled tool would not\n",
                 p->tool->name);
     kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
     def.render = (kn_render_def){.device = p->scene->device,
@@ -240,8 +244,8 @@ static int take_device(probe *p)
                                  .held = p->opt.held};
     kn_device_def *d = &def.render.device;
     int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
-    d->force_scale = p->scene->device.force_scale; // scaling of the force is kneadd's part, so the scene's factor stays
-    // The simulated arm lives in the scene's axes and lengths, so the device stands there without rotation.
+    d->force_scale = p->scene->device.force_scale; // kneadd scales the force, so use the factor of the scene's device
+    // The simulated arm uses the axes and lengths of the scene, so the device is mounted without rotation and scaling.
     d->scale = 1.0;
     memcpy(d->basis, (double[]){1, 2, 3}, sizeof d->basis);
     memcpy(d->rotation_wxyz, (double[]){1, 0, 0, 0}, sizeof d->rotation_wxyz);
@@ -281,7 +285,7 @@ static int start(probe *p)
     void *self = p->opt.gripped ? (void *)&p->grasp : &p->player;
     if (!kn_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
-    // Without real-time priority the probe still works, but less evenly.
+    // Without real-time priority the probe still works, but its poses come less evenly.
     int refused = kn_device_priority_error(&p->device);
     if (refused) fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
     return KN_EXIT_OK;
@@ -335,7 +339,7 @@ static void attend(probe *p)
     bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
-        kn_join_handle(p->mesh_bus, 50); // also takes mesh messages, so that p->mesh stays recent
+        kn_join_handle(p->mesh_bus, 50); // receive mesh messages while waiting, so that p->mesh stays recent
         done = atomic_load(&p->device.done);
         int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
@@ -397,7 +401,7 @@ static int verdict(probe *p)
                 h->force.fault ? kn_fault_name((kn_fault)h->force.fault) : "no fault");
         break;
     case KN_HAND_SPOILT:
-        fprintf(stderr, "knead probe: %s spoilt %d time%s, at last by %s\n", p->opt.path, h->trips,
+        fprintf(stderr, "knead probe: %s interrupted %d time%s, the last time by %s\n", p->opt.path, h->trips,
                 h->trips == 1 ? "" : "s",
                 last->refusal ? last->refusal
                 : last->own   ? "missing forces"
@@ -420,7 +424,7 @@ static void print_grasp(const kn_grasp *g)
         printf("  local model     %8lld      messages rendered, %lld not taken\n", (long long)g->render.model.taken,
                (long long)g->render.model.refused);
     if (g->render.guards) printf("  impulse guard   %8lld      hits\n", (long long)g->render.guards);
-    printf("  energy given    %8.2f mJ   to the hand; the controller damped for %lld ms\n", 1e3 * n->given_j,
+    printf("  energy given    %8.2f mJ   to the hand; the controller added damping for %lld ms\n", 1e3 * n->given_j,
            (long long)n->acted);
 }
 
@@ -450,7 +454,7 @@ static void tell_result(const probe *p, const kn_report *r)
     kn_result_number(to, "round_trip_p99_ms", r->round_trip_p99_ms);
 }
 
-// Stop the device, and write the report and the files. Return the exit code.
+// Stop the device's thread, and write the report and the output files. Return the exit code.
 static int finish(probe *p)
 {
     kn_report report;
@@ -465,7 +469,7 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
             report.residual_m = p->before_m - after_m;
-        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal: the depth of the dent is not known");
+        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
     }
     if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);

@@ -14,45 +14,52 @@
 
 static const char help[] =
     "usage: knead probe [--path press|sine|poke|FILE.csv] [OPTION]...\n\n"
-    "A virtual haptic device at 1 kHz: engages in air, plays a path on the object that kneadd serves, prints a force\n"
-    "table. It has a watchdog of its own: 0 N 20 ms after the last force. After a trip, its own or kneadd's, it says\n"
-    "why, lifts the tool, opens a new session and repeats, three tries in all.\n\n"
-    "  --path press     touch at rest, at 1 cm/s to 1 cm below the top of the block, hold, withdraw (the default)\n"
-    "  --path sine      touch at rest, swing 1 mm deep\n"
-    "  --path poke      3 mm deep at 5 cm/s and out again\n"
-    "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z up,\n"
-    "                   origin under the object's centre; begin clear of the object; a day at most\n"
-    "  --probe NAME     tool of the scene (press: the first; else the first round one: dough is a wall to a fast "
-    "plate)\n"
-    "  --hold TIME      press: at the lowest point; sine: how long ('4 s' or 4)\n"
-    "  --depth LENGTH   press: below the top of the untouched block; else below where the tool touches ('10 mm')\n"
-    "  --speed SPEED    in the object ('1 cm/s')\n"
-    "  --frequency F    of the sine ('2 Hz')\n"
-    "  --record FILE    the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
-    "  --csv FILE       one row per force, the columns of knead replay --csv\n"
-    "  --motors FILE    CSV, one row per ms of the device's clock: where it is and what it gives, a force or none\n"
-    "                   having come\n"
-    "  --tries N        1 to 3 (3)\n"
-    "  --drop-at S:MS   fault injection: S seconds into the first try no pose is sent for MS milliseconds\n"
-    "  --lcm-url URL    poses and forces (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
-    "  --mesh-url URL   meshes (" KN_MESH_URL ")\n"
-    "  --quiet          no progress, no table\n"
-    "  --json           the table as JSON, of a session that came to its end\n\n"
-    "With --hand the path is only what the hand intends: a simulated haptic device goes where arm, grip and the force\n"
-    "that comes back take it. What it felt is told at the end, and whether it buzzed or drove the hand.\n\n"
-    "  --hand HAND      light, normal or firm; none: brought there, let go of, 1 N leans on it along z alone\n"
-    "  --device CLASS   touch, falcon, omega, unknown, bench, or a file.yaml with device: in it (the scene's)\n"
-    "  --axes N         1: it moves along z, and along x and y as the path; 3 (3)\n"
-    "  --delay TIME     a simulated link adds to the round trip, in whole ms, up to 255 ms\n"
-    "  --loss SHARE     of the poses and of the forces, that it loses: 20% or 0.2\n"
-    "  --local          renders the local model that kneadd --local-model sends, not its forces\n"
-    "  --held           renders forces that are older than 5 ms, too, which no device should: to see why. Without it\n"
-    "                   they are refused\n\n"
-    "Exit codes: 0 the path was played to its end, 1 and the device buzzed or gave the\n"
-    "hand more than 10 mJ, 2 bad input, 3 no answer, forces of more than 5 ms ago,\n"
-    "or three tries were spoilt.\n";
+    "A virtual haptic device at 1 kHz: it engages in air, plays a path on the object that kneadd serves, and prints\n"
+    "a table of the forces. Its own watchdog goes to 0 N 20 ms after the last force. After a trip of this watchdog\n"
+    "or of kneadd's it prints the reason, lifts the tool, opens a new session and repeats the path, three tries in\n"
+    "all.\n\n"
+    "  --path press     touch at rest, go at 1 cm/s to 1 cm below the top of the block, hold, withdraw (the\n"
+    "                   default)\n"
+    "  --path sine      touch at rest, oscillate between there and 1 mm below\n"
+    "  --path poke      go 3 mm deep at 5 cm/s and out again\n"
+    "  --path FILE.csv  rows time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz under such a header; metres, z\n"
+    "                   up, origin under the object's centre; the path must begin clear of the object and last a\n"
+    "                   day at most\n"
+    "  --probe NAME     tool of the scene (default: the first for press, else the first round tool, because dough\n"
+    "                   is a wall to a fast plate)\n"
+    "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
+    "  --depth LENGTH   press: depth below the top of the untouched block; else below the point of touch,\n"
+    "                   e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm)\n"
+    "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
+    "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
+    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
+    "  --csv FILE       write one row per force, with the columns of knead replay --csv\n"
+    "  --motors FILE    write a CSV with one row per ms of the device's clock: its position and the force it gives,\n"
+    "                   even if no force was received\n"
+    "  --tries N        number of tries, 1 to 3 (default: 3)\n"
+    "  --drop-at S:MS   fault injection: S seconds into the first try send no pose for MS milliseconds\n"
+    "  --lcm-url URL    bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL   bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --quiet          print no progress and no table\n"
+    "  --json           print the table of a completed session as JSON\n\n"
+    "With --hand the path is only what the hand intends: a simulated haptic device goes where arm, grip and the\n"
+    "returned force take it. The table then ends with the device's figures, and says whether it buzzed or drove the\n"
+    "hand.\n\n"
+    "  --hand HAND      light, normal, firm, or none: the device is moved into place and released, and 1 N leans on\n"
+    "                   it, along z alone\n"
+    "  --device CLASS   touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section (default: the\n"
+    "                   scene's)\n"
+    "  --axes N         1: free along z, bound to the path along x and y; 3: free along all three (default: 3)\n"
+    "  --delay TIME     round trip added by a simulated link, whole ms, 255 ms at most\n"
+    "  --loss SHARE     share of the poses and of the forces that this link loses: 20% or 0.2\n"
+    "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
+    "  --held           also render forces older than 5 ms, which no device should do, to study the effect. They\n"
+    "                   are refused without this option\n\n"
+    "Exit codes: 0 the path was played to its end, 1 it was, but the device buzzed or gave the hand more than 10\n"
+    "mJ, 2 bad input, 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
-static const double fastest_m_s = 1.2; // default of kneadd's brake_m_s: faster motion is damped, not rendered
+// Default of kneadd's brake_m_s; kneadd damps a faster tool instead of following it.
+static const double fastest_m_s = 1.2;
 
 // Parse a quantity and convert it to `unit_text`. A number without a unit is accepted for seconds only. A length
 // without a unit is refused, because the user more likely means millimetres than metres.
@@ -65,7 +72,7 @@ static bool quantity(const char *option, const char *text, const char *unit_text
     if (kn_quantity_parse(&q, text, why, sizeof why) &&
         ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
         *value = kn_quantity_in(&q, &unit);
-        // Only a hold may last 0 s.
+        // A duration of 0 s is valid for the option --hold only.
         if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
     }
     fprintf(stderr, "knead probe: --%s %s: expected something like '%s'\n", option, text, example);
@@ -97,7 +104,7 @@ static bool drop(const char *text, kn_probe_options *opt)
     return false;
 }
 
-// Parse a share in [0, 1), as a number or in percent.
+// Parse a fraction in the range 0 <= x < 1, as a number or in percent.
 static bool share(const char *text, double *value)
 {
     kn_quantity q;
@@ -263,7 +270,7 @@ int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *d
         fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
         ok = false;
     }
-    // Checks that need all options.
+    // Check conditions between options, now that all options are known.
     if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
     if (ok) ok = device_is_whole(opt) && path_is_known(opt->path) && urls_are_known(opt);
     return ok ? KN_EXIT_OK : KN_EXIT_USAGE;

@@ -6,16 +6,19 @@
 #include <stdbool.h>
 
 typedef struct kn_probe_options {
-    const char *path;                                       // press, sine, poke, or the name of a CSV file
-    const char *probe;                                      // name of a tool; NULL: see find_tool in probe.c
-    const char *record, *csv, *motors, *lcm_url, *mesh_url; // file names and URLs; NULL: none, or the default
-    kn_path_def shape;                                      // touch_z_m is set later, from the mesh
+    // path of the tool: "press", "sine", "poke", or the name of a CSV file with poses.
+    const char *path;
+    const char *probe; // name of a tool; NULL: see find_tool in probe.c
+    // Names of output files, and URLs of the two buses; NULL: no such file, or the default URL.
+    const char *record, *csv, *motors, *lcm_url, *mesh_url;
+    // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
+    kn_path_def shape;
     int drop_at_ms, drop_ms, tries;
     // --hand: a hand follows the path and grips a simulated device, so path and forces together move the tool. Without
-    // --hand the tool follows the path exactly.
+    // the option --hand the tool follows the path exactly.
     bool gripped;
     kn_grip grip;
-    const char *device; // profile of the simulated device; NULL: the scene's device
+    const char *device; // name of the profile of the simulated device; NULL: the device in the scene
     int axes, delay_ms;
     double loss;
     bool local, held;

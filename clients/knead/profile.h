@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 // Load a profile, apply the sets and write the result to `device`. name: name of a profile, or path of its file. Return
-// an exit code. On failure, print an error message that begins with the name of the subcommand.
+// 0, or print an error message that begins with the name of the subcommand and return an exit code.
 int kn_profile_load(kn_device_def *device, const char *subcommand, const char *name, const char *const *sets,
                     int set_count);
 

@@ -4,8 +4,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define PERIOD_NS 200000000 // shortest time between two redraws
-#define TRUSTED 0.02        // share of the work that must be done before the time left is estimated
+#define PERIOD_NS 200000000 // shortest time between two redraws of the bar
+#define TRUSTED 0.02        // fraction of the work that must be done before the remaining time is estimated
 
 static int64_t now_ns(void)
 {

@@ -14,18 +14,20 @@ typedef struct kn_progress {
     const char *what;
     double total;
     bool terminal;
-    int64_t began_ns, shown_ns; // CLOCK_MONOTONIC
+    int64_t began_ns, shown_ns; // times (CLOCK_MONOTONIC) when the bar was opened and last drawn
 } kn_progress;
 
-// Open a bar. what: label of one or two words; the text must outlive the bar. total: amount of work in any unit, > 0.
+// Open a progress bar. what: label of one or two words; the text must outlive the bar. total: amount of work in any
+// unit, > 0.
 kn_progress kn_progress_open(const char *what, double total);
-// Redraw the bar if 0.2 s have passed since it was last drawn. done: amount of work done, 0..total.
+// Redraw the progress bar if it was last drawn at least 0.2 s ago. done: amount of work done, 0..total.
 void kn_progress_step(kn_progress *progress, double done);
-// Clear the line.
+// Clear the line of the progress bar.
 void kn_progress_close(kn_progress *progress);
 
 #define KN_PROGRESS_LINE 100
-// Format the line that is shown after elapsed_s: "film  [##########          ]  50 %  12 s left".
+// Format the progress bar that is shown `elapsed_s` after the work began, such as
+// "film  [##########          ]  50 %  12 s left".
 void kn_progress_line(const kn_progress *progress, double done, double elapsed_s, char line[KN_PROGRESS_LINE]);
 
 #endif

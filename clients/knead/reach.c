@@ -4,10 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double hover_m = 0.004; // clearance above the highest point of the object
-static const double beside_m = 0.02; // how far beside the object the tool may go
+static const double hover_m = 0.004; // height of the hovering tool above the highest point of the object
+// Largest distance from the object's edge at which the tool may be beside the object.
+static const double beside_m = 0.02;
 static const double uneven_m = 2e-3; // largest dent that a flat tool sinks into before it presses
-// Share of the block's height that must remain under the tool, because thinner cells turn inside out.
+// Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.
 static const double thinnest = 0.5;
 
 bool kn_reach_open(kn_reach *r, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view)

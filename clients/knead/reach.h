@@ -11,24 +11,25 @@ typedef struct kn_reach {
     const kn_probe_def *tool;
     uint8_t *top;       // marks the vertices of the top face, see kn_dent_top
     int vertices;       // number of vertices of the scene's mesh
-    double extent_m[3]; // of the undeformed object
-    kn_camera camera;   // camera of the picture
+    double extent_m[3]; // size of the undeformed object along x, y, z
+    kn_camera camera;   // camera that draws the picture in which the user points
 } kn_reach;
 
-// Prepare a reach for a tool and a view. Return false when memory is short.
+// Prepare a reach for one tool and the camera of one picture. Return false when memory is short.
 bool kn_reach_open(kn_reach *reach, const kn_model_def *def, const kn_probe_def *tool, const kn_camera_view *view);
-// Change the view.
+// Change the camera of the picture in which the user points.
 void kn_reach_look(kn_reach *reach, const kn_camera_view *view);
 void kn_reach_close(kn_reach *reach);
 
-// Return true if the mesh is whole and belongs to the scene. The functions below need a mesh that fits.
+// Return true if the mesh is complete and belongs to the reach's scene. The functions below may only be called with
+// such a mesh.
 bool kn_reach_fits(const kn_reach *reach, const kn_mesh *mesh);
 // Set wish->hover_z_m above the highest point of the mesh.
 void kn_reach_hover(const kn_reach *reach, const kn_mesh *mesh, kn_pointer_wish *wish);
 // Set wish->at_m to the place in the plane of the object's top that is seen at (u, v) in the picture. If the plane is
 // not seen at (u, v), leave the wish unchanged.
 void kn_reach_aim(const kn_reach *reach, double u, double v, kn_pointer_wish *wish);
-// Set wish->touch_z_m and wish->flush_z_m at wish->at_m. Return false if the object is not under the tool.
+// Set wish->touch_z_m and wish->flush_z_m at wish->at_m. Return false if no part of the object is under the tool.
 bool kn_reach_touch(const kn_reach *reach, const kn_mesh *mesh, kn_pointer_wish *wish);
 // Return the largest depth of a press below wish->touch_z_m, m. While nothing is pressed, return the largest depth
 // below the top of the undeformed object.

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const int reader_priority = 40;         // of the thread: below all threads with a deadline, above other programs
+// Priority of the record's thread: below all threads with a deadline, above other programs.
+static const int reader_priority = 40;
 static const int64_t last_words_ns = 50000000; // time for messages still on their way when the record stops, 50 ms
 
 // Append a message to the log. After the first failed write, nothing more is written.
@@ -24,7 +25,7 @@ static void write_log(kn_record *r, const char *channel, int64_t utime, void *da
     atomic_fetch_add(&r->logged, size);
 }
 
-// Make room for one more element. A full array is reallocated with twice its size.
+// Make room for one more element in an array of messages. A full array is reallocated with twice its size.
 static bool grow(void **array, int count, int *room, size_t size)
 {
     if (count < *room) return true;
@@ -55,12 +56,12 @@ static void hear_pose(kn_record *r, const lcm_recv_buf_t *buf)
     r->pose_count += knead_probe_pose_t_decode(buf->data, 0, (int)buf->data_size, &r->pose[r->pose_count]) >= 0;
 }
 
-// Keep the first scene, decoded and encoded.
+// Keep the first scene message, both decoded and as encoded bytes.
 static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
 {
     knead_scene_t scene;
     if (r->scene_text || knead_scene_t_decode(buf->data, 0, (int)buf->data_size, &scene) < 0) return;
-    r->scene_name = strdup(scene.name); // a NULL counts as no scene
+    r->scene_name = strdup(scene.name); // if memory is short, the NULL counts as no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
     r->scene_utime = buf->recv_utime;
@@ -69,7 +70,7 @@ static void hear_scene(kn_record *r, const lcm_recv_buf_t *buf)
     if (r->scene_bytes) memcpy(r->scene_bytes, buf->data, buf->data_size);
 }
 
-// Take one message. Before kn_record_start only scenes are kept.
+// Handle one received message. Before kn_record_start only scene messages are kept.
 static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     kn_record *r = self;
@@ -140,12 +141,12 @@ bool kn_record_start(kn_record *r, const char *probe, const char *log_path, char
     snprintf(r->force_channel, sizeof r->force_channel, "KNEAD_FORCE_%s", probe);
     snprintf(r->pose_channel, sizeof r->pose_channel, "KNEAD_POSE_%s", probe);
     while (kn_join_handle(r->bus, 0) > 0)
-        ; // drop messages from before the start
+        ; // drop messages that arrived before the record was started
     if (log_path && !open_log(r, log_path, error, error_size)) return false;
     r->started = true;
     if (pthread_create(&r->thread, NULL, run, r) == 0) return true;
     r->started = false;
-    snprintf(error, error_size, "no thread for the record");
+    snprintf(error, error_size, "cannot start a thread for the recording");
     return false;
 }
 

@@ -10,34 +10,35 @@
 
 static const char help[] =
     "usage: knead relax MATERIAL|EXPR [--strain S] [--ramp RATE] [OPTION]...\n\n"
-    "Compresses a specimen by a share of its height, holds it there, and tells how the stress relaxes.\n\n"
+    "Compresses a specimen by a share of its height, holds it there, and prints how the stress relaxes.\n\n"
     "    knead relax dough --strain 30% --ramp 10%/s --hold 200 --png relax.png\n"
     "    knead relax zener --param s1='46 kPa' --param d1='245 kPa*s' --param s2='20 kPa' --strain 10%\n\n"
-    "  --strain S        share of the height, 10% or 0.1 (10 %)\n"
-    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s'; without it the strain is a step, which an\n"
-    "                    element that answers at once with a dashpot (dough) does not allow\n"
-    "  --hold TIME       at that strain (100 s)\n"
-    "  --lattice NxNxN   a block of that many cells over the height of the cube, through the solver that serves "
-    "scenes,\n"
-    "                    beside the element; needs --ramp\n"
-    "  --csv FILE        time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s is negative during the ramp\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --strain S        share of the height, 10% or 0.1 (default: 10 %)\n"
+    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s'. Without --ramp the strain is a step, which\n"
+    "                    is impossible for an element that responds as a dashpot at first (dough)\n"
+    "  --hold TIME       time at that strain (default: 100 s)\n"
+    "  --lattice NxNxN   also test a block of that many cells over the height of the cube, with the solver that\n"
+    "                    serves scenes, beside the element; needs --ramp\n"
+    "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s is negative during the\n"
+    "                    ramp\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
 
-// Samples during the ramp; samples of the hold, evenly spaced in the logarithm of time over five decades.
+// Number of samples during the ramp, and number of samples during the hold. The samples of the hold are evenly spaced
+// in the logarithm of time over five decades.
 enum { RAMP_SAMPLES = 100, SAMPLES_PER_DECADE = 40, DECADES = 5 };
 
-// Append the present state of the bench to the table.
+// Append the present time, strain and stress of the specimen to the table.
 static void add(kn_table *t, const kn_bench *b, double begin_s)
 {
     kn_table_add(t, (double[]){b->time_s, b->time_s - begin_s, b->strain, b->stress_pa,
                                b->strain > 0 ? b->stress_pa / b->strain : 0, b->force_n});
 }
 
-// Bring the specimen to its strain, by a ramp or a step. *begin_s: when the hold begins.
+// Bring the specimen to its strain, by a ramp or a step. *begin_s: time at which the hold begins.
 static int press(kn_bench *b, kn_table *t, double *begin_s)
 {
     const kn_bench_options *opt = b->opt;
@@ -124,7 +125,7 @@ static int run(kn_bench *b, kn_table *t)
     if (opt->ramp_per_s > 0)
         printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);
     else printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
-    printf("\n%8s %35s   s until it has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
+    printf("\n%8s %35s   s until the stress has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
            "at the end", "held", "at last", "1/2", "1/e", "1/10");
     for (int lattice = 0; lattice <= (model != NULL); lattice++) {
         reading r;
@@ -136,7 +137,7 @@ static int run(kn_bench *b, kn_table *t)
         if (code != KN_EXIT_OK) return code;
         print_row(lattice ? "lattice" : "element", &r);
     }
-    printf("\nheld: just after the ramp has ended%s; what a dashpot carries for its speed is gone at once\n",
+    printf("\nheld: just after the ramp has ended%s; the viscous stress of a dashpot has vanished by then\n",
            model ? " (lattice: ten steps)" : "");
     return KN_EXIT_OK;
 }

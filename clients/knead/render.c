@@ -3,16 +3,20 @@
 #include <math.h>
 #include <string.h>
 
-static const double lightest_n_m = 100.0; // least coupling assumed for the energy reservoir of the passivity controller
-static const double fade_s = 0.017;       // time in which the force fades after a stop
-static const double hold_s = 3.5e-3;      // time that a force is held without news: 3 ms in the watchdogs' ticks
-// Largest slope of a transition of the force. If a fade from the force limit is steeper, its slope is allowed instead;
-// see core/safety.h.
+// Smallest coupling stiffness assumed for the energy reservoir of the passivity controller.
+static const double lightest_n_m = 100.0;
+static const double fade_s = 0.017; // time in which the force fades to 0 after a stop of the rendering
+// Time that a force is held if no new force arrives; corresponds to 3 ticks of 1 ms of the watchdogs.
+static const double hold_s = 3.5e-3;
+// Largest slope of the force while a watchdog fades the force. If a fade from the force limit is steeper, the slope of
+// this fade is allowed instead; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
-static const double smoothing = 0.01; // weight of a new round trip in the mean
-static const double longest_s = 0.05; // longest time that one render covers; the local model has faded by then
-static const double step_s = 0.01;    // longest step of the local model
-static const double any_n = 1e3;      // force limit of the model, so high that wild forces reach the guard
+static const double smoothing = 0.01; // weight of a newly measured round trip in the smoothed round trip
+// Longest time between two calls that is taken into account; the force of the local model has faded by then.
+static const double longest_s = 0.05;
+static const double step_s = 0.01; // longest time step of the local model
+// Force limit of the local model, so high that the impulse guard still sees a wild force.
+static const double any_n = 1e3;
 
 static double norm(const double v[3]) { return sqrt(kn_dot(v, v)); }
 
@@ -28,7 +32,7 @@ void kn_render_init(kn_render *r, const kn_render_def *def)
     const kn_device_def *d = &def->device;
     memset(r, 0, sizeof *r);
     r->def = *def;
-    // A passivity controller needs the mass of the device.
+    // The passivity controller needs the mass of the device, so a device of unknown mass has no controller.
     if (d->mass_kg > 0.0)
         kn_passivity_init(&r->passivity, &(kn_passivity_def){.mass_kg = d->mass_kg,
                                                              .round_trip_s = d->round_trip_s,
@@ -81,7 +85,7 @@ void kn_render_pose(kn_render *r, int64_t seq, const double position_m[3], const
     kn_contact_model_pose(&r->model, seq, x, v);
 }
 
-// Stop for a reason. The first reason stays.
+// Stop giving force, and remember the first reason of a stop.
 static void stop(kn_render *r, kn_render_stop why)
 {
     if (r->stop) return;
@@ -93,7 +97,7 @@ static void stop(kn_render *r, kn_render_stop why)
 bool kn_render_force(kn_render *r, const double scene_n[3], double age_s)
 {
     if (!isfinite(kn_dot(scene_n, scene_n))) return false;
-    // A first answer updates the mean of the round trip.
+    // If this force is the first answer to its pose, its age updates the smoothed round trip.
     if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
     // A round trip that is too long stops the rendering of kneadd's forces, except with def.held.
     if (r->round_trip_s > KN_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_RENDER_FAR);
@@ -114,7 +118,7 @@ static double replay(kn_render *r, double dt_s, const double position_m[3], cons
 {
     double x[3], v[3], scene_n[3], left_s = fmin(dt_s, longest_s);
     to_scene(r, position_m, velocity_m_s, x, v);
-    // A long interval is taken in steps of at most step_s.
+    // Divide a long interval into steps of at most step_s.
     do {
         kn_contact_model_render(&r->model, fmin(left_s, step_s), x, v, scene_n);
         left_s -= step_s;
@@ -145,18 +149,18 @@ static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news
     // The guard counts whole ms.
     kn_guard_age(&r->guard, (int)(r->tick_s * 1e3));
     r->tick_s = fmod(r->tick_s, 1e-3);
-    // The allowance of this call.
+    // Compute the change of the force that this call allows.
     double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
     r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
     if (r->stop) return; // the last good force is kept and fades
-    // If the news is older than hold_s, a watchdog fades the force.
+    // If the newest force is older than hold_s, a watchdog fades the force.
     if (!news && r->gap_s > hold_s) {
         fade(r, dt_s, wanted_n);
         return;
     }
     double before_n[3], changed_n[3];
     memcpy(before_n, r->guarded_n, sizeof before_n);
-    // Let the guard judge the change, and subtract the change from the allowance.
+    // Let the impulse guard judge the change of the force, and subtract this change from the allowed change.
     kn_guard_result result = kn_guard_pass(&r->guard, wanted_n, r->allowed_n, r->guarded_n);
     for (int i = 0; i < 3; i++) changed_n[i] = r->guarded_n[i] - before_n[i];
     r->allowed_n = fmax(0.0, r->allowed_n - norm(changed_n));
@@ -168,7 +172,7 @@ static void guard(kn_render *r, double dt_s, const double wanted_n[3], bool news
 void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3], double share)
 {
     const double limit_n = r->def.device.force_limit_n;
-    // A device without mass has no passivity controller. The local model has news at every call.
+    // A device without mass has no passivity controller. The local model gives a new force at every call.
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
     // kneadd does not send the energy stored in its object, so the controller uses its limit for the unknown case (-1).
     double wanted_n[3], stored_j = -1.0;
@@ -193,8 +197,8 @@ void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const
 const char *kn_render_why(kn_render_stop why)
 {
     static const char *const told[] = {
-        [KN_RENDER_REFLEX] = "own impulse guard: the force was asked to jump",
-        [KN_RENDER_FAR] = "a round trip above 5 ms: forces that old are not given; kneadd --local-model and --local "
+        [KN_RENDER_REFLEX] = "own impulse guard: the requested force jumped",
+        [KN_RENDER_FAR] = "a round trip above 5 ms: forces that old are refused; kneadd --local-model and --local "
                           "render the contact instead",
     };
     return told[why];

@@ -28,8 +28,8 @@
 #include "core/passivity.h"
 #include "core/safety.h"
 
-#define KN_RENDER_FAR_S 5e-3  // smoothed round trip above which kneadd's forces are not rendered
-#define KN_RENDER_NEAR_S 4e-3 // below this round trip a link that was far counts as near again
+#define KN_RENDER_FAR_S 5e-3  // longest smoothed round trip [s] at which kneadd's forces are given to the motors
+#define KN_RENDER_NEAR_S 4e-3 // a link stopped for its long round trip counts as fast again below this round trip [s]
 // Times of the watchdog over kneadd's messages when the local model is rendered, ms of silence: the force is held until
 // HOLD, then faded, and zero from ZERO on. The watchdog can wait this long, because without messages the force of the
 // local model decays by itself.
@@ -38,39 +38,46 @@
 
 typedef enum kn_render_stop { KN_RENDER_RUNS, KN_RENDER_REFLEX, KN_RENDER_FAR } kn_render_stop;
 
-typedef struct kn_render_def { // 0 selects the default of a field that has one
+typedef struct kn_render_def { // a field of 0 selects its default, if it has one
     // Properties and mounting of the device; force_limit_n > 0. If its mass is 0, there is no passivity controller.
     kn_device_def device;
-    double coupling_n_m, coupling_n_s_m; // of the tool in the scene; default: the device's
-    double radius_m;                     // of the tool, for the local model
-    bool level;                          // the tool never turns (a plate)
-    double guard_n_per_ms;               // default 4
-    double velocity_hz;                  // cut-off of the velocities, default 100
-    bool local;                          // render KNEAD_CONTACT; otherwise KNEAD_FORCE
-    bool held;                           // render KNEAD_FORCE at any age (no stop FAR): unsafe, for demonstrations only
+    // Virtual coupling (stiffness, damping) of the tool in the scene; default: that of the device.
+    double coupling_n_m, coupling_n_s_m;
+    double radius_m;       // radius of the tool, used by the local model
+    bool level;            // true: the tool never rotates, as a plate
+    double guard_n_per_ms; // largest change of the force per ms that the impulse guard passes; default 4
+    double velocity_hz;    // cut-off frequency of the velocity filter, default 100
+    bool local;            // true: compute the force from KNEAD_CONTACT; false: from KNEAD_FORCE
+    // True: use a KNEAD_FORCE of any age (no stop FAR). Unsafe, for demonstrations only.
+    bool held;
 } kn_render_def;
 
-typedef struct kn_render { // read-only for the caller
+typedef struct kn_render { // state of the output stage; read-only for the caller
     kn_render_def def;
     int64_t session;
     kn_render_stop stop;
-    double gain;                        // 1; falls to 0 after a stop
-    double round_trip_s;                // smoothed; 0 at first
-    double given_n[3];                  // force that the motors must give
-    double largest_n;                   // largest |given_n| so far
-    int64_t clamped;                    // new forces above force_limit_n; with the local model every ms counts
-    int64_t guards, reflexes, refusals; // forces that the impulse guard limited; stops by REFLEX; stops by FAR
+    double gain; // factor on the force: 1 in operation; falls to 0 after a stop
+    // Smoothed time from a pose to the first force that answers it; 0 before the first answer.
+    double round_trip_s;
+    double given_n[3]; // force that the motors must give now, in the device's axes
+    double largest_n;  // largest magnitude of given_n so far
+    // Number of new forces above force_limit_n; the local model makes one new force per ms.
+    int64_t clamped;
+    // Counts. guards: forces that the impulse guard limited. reflexes: stops by REFLEX. refusals: stops by FAR.
+    int64_t guards, reflexes, refusals;
     kn_passivity passivity;
     kn_contact_model model;
     // private
     kn_guard guard;
-    double heard_n[3], guarded_n[3]; // newest force; last force that passed the guard
-    bool news;                       // heard_n has not been rendered yet
-    double gap_s, tick_s;            // time since the last new force; remainder of time below 1 ms, for the guard
-    double allowed_n;                // largest change of guarded_n that is allowed now
+    // heard_n: newest force received; guarded_n: last force that passed the impulse guard.
+    double heard_n[3], guarded_n[3];
+    bool news; // true: heard_n has not been used for the motors yet
+    // gap_s: time since the last new force. tick_s: elapsed time below 1 ms that the impulse guard has not counted yet.
+    double gap_s, tick_s;
+    double allowed_n; // largest change of guarded_n that is allowed at present
 } kn_render;
 
-// Initialise r, without a session.
+// Initialise the output stage `r`, without a session.
 void kn_render_init(kn_render *r, const kn_render_def *def);
 // Begin a new session from zero force, without a stop.
 void kn_render_begin(kn_render *r, int64_t session);
@@ -86,11 +93,11 @@ bool kn_render_force(kn_render *r, const double scene_n[3], double age_s);
 // Take a KNEAD_CONTACT of any session. Return the local model's decision about it.
 kn_contact_take kn_render_contact(kn_render *r, const kn_contact_unit *unit);
 
-// Compute given_n for the device at this position and velocity. dt_s: time since the last call. share: factor of the
-// watchdogs on the force, 0 .. 1.
+// Compute r->given_n, the force for the motors, at this position and velocity of the device. dt_s: time since the last
+// call. share: factor of the watchdogs on the force, 0 .. 1.
 void kn_render_give(kn_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3], double share);
 
-// Return a text that explains a stop, or NULL for KN_RENDER_RUNS.
+// Return a text that explains why the rendering stopped, or NULL for KN_RENDER_RUNS.
 const char *kn_render_why(kn_render_stop stop);
 
 #endif

@@ -21,33 +21,32 @@
 
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
-    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock. The\n"
-    "same log gives the same forces, to the bit. The scene comes from the log when none is named.\n\n"
-    "  --csv FILE        one row per tick and live probe\n"
-    "  --out FILE        what the daemon would have said, as a log: scene, poses, forces, events\n"
-    "  --hash            print one number of all forces and the final state\n"
-    "  --json            what is printed, and what could not be used of the log, as JSON\n"
-    "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is not whole\n"
-    "  --snapshot PATH   a snapshot, or kneadd's --state-dir: what the log's server restored, or where a log goes on "
-    "that\n"
-    "                    begins on a kneaded object\n"
-    "  --speed max|real  as fast as it goes (the default), or 1000 ticks per second\n"
-    "another computation than the log's (and then no --verify):\n"
-    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit, "
-    "each\n"
-    "                    tick of which is compared with those integers; exit 1 if one differs, or the state at the "
-    "end\n"
+    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock.\n"
+    "The same log gives the same forces, to the bit. Without SCENE the scene comes from the log.\n\n"
+    "  --csv FILE        write one row per tick and live probe\n"
+    "  --out FILE        write the daemon's messages as a log: scene, poses, forces, events\n"
+    "  --hash            print one hash of all forces and the final state\n"
+    "  --json            print the results, and the parts of the log that could not be used, as JSON\n"
+    "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is\n"
+    "                    incomplete\n"
+    "  --snapshot PATH   start from a snapshot, a file or kneadd's --state-dir: the one that the log's server\n"
+    "                    restored, or the start state of a log that begins on a kneaded object\n"
+    "  --speed max|real  as fast as possible, or 1000 ticks per second (default: max)\n"
+    "options that compute something else than the log did (not with --verify):\n"
+    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit;\n"
+    "                    each tick is compared with the fixed solver; exit 1 if a tick or the final state differs\n"
     "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
-    "  --dt TIME         step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
-    "  --set KEY=VALUE   any key of the scene; knead check --keys lists them\n"
-    "  --quality NAME    the scene's point fast, balanced or accurate; own: none of them\n\n"
-    "Exit codes: 0 ok, 1 --verify failed or cannot be made, 2 bad input, 3 a file cannot be written.\n";
+    "  --dt TIME         time step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
+    "  --set KEY=VALUE   set a key of the scene; knead check --keys lists them\n"
+    "  --quality NAME    fast, balanced or accurate: quality point of the scene; own: none of them\n\n"
+    "Exit codes: 0 ok, 1 --verify failed or is impossible, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64
-#define SET_SIZE 80 // characters, enough for "solver.dt=" and a time
+#define SET_SIZE 80 // size of a set (`key=value`) in characters, enough for "solver.dt=" and a time
 
-// Command line. made[]: sets (`key=value`) made from other options. wide: the chosen solver exists in f64 only.
+// Parsed command line. made[]: sets (`key=value`) made from other options. wide: true if the chosen solver exists in
+// f64 only.
 typedef struct replay_options {
     kn_replay_def def;
     const char *sets[SETS_MAX];
@@ -56,20 +55,21 @@ typedef struct replay_options {
     bool hash, verify, real_time, wide;
 } replay_options;
 
-// One replay and its outputs.
+// State of one replay and of its outputs.
 typedef struct replay_run {
     const replay_options *opt;
     kn_replay *replay;
     FILE *csv;
     lcm_eventlog_t *out;
     bool out_failed;
-    uint64_t initial_hash, hash; // hash of the object before the first tick; hash of the forces so far
-    int64_t verified;            // number of forces compared
-    bool probes[KN_PROBES_MAX];  // probes with compared forces
+    // initial_hash: hash of the object before the first tick; hash: hash of all forces so far.
+    uint64_t initial_hash, hash;
+    int64_t verified;           // number of forces compared with those in the log
+    bool probes[KN_PROBES_MAX]; // true for each probe whose forces were compared
     bool differs;
-    char difference[200]; // message about the first difference
+    char difference[200]; // message about the first difference between log and replay
     double peak_n;
-    int64_t clock_ns; // when the next tick is due, for --speed real
+    int64_t clock_ns; // time when the next tick is due; used by --speed real
 } replay_run;
 
 // ---- options
@@ -155,7 +155,7 @@ static int take_option(replay_options *opt, int option, const char *value)
         return add_set(opt, NULL, kn_quality_set(value), "");
     case 'b': return set_backend(opt, value);
     case 'k': return add_set(opt, NULL, value, "");
-    default: return KN_EXIT_USAGE; // getopt has said why
+    default: return KN_EXIT_USAGE; // getopt has printed the reason
     }
 }
 
@@ -186,7 +186,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                                             {"json", no_argument, NULL, 'j'},
                                             {"help", no_argument, NULL, 'h'},
                                             {NULL, 0, NULL, 0}};
-    optind = 0; // a test calls this function more than once
+    optind = 0; // restart getopt, because a test calls this function more than once
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (option == 'h') {
             fputs(help, stdout);
@@ -198,7 +198,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
     }
     int files = argc - optind;
     if (files != 1 && files != 2)
-        return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; knead replay --help tells the rest");
+        return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; see knead replay --help");
     if (files == 2) opt->def.scene_path = argv[optind];
     if (files == 2 && is_log(argv[optind]))
         return kn_complain("replay", KN_EXIT_USAGE,
@@ -309,8 +309,9 @@ static void verify_force(replay_run *run, int p)
 
 static int complain_damage(const replay_run *run, const char *log)
 {
-    return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified whole: %s; %lld forces before it are equal",
-                       log, run->replay->damage, (long long)run->verified);
+    return kn_complain("replay", KN_EXIT_FAILED,
+                       "%s: cannot be verified completely: %s; %lld forces before it are equal", log,
+                       run->replay->damage, (long long)run->verified);
 }
 
 // Report the result of --verify, the most serious reason first. Return the exit code.
@@ -338,15 +339,17 @@ static int verdict(const replay_run *run)
             (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
     if (run->replay->damage[0]) return complain_damage(run, log);
     if (tally->malformed > 0)
-        return kn_complain("replay", KN_EXIT_FAILED,
-                           "%s: cannot be verified whole: %lld malformed records were left out; %lld forces are equal",
-                           log, (long long)tally->malformed, (long long)run->verified);
+        return kn_complain(
+            "replay", KN_EXIT_FAILED,
+            "%s: cannot be verified completely: %lld malformed records were left out; %lld forces are equal", log,
+            (long long)tally->malformed, (long long)run->verified);
     kn_result_integer(kn_result(), "verified_forces", run->verified);
     printf("verified %lld forces, %d probe%s\n", (long long)run->verified, probes, probes == 1 ? "" : "s");
     return KN_EXIT_OK;
 }
 
-// Refuse --verify before any work if there is nothing to compare with.
+// Refuse --verify before the replay starts if the log contains no forces to compare with, or if the options change the
+// scene or the computation of the log.
 static int refuse_verify(const replay_run *run)
 {
     const char *log = run->opt->def.log_path;
@@ -363,14 +366,14 @@ static int refuse_verify(const replay_run *run)
 
 // ---- the run
 
-// Sleep until the next millisecond of real time.
+// Sleep until the next millisecond of real time begins (--speed real).
 static void keep_pace(replay_run *run)
 {
     run->clock_ns += 1000000;
     kn_clock_sleep(run->clock_ns);
 }
 
-// Use the forces of one tick: peak, hash, CSV, comparison, output log.
+// Process the forces of one tick: update peak and hash, write the CSV row, compare with the log, write the output log.
 static void take_tick(replay_run *run)
 {
     const kn_tick_out *out = &run->replay->tick.out;
@@ -396,11 +399,11 @@ static void tell(const replay_run *run)
                     (long long)t->refused);
     if (t->outside)
         kn_complain("replay", KN_EXIT_OK,
-                    "%s: %s pressed up to %.2g mm outside of its reach, for %lld ms in all: cells "
-                    "are coarse there",
+                    "%s: %s pressed up to %.2g mm outside its reach, for %lld ms in all, where the "
+                    "cells are coarse",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
-    if (run->opt->verify) return; // the verdict reports the rest
-    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: what stands before it was used", log, r->damage);
+    if (run->opt->verify) return; // with --verify, the result of the comparison reports everything else
+    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: the part before it was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
@@ -450,9 +453,9 @@ static int judge_circuit(replay_run *run)
     char why[KN_LINK_WHY] = "";
     if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
     bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
-    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld others; lost %lld times; %s%s\n",
+    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld different; lost %lld times; %s%s\n",
            (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different, (long long)n.losses,
-           agrees ? "its state at the end is the twin's" : "", why);
+           agrees ? "its final state equals the twin's" : "", why);
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;
 }
 
@@ -479,7 +482,7 @@ static void tell_hash(uint64_t hash)
 {
     char text[24];
     snprintf(text, sizeof text, "0x%016llx", (unsigned long long)hash);
-    kn_result_text(kn_result(), "hash", text); // as text, because a JSON number has 53 bits only
+    kn_result_text(kn_result(), "hash", text); // written as text, because a JSON number holds only 53 bits exactly
     printf("hash %s\n", text);
 }
 
@@ -508,7 +511,7 @@ static int play(replay_run *run)
     code = close_outputs(run);
     if (code != KN_EXIT_OK) return code;
     tell_result(run);
-    if (r->resumed_tick >= 0) printf("went on from the snapshot of tick %lld\n", (long long)r->resumed_tick);
+    if (r->resumed_tick >= 0) printf("continued from the snapshot of tick %lld\n", (long long)r->resumed_tick);
     printf("replayed %lld ticks, peak contact force %.3f N\n", (long long)r->tally.ticks, run->peak_n);
     uint64_t state = kn_state_hash(r->model, kn_replay_state(r));
     if (run->opt->hash) tell_hash(kn_hash_bytes(run->hash, &state, sizeof state));

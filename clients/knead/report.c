@@ -6,7 +6,7 @@
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-// Return the try whose pose this force echoes, or NULL.
+// Return the try (one run of the path) to whose pose this force belongs, or NULL.
 static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_force_t *f)
 {
     for (int i = 0; i < hand->tries; i++) {
@@ -37,7 +37,7 @@ static void add_to_table(kn_report *r, const kn_hand *hand, const kn_attempt *t,
     // The value at the end of the hold is that of the last force up to then.
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
     if (!f->contacts) return;
-    // Contact lasts from the first loaded tick to the last one.
+    // Contact lasts from the first tick with a loaded contact to the last one.
     if (r->contact_s == 0.0) r->contact_from_s = s;
     r->contact_s = s - r->contact_from_s + 1e-3;
     if (contact_n > r->peak_n) r->peak_n = contact_n, r->peak_s = s;
@@ -58,7 +58,7 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
         r->matched += t != NULL;
         r->strange += t == NULL;
         r->missed += f->missed_cycles;
-        // A smaller tick means that kneadd has started again.
+        // If the tick is smaller than the last one, kneadd was restarted.
         bool goes_on = before && before->session == f->session && f->tick > before->tick;
         if (goes_on) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
         if (!t) continue;
@@ -68,7 +68,7 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
         else if (trip_ns) trip_ns[trips++] = record->force[i].arrived_ns - f->sent_ns;
         if (t == last) add_to_table(r, hand, t, f);
     }
-    // A path without a hold has no such value.
+    // A path without a hold has no force at the end of a hold.
     if (hand->def.path->hold_end_s == 0.0) r->hold_end_n = NAN;
     if (trips > 0) {
         qsort(trip_ns, (size_t)trips, sizeof *trip_ns, kn_ascending_i64);
@@ -80,7 +80,8 @@ void kn_report_make(kn_report *r, const kn_hand *hand, const kn_record *record)
 
 void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double clamp_n)
 {
-    if (hand->tries > 1) fprintf(out, "  try %d: the object has kept what the spoilt ones left\n", hand->tries);
+    if (hand->tries > 1)
+        fprintf(out, "  try %d: the object keeps the deformation of the interrupted tries\n", hand->tries);
     if (r->contact_s > 0.0) {
         fprintf(out, "  contact         %8.2f s    from %.2f s on\n", r->contact_s, r->contact_from_s);
         fprintf(out, "  peak            %8.2f N    %.2f s after touch\n", r->peak_n, r->peak_s - r->contact_from_s);
@@ -91,15 +92,15 @@ void kn_report_print(FILE *out, const kn_report *r, const kn_hand *hand, double 
     if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
     if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    the device's limit\n", r->given_peak_n);
     if (r->gain_min < 1.0)
-        fprintf(out, "  poses were late: what the hand was given faded to %.0f %%\n", 100.0 * r->gain_min);
+        fprintf(out, "  poses were late: the force on the hand faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
-    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer somebody else\n",
+    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer another hand\n",
             (long long)r->matched, (long long)r->stale, (long long)r->strange);
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
 }
 
-// Order poses by session and number.
+// Compare two poses by session and then by number, for sorting.
 static int by_number(const void *a, const void *b)
 {
     const knead_probe_pose_t *x = a, *y = b;

@@ -8,25 +8,29 @@
 typedef struct kn_report {
     // Results of the last try (the last time the path was played). Times count from the begin of the path. A contact
     // lasts while nodes or samples of the contact carry load.
-    double contact_from_s, contact_s; // begin and length of the contact; contact_s 0: no contact
-    double peak_n, peak_s;            // largest |contact_force_n|, and its time
-    double hold_end_n;                // contact force at the path's hold_end_s; NAN: the path has no hold
-    double given_peak_n;              // largest |force_n|
-    double gain_min;                  // least gain while the path was played; below 1: kneadd missed poses
-    double residual_m;                // depth of the dent left in the object, set by the caller; NAN: not known
-    // Counts of all tries together.
-    int64_t sent, forces; // poses sent, forces received
-    int64_t matched;      // forces that echo a pose of this hand
-    int64_t strange;      // forces that echo any other pose
-    // Matched forces that kneadd computed once more from an old pose, although a newer pose had been sent.
+    double contact_from_s, contact_s; // time at which the contact begins, and its duration; contact_s 0: no contact
+    double peak_n, peak_s;            // largest magnitude of contact_force_n, and the time at which it occurs
+    // Contact force when the path's piece "hold" ends; NAN: the path has no such piece.
+    double hold_end_n;
+    double given_peak_n; // largest magnitude of force_n, the force given to the hand
+    double gain_min;     // smallest gain of kneadd while the path was played; below 1: kneadd missed poses
+    double residual_m;   // depth of the dent left in the object, set by the caller; NAN: not known
+    // Counts of messages in all tries (runs of the path) together.
+    int64_t sent, forces; // number of poses sent, and of forces received
+    int64_t matched;      // number of forces that answer a pose of this hand
+    int64_t strange;      // number of forces that answer a pose of another hand
+    // Number of forces that kneadd computed once more from an old pose of this hand, although a newer pose had been
+    // sent.
     int64_t stale;
-    int64_t lost;   // ticks whose force was not received: tick - last tick > 1 + missed_cycles
-    int64_t missed; // cycles that kneadd skipped
-    // Round trip of the forces that are not stale; NAN: none.
+    // Number of ticks whose force was not received. A loss shows as tick - last tick > 1 + missed_cycles.
+    int64_t lost;
+    int64_t missed; // number of cycles of the servo loop that kneadd skipped
+    // Median and 99th percentile of the time from a pose to the force that answers it, without stale forces; NAN: no
+    // forces.
     double round_trip_p50_ms, round_trip_p99_ms;
 } kn_report;
 
-// Compute the report. residual_m stays NAN.
+// Compute the report of a session. The field residual_m is set to NAN.
 void kn_report_make(kn_report *report, const kn_hand *hand, const kn_record *record);
 
 // Print the table at the end of `knead probe`. clamp_n: contact force at which the device reaches its limit.

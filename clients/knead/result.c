@@ -6,7 +6,8 @@
 #include <unistd.h>
 
 static json_t *root;
-static int terminal = -1; // copy of stdout while text goes to /dev/null
+// Descriptor of the original stdout while printed text goes to /dev/null; -1: --json was not given.
+static int terminal = -1;
 
 void kn_result_open(void)
 {
@@ -59,7 +60,7 @@ void kn_result_text(json_t *to, const char *name, const char *value)
 void kn_result_table(const char *list, const kn_table *t)
 {
     for (int r = 0, series = -1; root && r < t->rows; r++) {
-        // start[] has the first row of each series.
+        // t->start[i] is the first row of series i, so advance to the series that contains this row.
         while (series + 1 < t->series && t->start[series + 1] <= r) series++;
         json_t *row = kn_result_add(list);
         if (series >= 0) kn_result_text(row, "series", t->label[series]);

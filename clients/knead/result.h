@@ -10,14 +10,15 @@
 #include <jansson.h>
 #include <stdint.h>
 
-// Begin the result and redirect stdout to /dev/null.
+// Begin the JSON object with the results and redirect stdout to /dev/null.
 void kn_result_open(void);
-// Return the result object, which this module owns. Without --json return NULL; the functions below then do nothing.
+// Return the JSON object with the results, which this module owns. Without --json return NULL; the functions below do
+// nothing with NULL.
 json_t *kn_result(void);
 // Append a new object to the list named `list`. Return the new object, which this module owns.
 json_t *kn_result_add(const char *list);
 
-// Set a member of an object.
+// Set a member of a JSON object.
 void kn_result_number(json_t *to, const char *name, double value);
 void kn_result_integer(json_t *to, const char *name, int64_t value);
 void kn_result_bool(json_t *to, const char *name, bool value);
@@ -25,7 +26,8 @@ void kn_result_text(json_t *to, const char *name, const char *value);
 // Append each row of a table to a list, as an object with the columns and `series` as names.
 void kn_result_table(const char *list, const kn_table *table);
 
-// Restore stdout and print the result if code is KN_EXIT_OK or KN_EXIT_FAILED. With other codes there is no result.
+// Restore stdout. If `code` is KN_EXIT_OK or KN_EXIT_FAILED, print the JSON object with the results. With any other
+// code, print nothing.
 void kn_result_close(int code);
 
 #endif

@@ -7,22 +7,22 @@
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-// Allowances in the bounds of rig.h, N and m.
+// Constants added in the bounds of rig.h: 2 mN for the force, 2 um for the position.
 static const double unheard_n = 2e-3, unseen_m = 2e-6;
 
 // Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
 // go force / stiffness deeper than the wall.
 static const double give_n_m[KN_GRIPS] = {[KN_GRIP_LIGHT] = 75.0, [KN_GRIP_NORMAL] = 218.2, [KN_GRIP_FIRM] = 606.1};
 
-// State of one run. way_n: forces on the link, a ring of the last trip_ms + 1 periods.
+// State of one simulated motion. way_n: forces on their way to the device, a ring of the last trip_ms + 1 periods.
 typedef struct loop {
     const kn_rig_def *def;
     kn_arm arm;
     kn_passivity passivity;
     double way_n[KN_RIG_TRIP_MAX_MS + 1][3];
     kn_buzz force, side, position;
-    kn_turns turns, side_turns; // turns of the force along z and along x
-    double stroke_j;            // energy given to the hand when the last stroke began
+    kn_turns turns, side_turns; // reversals of the force along z (turns) and along x (side_turns)
+    double stroke_j;            // energy given to the hand until the present stroke began
     bool air;
     kn_rig_result result;
 } loop;
@@ -35,7 +35,7 @@ static void slide_along(double t_s, double *x_m, double *speed_m_s)
     *x_m = -0.5 * slide_m + 0.5 * *speed_m_s * early_s + slide_m_s * (since_s - early_s);
 }
 
-// Compute position and velocity of the intended path at a time.
+// Compute position and velocity at a time on the path that the hand intends.
 static void path_at(const kn_rig_def *def, double t_s, double path_m[3], double path_m_s[3])
 {
     double depth_m = def->arm.grip == KN_GRIP_NONE ? 0.0 : press_n / give_n_m[def->arm.grip];
@@ -56,7 +56,7 @@ static void path_at(const kn_rig_def *def, double t_s, double path_m[3], double 
     }
 }
 
-// Set up the loop at rest at the begin of the path.
+// Set up device, hand and link at rest at the begin of the motion.
 static void start(loop *l, const kn_rig_def *def)
 {
     kn_arm_def arm = def->arm;
@@ -103,7 +103,7 @@ static void account(loop *l)
     kn_turns_add(&l->side_turns, l->arm.force_n[0]);
 }
 
-// Run one period. Return false if the simulation has blown up.
+// Simulate one period of 1 ms. Return false if the simulation gives numbers that are not finite.
 static bool tick(loop *l, int n, kn_rig_object *object, void *self)
 {
     const kn_rig_def *def = l->def;
@@ -146,7 +146,7 @@ kn_rig_result kn_rig_run(const kn_rig_def *def, kn_rig_object *object, void *sel
     r->position_rms_m = kn_buzz_rms(&l.position);
     r->turns = r->strokes ? (double)l.turns.count / r->strokes : 0.0;
     r->acted = l.passivity.acted;
-    // Compare with the bounds of rig.h.
+    // Decide whether the loop buzzes, by the bounds in rig.h.
     bool rough =
         r->force_rms_n > 1.5 * r->resolution_n + unheard_n || r->position_rms_m > 1.5 * l.arm.def.encoder_m + unseen_m;
     bool slide = def->motion == KN_RIG_SLIDE;

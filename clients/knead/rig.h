@@ -23,13 +23,13 @@
 #include "core/coupling.h"
 #include "core/passivity.h"
 
-// Turns of the force per stroke of a tap above which the loop buzzes.
+// Number of reversals of the force per stroke of a tap above which the loop counts as buzzing.
 #define KN_RIG_TURNS 10.0
 #define KN_RIG_TRIP_MAX_MS 64
 
-// Step an object by one period and write the force on the device to `force_n`. The device has this position (z up,
-// undeformed surface at z = 0) and velocity. Return the energy stored in the object, J, or a value below 0 if the
-// energy is not known.
+// Step an object by one period of 1 ms and write the force on the device to `force_n`. position_m, velocity_m_s: of the
+// device; z points up, and the undeformed surface of the object is at z = 0. Return the energy stored in the object, J,
+// or a value below 0 if the energy is not known.
 typedef double kn_rig_object(void *self, const double position_m[3], const double velocity_m_s[3], double force_n[3]);
 
 typedef enum kn_rig_motion {
@@ -37,33 +37,38 @@ typedef enum kn_rig_motion {
     // The hand moves in 1 s from 2 mm above the surface to the place where its springs would press with 2 N against a
     // wall, and stays there for 3 s.
     KN_RIG_PRESS,
-    KN_RIG_TAP,  // 10 mm up and down at 2 Hz, 10 times
-    KN_RIG_SLIDE // press 1 cm beside the middle; 1 s later move 2 cm along x at 10 mm/s
+    KN_RIG_TAP,  // the hand moves 10 mm up and down at 2 Hz, 10 times
+    KN_RIG_SLIDE // the hand presses 1 cm beside the object's middle; 1 s later it moves 2 cm along x at 10 mm/s
 } kn_rig_motion;
 
 typedef struct kn_rig_def {
-    kn_arm_def arm;       // the grip NONE is allowed with LEAN only; the motion sets bias_n
-    kn_coupling coupling; // virtual coupling as felt at the hand; sets the force resolution and the energy reservoir
-    // Round trip, 0 .. KN_RIG_TRIP_MAX_MS. 0: the force arrives in the period of its pose. 1: the force arrives in the
-    // next period, as from a server.
+    kn_arm_def arm; // device and hand. The grip NONE is allowed with LEAN only. The motion sets the field bias_n.
+    // Virtual coupling as felt at the hand. It sets the force resolution, and the energy reservoir of the passivity
+    // controller.
+    kn_coupling coupling;
+    // Round trip from a pose to its force, 0 .. KN_RIG_TRIP_MAX_MS [ms]. 0: the force arrives in the period of its
+    // pose. 1: the force arrives in the next period, as from a server.
     int trip_ms;
-    bool passivity; // the passivity controller acts; if false, it only observes
+    bool passivity; // true: the passivity controller acts on the force; false: it only observes
     kn_rig_motion motion;
 } kn_rig_def;
 
 typedef struct kn_rig_result {
-    double force_rms_n, position_rms_m; // rms above 10 Hz in the last second; for a tap, in the whole run
-    double resolution_n;                // resolution of the force, k_vc q + b_vc q a / T
-    double turns;                       // turns of the force: per stroke of a tap, in the last second of a slide
-    double returned_j;                  // largest energy that one stroke (air to air) gave to the hand; >= 0
+    // Root mean square of force and position above 10 Hz in the last second; for a tap, in the whole run.
+    double force_rms_n, position_rms_m;
+    double resolution_n; // change of the force by one encoder step, k_vc q + b_vc q a / T
+    // Number of reversals of the force: per stroke of a tap, or in the last second of a slide.
+    double turns;
+    // Largest energy that one stroke gave to the hand, >= 0. A stroke lasts from one time in the air to the next.
+    double returned_j;
     double peak_n;
     int strokes;
-    int64_t acted; // periods in which the controller damped
+    int64_t acted; // number of 1 ms periods in which the passivity controller damped the force
     bool finite, buzzes;
 } kn_rig_result;
 
-// Run the motion of `def` on an object, which must be in its initial state. self: first argument of `object`. Nothing
-// is allocated.
+// Simulate the motion `def->motion` on an object, which must be in its initial state. self: first argument of the
+// function `object`. No memory is allocated.
 kn_rig_result kn_rig_run(const kn_rig_def *def, kn_rig_object *object, void *self);
 
 #endif

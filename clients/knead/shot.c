@@ -7,7 +7,7 @@
 struct kn_shot {
     kn_renderer *renderer;
     int width, height;
-    int vertex_count, triangle_count; // of the mesh that the renderer holds
+    int vertex_count, triangle_count; // numbers of vertices and triangles in the mesh that the renderer holds
     float (*rest)[3];
     int (*triangle)[3];
 };
@@ -52,7 +52,8 @@ static bool load_mesh(kn_shot *shot, const kn_still *s)
         return false;
     shot->rest = malloc((size_t)s->vertex_count * sizeof *s->rest);
     shot->triangle = malloc((size_t)s->triangle_count * sizeof *s->triangle);
-    if (!shot->rest || !shot->triangle) return true; // without these copies the next picture loads the mesh again
+    // If memory for these copies is short, the next picture loads the mesh again.
+    if (!shot->rest || !shot->triangle) return true;
     shot->vertex_count = s->vertex_count;
     shot->triangle_count = s->triangle_count;
     memcpy(shot->rest, s->rest, (size_t)s->vertex_count * sizeof *s->rest);
@@ -60,7 +61,7 @@ static bool load_mesh(kn_shot *shot, const kn_still *s)
     return true;
 }
 
-// Write caption, bar and legend on the picture.
+// Write caption, scale bar and legend on the picture.
 static bool write_on(const kn_shot *shot, const kn_still *s, const kn_scale *scale, uint8_t *rgba, char *error,
                      size_t error_size)
 {

@@ -7,8 +7,8 @@
 
 typedef struct kn_shot kn_shot;
 
-// Open a shot for pictures of this size, pixels. samples: as for kn_renderer_open. Return NULL and one sentence in
-// `error` on failure.
+// Open a shot (a maker of pictures). width, height: size of the pictures, pixels. samples: as for kn_renderer_open.
+// Return NULL and one sentence in `error` on failure.
 kn_shot *kn_shot_open(int width, int height, int samples, char *error, size_t error_size);
 
 // Text on the picture. PLAIN: none. NAMED: name of the object and length of the scale bar. LEGEND: as NAMED, and the
@@ -20,7 +20,7 @@ typedef enum kn_shot_words { KN_SHOT_PLAIN, KN_SHOT_NAMED, KN_SHOT_LEGEND } kn_s
 // failure.
 bool kn_shot_take(kn_shot *shot, kn_still *still, const kn_scale *scale, kn_shot_words words, uint8_t *rgba,
                   char *error, size_t error_size);
-// Free a shot. NULL is allowed.
+// Free a shot (a maker of pictures). NULL is allowed.
 void kn_shot_close(kn_shot *shot);
 
 #endif

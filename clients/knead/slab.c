@@ -2,7 +2,8 @@
 #include <stdio.h>
 #include <string.h>
 
-// Find a tool that can be coupled to a device; a plate cannot. Return NULL if there is none.
+// Find the first tool of the scene that can be coupled to a device. A plate cannot be coupled. Return NULL if the scene
+// has no such tool.
 static const kn_probe_def *find(const kn_model_def *def, const char *name)
 {
     for (int i = 0; i < def->probe_count; i++) {
@@ -12,7 +13,8 @@ static const kn_probe_def *find(const kn_model_def *def, const char *name)
     return NULL;
 }
 
-// Find the height of first contact by bisection between a point far above and the middle of the object.
+// Find the height at which the tool first touches the object, by bisection between a point far above the object and the
+// object's middle.
 static double touch_height(const kn_slab *slab, const kn_model_def *def)
 {
     double extent_m[3], at_m[3] = {0.0};

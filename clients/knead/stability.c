@@ -14,29 +14,30 @@
 
 static const char help[] =
     "usage: knead stability [--quick] [--family NAME] [OPTION]...\n\n"
-    "Presses, knocks, loads and lets go of small objects whose parameters are anywhere, and judges each by its own\n"
-    "converged answer: the same scene, path and time step in f64, linearised until the law is met to 1e-7. The solver\n"
-    "that a scene gets by default may be right, or refuse the scene with a reason; what secant, tangent, f64 and rk4\n"
-    "make of the same scenes stands beside it.\n\n"
-    "  right        force over all steps and shape within 5 % of the answer (a hand tells forces apart from 7 % on);\n"
-    "               or, where the time step itself costs more, within that, 7 % at most. The same for all families;\n"
-    "               how far off the farthest of a family is stands in the table as `most`\n"
-    "  refused      the scene is not simulated, and a sentence says why\n"
-    "  chattering   the force goes up and down more than 1.5 times as much as the answer's\n"
-    "  wrong        calm, and more than 5 % off\n"
+    "Presses, knocks, loads and releases small objects with extreme parameters, and compares each result with a\n"
+    "converged answer: the same scene, path and time step in f64, linearised until the law is met to 1e-7. The\n"
+    "default solver must be right, or refuse the scene with a reason. The results of secant, tangent, f64 and rk4\n"
+    "for the same scenes are printed beside it.\n\n"
+    "  right        force over all steps and shape within 5 % of the answer (a hand notices force differences from\n"
+    "               7 % on). If the time step itself costs more, the limit is that cost, 7 % at most. The limits\n"
+    "               are the same for all families; the largest error of a family is in the column `most`\n"
+    "  refused      the scene is not simulated, and a sentence gives the reason\n"
+    "  chattering   the force goes up and down more than 1.5 times as much as in the answer\n"
+    "  wrong        no chattering, but an error above 5 %\n"
     "  diverged     not a number, or a hundred times too large\n"
-    "  died         the process that tried it was killed; the others go on\n\n"
-    "What the time step itself costs (the answer beside the answer with half the step) is no solver's fault and is\n"
-    "told apart.\n\n"
+    "  died         the process that tried it was killed; the others continue\n\n"
+    "The error of the time step (the answer compared with the answer at half the step) is not a fault of the solver\n"
+    "and is reported separately.\n\n"
     "  --quick           fewer cells of every map, under a minute\n"
     "  --family NAME     one family of maps:\n";
 
-static const char help_end[] = "  --csv FILE        every cell and solver: verdict, errors, reason\n"
-                               "  --json            the counts of every family and solver as JSON\n"
-                               "  --plot FILE       the maps of the default solver, a PNG by gnuplot\n"
-                               "  --jobs N          processes side by side (as many as there are processors)\n\n"
-                               "Exit codes: 0 ok, 1 the default solver has a cell that is neither right nor refused,\n"
-                               "2 bad input, 3 a file cannot be written.\n";
+static const char help_end[] =
+    "  --csv FILE        write every cell and solver: verdict, errors, reason\n"
+    "  --json            print the counts of every family and solver as JSON\n"
+    "  --plot FILE       draw the maps of the default solver as PNG (needs gnuplot)\n"
+    "  --jobs N          number of parallel processes, 1 to 256 (default: the number of processors)\n\n"
+    "Exit codes: 0 ok, 1 the default solver has a cell that is neither right nor refused,\n"
+    "2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
     bool quick;
@@ -44,7 +45,7 @@ typedef struct options {
     const char *family, *csv, *plot;
 } options;
 
-// The help lists the families of maps, so it is printed in three parts.
+// The help contains a list of the families of trials, so it is printed in three parts.
 static void print_help(void)
 {
     fputs(help, stdout);
@@ -119,7 +120,7 @@ int kn_stability_main(int argc, char **argv)
     bool sound = kn_atlas_print(&atlas);
     if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
-    // The time goes to stderr, so that the text on stdout is the same in every run.
+    // Print the elapsed time to stderr, so that the text on stdout is the same in every run.
     if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
     kn_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;

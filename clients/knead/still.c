@@ -41,7 +41,8 @@ static bool fill(kn_still *s, int vertex_count, const float *now, int triangle_c
     return true;
 }
 
-// Choose the colour by the kind of material, so that dough, jelly and clay differ. A flat object has flat tools.
+// Choose the colour by the kind of material, so that dough, jelly and clay differ. A flat object (thickness_m > 0) is
+// drawn with flat tools.
 static void paint(kn_view_scene *view, const kn_model_def *def)
 {
     static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
@@ -80,7 +81,7 @@ bool kn_still_state(kn_still *s, const kn_model *model, const kn_state *state)
     return ok;
 }
 
-// Set the values of the vertices from those of their nodes.
+// Set the value of the measure at each vertex from the value at the vertex's node.
 static bool measure(kn_still *s, const kn_model *model, const double *value)
 {
     kn_surface *surface = kn_surface_create(model);
@@ -91,7 +92,8 @@ static bool measure(kn_still *s, const kn_model *model, const double *value)
     return ok;
 }
 
-// List all edges of the lattice, with the value at both ends. Without values edge_value stays NULL.
+// List all edges of the lattice, with the value of the measure at both ends. If the nodes have no values, edge_value
+// stays NULL.
 static bool list_edges(kn_still *s, const kn_model *model, const kn_state *state, const double *value)
 {
     kn_springs springs;
@@ -189,18 +191,20 @@ void kn_still_hand(kn_still *s, const double position_m[3], const double orienta
 bool kn_still_live(kn_still *s, const kn_live *live, char *error, size_t error_size)
 {
     char why[400];
-    // The message stands in error until the mesh has been copied.
+    // Write the error message beforehand. It is cleared when the mesh has been copied.
     snprintf(error, error_size, "out of memory");
     if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
         return false;
     error[0] = 0;
-    // Build the model of the scene that was heard. Its surface shows whether the mesh belongs to this scene.
+    // Build the model of the received scene. If its surface differs from the received mesh, the mesh does not belong to
+    // this scene.
     kn_model *model = live->scene ? kn_model_build(&live->scene->model, why, sizeof why) : NULL;
     kn_surface *surface = model ? kn_surface_create(model) : NULL;
     bool known = surface && rest_shape(s, model, surface);
     if (!known)
         snprintf(error, error_size, "%s%s",
-                 live->scene ? "the mesh is not of the scene that was heard" : "no scene was heard", live->scene_error);
+                 live->scene ? "the mesh does not belong to the received scene" : "no scene was received",
+                 live->scene_error);
     if (known) paint(&s->view, &model->def);
     if (known) kn_still_update(s, live);
     kn_surface_destroy(surface);

@@ -10,22 +10,21 @@
 
 static const char help[] =
     "usage: knead sweep MATERIAL|EXPR [--freq LOW:HIGH[:NUMBER]] [OPTION]...\n\n"
-    "Swings a specimen and tells its storage modulus G' and loss modulus G'' (stress over strain in compression, in "
-    "phase\n"
-    "and a quarter ahead) at frequencies that are equally far apart on a logarithmic scale.\n\n"
+    "Oscillates a specimen and prints its storage modulus G' and its loss modulus G'' (stress over strain in\n"
+    "compression, in phase and a quarter period ahead). The frequencies are evenly spaced on a logarithmic scale.\n\n"
     "    knead sweep dough --freq 0.001:10 --png sweep.png\n"
     "    knead sweep dough --freq 0.01:1:5 --amplitude 1%\n"
     "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
-    "  --freq L:H[:N]    N frequencies from L to H, Hz (0.001:100:26)\n"
-    "  --amplitude A     swings that far, 1% or 0.01, and takes the fundamental of the stress once it repeats\n"
-    "  --csv FILE        frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP "\n"
-    "Without --amplitude the moduli are those of a swing of no size: a damper that depends on the stress has the\n"
-    "viscosity that it has at rest, and linear_strain is the largest amplitude for which that is exact (its stress "
-    "stays\n"
-    "below p0 in every such damper). With it the test is made as on an instrument, and harmonics is the share of the\n"
-    "stress that is not of the fundamental. The area is constant: moduli are per S0.\n"
+    "  --freq L:H[:N]    N frequencies from L to H, Hz (default: 0.001:100:26)\n"
+    "  --amplitude A     oscillate with strain amplitude A, 1% or 0.01, until the stress is periodic, and evaluate\n"
+    "                    its fundamental (default: an infinitesimal amplitude)\n"
+    "  --csv FILE        write frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP "\n"
+    "Without --amplitude the moduli are those of an infinitesimal oscillation: a damper that depends on the stress\n"
+    "has its viscosity at rest. linear_strain is the largest amplitude for which this is exact (the stress stays\n"
+    "below p0 in every such damper). With --amplitude the test is made as on an instrument, and harmonics is the\n"
+    "share of the stress outside the fundamental. The area is constant: moduli refer to S0.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",
@@ -42,12 +41,13 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     if (n->kind < KN_ELEMENT_SERIES)
         return kn_part_thins(&net->part[n->leaf]) ? net->part[n->leaf].p0_pa / stress : INFINITY;
     kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
-    // Parts in series carry the whole stress, parts in parallel a share of it.
+    // Parts in series carry the whole stress. Each part in parallel carries a fraction of the stress.
     for (int i = 0; i < n->count; i++) {
         double part[2], share = stress;
         kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
         if (n->kind == KN_ELEMENT_PARALLEL)
-            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]); // shares are proportional to stiffness
+            // Parts in parallel carry stress in proportion to their stiffness.
+            share *= hypot(part[0], part[1]) / hypot(whole[0], whole[1]);
         least = fmin(least, linear_strain(net, moduli, omega, n->child[i], share));
     }
     return least;
@@ -64,9 +64,9 @@ static void linear(const kn_bench *b, double hz, double row[6])
     row[5] = 0;
 }
 
-// Strain the specimen for one period and compute the Fourier sums of the stress. row[1]: modulus in phase with the
-// strain. row[2]: modulus a quarter period ahead. row[5]: share of the stress (rms without the mean) outside of the
-// fundamental.
+// Strain the specimen for one period of the sine and compute the Fourier sums of the stress. row[1]: modulus in phase
+// with the strain. row[2]: modulus of the stress a quarter period ahead of the strain. row[5]: share of the stress (rms
+// without the mean) outside of the fundamental.
 static int swing_once(kn_bench *b, double hz, int period, double row[6])
 {
     enum { SAMPLES = 64 };
@@ -80,7 +80,7 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
         mean += b->stress_pa / SAMPLES;
         square += b->stress_pa * b->stress_pa / SAMPLES;
     }
-    // Mean square of the whole stress without its mean, and of the fundamental alone.
+    // Compute the mean square of the stress without its mean, and the mean square of its fundamental alone.
     double all = square - mean * mean, fundamental = (sine * sine + cosine * cosine) / 2;
     row[1] = sine / b->opt->amplitude;
     row[2] = cosine / b->opt->amplitude;
@@ -88,7 +88,8 @@ static int swing_once(kn_bench *b, double hz, int period, double row[6])
     return KN_EXIT_OK;
 }
 
-// Swing until the fundamental repeats within 1e-5, for 500 periods at most. *repeats: false if it did not.
+// Strain the specimen until the fundamental of the stress repeats within 1e-5, for 500 periods at most. *repeats: false
+// if the fundamental did not repeat.
 static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
 {
     enum { PERIODS = 500 };
@@ -106,14 +107,14 @@ static int measured(kn_bench *b, double hz, double row[6], bool *repeats)
     return code;
 }
 
-// Measure at frequencies that are evenly spaced on a logarithmic scale.
+// Measure the moduli at frequencies that are evenly spaced on a logarithmic scale.
 static int run(kn_bench *b, kn_table *t)
 {
     const kn_bench_options *opt = b->opt;
     bool any_nonlinear = false;
     kn_bench_print(b);
     if (opt->amplitude > 0)
-        printf("test      swings of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
+        printf("test      oscillations of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
     else printf("test      linear: dampers as at rest\n");
     printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
            opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
@@ -134,7 +135,7 @@ static int run(kn_bench *b, kn_table *t)
     }
     kn_result_table("frequencies", t);
     if (any_nonlinear && opt->amplitude == 0)
-        printf("\na damper depends on the stress: larger swings meet a softer specimen, see --amplitude\n");
+        printf("\na damper depends on the stress: the specimen is softer under larger oscillations, see --amplitude\n");
     return KN_EXIT_OK;
 }
 

@@ -87,7 +87,8 @@ static void write_data(FILE *f, const kn_table *t, int series)
     fprintf(f, "END\n");
 }
 
-enum { PANEL = 600, HEIGHT = 460, ROW = 22, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 }; // pixels
+// Sizes of the parts of the picture, pixels.
+enum { PANEL = 600, HEIGHT = 460, ROW = 22, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 };
 
 // Return true if a curve is drawn dashed: a second curve, or the second series of a pair.
 static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
@@ -106,7 +107,7 @@ static int hue(const kn_table *t, const kn_axes *a, int series, int y)
 // Write the plot command of one curve.
 static void write_curve(FILE *f, const kn_table *t, const kn_axes *a, int series, int y)
 {
-    // The second curve of several series is only a reference and has no points.
+    // If there are several series, the second curve of each is only a reference and is drawn without points.
     const bool bound = a->y2 && y == a->y2 && t->series > 1;
     fprintf(f, "$series%d using ($%d*%g):($%d*%g) with %s lt %d%s notitle, ", series, a->x + 1, a->x_scale, y + 1,
             a->y_scale, a->points && !bound ? "linespoints" : "lines", hue(t, a, series, y),
@@ -153,7 +154,7 @@ static int legend_rows(const kn_table *t, int count)
     return t->series > 1 ? (t->series + across - 1) / across : 0;
 }
 
-// Write the legend below the panels, as the key of a plot without axes.
+// Write the legend below the panels. The legend is the key of an additional plot without axes.
 static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows, int high)
 {
     fprintf(f,
@@ -170,7 +171,7 @@ static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows,
     fprintf(f, "NaN notitle\n");
 }
 
-// Write the whole script: data, panels from left to right, legend.
+// Write the whole gnuplot script: data, panels from left to right, legend.
 static void write_script(FILE *f, const kn_table *t, const char *title, const kn_axes *axes, int count, int high)
 {
     const int rows = legend_rows(t, count), wide = PANEL * count;

@@ -8,10 +8,12 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
-#define STEPS 12                    // steps in a quarter turn
-#define AROUND (4 * (STEPS + 1))    // points of a ring: every quarter has both of its ends
-#define RINGS (2 * (STEPS + 1))     // rings: lower and upper half, each with both of its ends
-#define POINTS (RINGS * AROUND + 2) // and the poles of both ends
+#define STEPS 12 // number of steps that divide a quarter turn
+// Number of points of a ring: each of 4 quarters has STEPS + 1 points, both of its ends included.
+#define AROUND (4 * (STEPS + 1))
+// number of rings: STEPS + 1 in the lower half and STEPS + 1 in the upper half of the surface.
+#define RINGS (2 * (STEPS + 1))
+#define POINTS (RINGS * AROUND + 2) // number of points: those of all rings, and one point at each end of the axis
 #define TRIANGLES (2 * AROUND * RINGS)
 
 // Every solid of shape.h except a mesh is the space that a ball covers while its centre moves through a core: a box, a
@@ -48,7 +50,7 @@ static void point_of(const core *c, int ring, int around, float out[3])
     out[2] = (float)(c->up_m + (upper ? c->half_m[2] : -c->half_m[2]) + c->roll_m * sin(theta));
 }
 
-// Append a triangle, unless it has no area.
+// Append a triangle to the surface, unless its area is 0.
 static void add_triangle(kn_tool_form *f, int a, int b, int c)
 {
     double ab[3], ac[3], across[3];
@@ -57,7 +59,8 @@ static void add_triangle(kn_tool_form *f, int a, int b, int c)
         ac[k] = (double)f->xyz[c][k] - (double)f->xyz[a][k];
     }
     kn_cross(ab, ac, across);
-    if (kn_dot(across, across) < 1e-24) return; // at the pole of a sphere or at a sharp edge
+    // The triangle has no area, as at the pole of a sphere or at a sharp edge.
+    if (kn_dot(across, across) < 1e-24) return;
     f->triangle[f->triangle_count][0] = a;
     f->triangle[f->triangle_count][1] = b;
     f->triangle[f->triangle_count++][2] = c;

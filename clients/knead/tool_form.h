@@ -6,20 +6,21 @@
 #include "core/model.h"
 #include <stdint.h>
 
-// A surface in the frame of its tool. Point 0 is the origin of the frame and belongs to no triangle.
+// Surface of a tool, in the tool's own coordinates. Point 0 is the origin of these coordinates and belongs to no
+// triangle.
 typedef struct kn_tool_form {
     int point_count, triangle_count;
     float (*xyz)[3];
-    int32_t (*triangle)[3]; // counter-clockwise from outside
+    int32_t (*triangle)[3]; // three indices in `xyz` per triangle, counter-clockwise as seen from outside
 } kn_tool_form;
 
 // Make the surface of a tool. Return false when memory is short.
 bool kn_tool_form_make(kn_tool_form *form, const kn_model *model, int probe);
-// Free a surface. A zeroed one is allowed.
+// Free the surface of a tool. A zeroed struct is allowed.
 void kn_tool_form_free(kn_tool_form *form);
 
-// Place a surface at a pose and write its points to out[point_count][3], m. orientation_wxyz: all 0 means level. A
-// plate is always level.
+// Move the surface of a tool to a pose and write its points to out[point_count][3] [m]. orientation_wxyz: unit
+// quaternion; four zeros mean a level tool. A plate is always level.
 void kn_tool_form_place(const kn_tool_form *form, const kn_probe_def *def, const double position_m[3],
                         const double orientation_wxyz[4], float (*out)[3]);
 

@@ -15,31 +15,34 @@
 #include <unistd.h>
 
 #define CHANNEL "KNEAD_TOUCH_"
-#define CELLS 8          // cells of the pressure map along each side
-#define FRAME_MS 40      // least time between two pictures: 25 per second
-#define SILENCE_MS 300   // a patch comes every 4 ms; after this time nobody holds the tool
-#define PATIENCE_MS 4000 // time to wait for the first patch
+#define CELLS 8     // number of cells along each side of the pressure map
+#define FRAME_MS 40 // shortest time between two pictures: 25 pictures per second
+// If no patch message arrives for this time, nobody holds the tool; kneadd sends one every 4 ms.
+#define SILENCE_MS 300
+#define PATIENCE_MS 4000 // longest wait for the first patch message
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
-    "What a tool touches, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8 pressures over the\n"
-    "tool's face, as seen from inside of the tool, contact area, peak pressure, and in the tool's frame the centre of\n"
-    "pressure, the mean normal out of the object and how fast the skin slips under the tool. Drawn in place on a\n"
-    "terminal, else a line for each message, 250 per second.\n\n"
-    "  --probe NAME     tool of the scene (the first that is heard)\n"
-    "  --json           a JSON object per line, SI units; proto/README.md says what pressure_pa lies over\n"
-    "  --once           ends with the first message in which something is touched\n"
-    "  --seconds N      ends after that long, 0.1..86400 (until Ctrl-C)\n"
-    "  --lcm-url URL    touch patches (LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
-    "Exit codes: 0 ok, 2 bad input, 3 nothing heard, or with --once nothing touched.\n";
+    "Shows the contact of a tool, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8\n"
+    "pressures over the tool's face, seen from inside the tool, the contact area and the peak pressure. In the\n"
+    "tool's frame it also shows the centre of pressure, the mean normal (out of the object) and the slip velocity\n"
+    "of the skin under the tool. On a terminal the picture is redrawn in place; otherwise one line per message is\n"
+    "printed, 250 per second.\n\n"
+    "  --probe NAME     tool of the scene (default: the first tool that is heard)\n"
+    "  --json           print one JSON object per line, in SI units; see proto/README.md for the grid of\n"
+    "                   pressure_pa\n"
+    "  --once           end with the first message that reports contact\n"
+    "  --seconds N      end after N seconds, 0.1..86400 (default: run until Ctrl-C)\n"
+    "  --lcm-url URL    bus of the touch patches (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
+    "Exit codes: 0 ok, 2 bad input, 3 no message, or with --once no contact.\n";
 
 typedef struct watch {
     const char *probe, *url;
-    double seconds; // INFINITY: without end
+    double seconds; // time to run; INFINITY: run until a signal
     bool json, once, draws, help;
-    char name[64];             // of the tool that is shown; "": none yet
-    knead_touch_patch_t patch; // the newest patch
-    // Number of messages; the number when the last picture was drawn; number of messages with a contact.
+    char name[64];             // name of the tool that is shown; "": not known yet
+    knead_touch_patch_t patch; // newest contact patch of the tool
+    // Counts of patch messages: all received; those received until the last picture was drawn; those with a contact.
     int64_t heard, drawn, touched;
     int64_t heard_ms, first_us;
     bool on_screen;
@@ -86,7 +89,7 @@ static int parse(watch *w, int argc, char **argv)
 
 // --- output ---------------------------------------------------------------------------------------------------------
 
-// Print the patch in words.
+// Print the contact patch as lines of text.
 static void print_words(const watch *w)
 {
     const knead_touch_patch_t *t = &w->patch;
@@ -129,7 +132,8 @@ static void print_json(const watch *w)
     puts("]}");
 }
 
-// Draw the pressure map in place, with the highest v on top. The fullest cell is '@', and a cell that pulls is '~'.
+// Draw the pressure map over the last one, with the row of the largest v (second coordinate of the patch) on top. The
+// cell with the highest pressure is '@', and a cell with a pull is '~'.
 static void draw(watch *w)
 {
     static const char ramp[] = " .:-=+*#%@";
@@ -139,7 +143,7 @@ static void draw(watch *w)
     // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
-    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("nobody holds it");
+    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
     else print_words(w);
     printf("\033[K\n  v +----------------+\033[K\n");
     for (int i = CELLS - 1; i >= 0; i--) {
@@ -190,14 +194,15 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     fflush(stdout);
 }
 
-// Return the time to stop: after --seconds or, if --seconds was not given, after PATIENCE_MS if no patch has arrived.
+// Return the time at which the program stops: after --seconds, or, without --seconds, after PATIENCE_MS if no patch has
+// arrived.
 static int64_t until_ms(const watch *w, int64_t start_ms)
 {
     if (isfinite(w->seconds)) return start_ms + (int64_t)(1e3 * w->seconds);
     return w->heard ? INT64_MAX : start_ms + PATIENCE_MS;
 }
 
-// Listen and draw until the end. Return the exit code.
+// Receive patch messages and draw pictures until the program stops. Return the exit code.
 static int look(watch *w, kn_join *bus)
 {
     int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;

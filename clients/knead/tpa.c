@@ -20,36 +20,39 @@
 
 static const char help[] =
     "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
-    "Texture profile analysis: a plate bites twice, and what food laboratories read off the two peaks is told: "
-    "hardness,\n"
-    "cohesiveness, springiness, resilience. Adhesiveness is not: the plate does not stick, so no force ever pulls.\n\n"
+    "Texture profile analysis: a plate bites twice. The figures that food laboratories read off the two peaks are\n"
+    "printed: hardness, cohesiveness, springiness, resilience. Adhesiveness is not modelled: the plate does not\n"
+    "stick, so no force ever pulls.\n\n"
     "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
     "    knead tpa jelly --strain 30%\n\n"
-    "  --strain S        depth of both bites, share of the height of the untouched specimen (50 %)\n"
-    "  --speed V         of the plate, down and up (1 mm/s)\n"
-    "  --wait TIME       between the bites, the plate at the height of the untouched specimen (5 s)\n"
-    "  --csv FILE        bite,time_s,plate_m,strain,force_n,stress_pa; plate_m: how far the plate is below that "
-    "height\n"
-    "  --png FILE        the curves, by gnuplot\n"
-    "  --json            what is printed, as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
+    "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
+    "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default:\n"
+    "                    5 s)\n"
+    "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
+    "                    below the height of the untouched specimen\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_BENCH_HELP KN_BENCH_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
 
-// State of the plate. Places are strains of the untouched specimen. peak_n and area_j belong to the present stroke.
+// State of the plate. Places are strains of the untouched specimen. peak_n and area_j: largest force, and work of the
+// force, in the present stroke.
 typedef struct plate {
     kn_bench *b;
     kn_table *t;
     int bite;
     bool touches;
-    double from, rate_per_s, start_s; // the plate is at from + rate_per_s * (t - start_s)
-    double peak_n, area_j, touched;   // touched: strain at the first touch of this bite, negative before
+    double from, rate_per_s, start_s; // the plate's place at time t is from + rate_per_s * (t - start_s)
+    // touched: strain at the first touch of this bite, negative before the first touch.
+    double peak_n, area_j, touched;
 } plate;
 
-// Return where the plate is at time t.
+// Return the place of the plate at time t, as a strain of the untouched specimen.
 static double place(const plate *p, double t) { return p->from + p->rate_per_s * (t - p->start_s); }
 
-// Append the present state to the table, and keep the largest force of the stroke.
+// Append the present state to the table, and update the largest force of the stroke.
 static void add(plate *p)
 {
     const kn_bench *b = p->b;
@@ -58,7 +61,7 @@ static void add(plate *p)
     p->peak_n = fmax(p->peak_n, b->force_n);
 }
 
-// Let the plate touch: from now on the plate imposes the strain.
+// Begin the contact of plate and specimen: from now on the plate imposes the strain.
 static int touch(plate *p)
 {
     p->touches = true;
@@ -66,22 +69,23 @@ static int touch(plate *p)
     return kn_bench_strain(p->b, p->b->strain, p->rate_per_s);
 }
 
-// Let the plate go: from now on the specimen recovers without load.
+// End the contact of plate and specimen: from now on the specimen recovers without load.
 static int let_go(plate *p)
 {
     p->touches = false;
     return kn_bench_load(p->b, 0);
 }
 
-// Return true if the plate must let go or touch now. The plate cannot pull, and it cannot pass through the specimen.
+// Return true if the contact of plate and specimen must end or begin now. The plate cannot pull, and it cannot pass
+// through the specimen.
 static bool changes(const plate *p)
 {
     if (p->touches) return p->b->stress_pa < 0;
     return p->rate_per_s > 0 && place(p, p->b->time_s) >= p->b->strain;
 }
 
-// Find the moment of the change between `before`, an earlier state of the bench, and now, by bisection. Leave the bench
-// just after that moment.
+// Find the moment at which contact begins or ends by bisection. The moment lies between `before`, an earlier state of
+// the bench, and the present state. Leave the bench just after the moment found.
 static int find_change(plate *p, const kn_bench *before)
 {
     double low = before->time_s, high = p->b->time_s;
@@ -93,12 +97,12 @@ static int find_change(plate *p, const kn_bench *before)
         if (changes(p)) high = middle;
         else low = middle;
     }
-    // The last state tried may lie before the change, so step to the upper bound.
+    // The last state tried may lie before the change of contact, so step to the upper bound of the bisection.
     *p->b = *before;
     return code == KN_EXIT_OK ? kn_bench_advance(p->b, high) : code;
 }
 
-// Advance to until_s, and let the plate touch or let go on the way.
+// Advance to the time until_s, and begin or end the contact of the plate on the way.
 static int go(plate *p, double until_s)
 {
     kn_bench *b = p->b, before = *b;
@@ -112,13 +116,13 @@ static int go(plate *p, double until_s)
     if (change && code == KN_EXIT_OK) {
         code = p->touches ? let_go(p) : touch(p);
         add(p);
-        // The rest of the interval goes on in the new state, which may change again.
+        // Compute the rest of the interval in the new state of contact, which may change once more.
         if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
     }
     return code;
 }
 
-// Run one stroke of the plate, or its rest (rate 0).
+// Simulate one stroke of the plate, or a wait (rate 0).
 static int stroke(plate *p, double from, double rate_per_s, double seconds)
 {
     enum { SAMPLES = 250 };
@@ -127,7 +131,7 @@ static int stroke(plate *p, double from, double rate_per_s, double seconds)
     p->rate_per_s = rate_per_s;
     p->start_s = p->b->time_s;
     p->peak_n = p->area_j = 0;
-    if (p->touches) { // the plate turns round
+    if (p->touches) { // the plate reverses its direction while it touches the specimen
         code = kn_bench_strain(p->b, p->b->strain, rate_per_s);
         if (code == KN_EXIT_OK && changes(p)) code = let_go(p);
     } else if (changes(p)) code = touch(p);
@@ -139,12 +143,12 @@ static int stroke(plate *p, double from, double rate_per_s, double seconds)
     return code;
 }
 
-// Results of one bite.
+// Results of one bite (one movement of the plate down and up).
 typedef struct bite {
     double peak_n, down_j, up_j, touched;
 } bite;
 
-// Run one bite: down, up, wait.
+// Simulate one bite: the plate moves down, moves up, and waits.
 static int take_bite(plate *p, int number, double wait_s, bite *r)
 {
     const kn_bench_options *opt = p->b->opt;
@@ -183,8 +187,9 @@ static void print(const kn_bench *b, const bite r[2])
     printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
            r[1].peak_n);
     printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
-    printf("springiness   %.4f, way of the second bite over the first\n", (opt->strain - r[1].touched) / opt->strain);
-    printf("resilience    %.4f, area of the first bite's way up over its way down\n", r[0].up_j / r[0].down_j);
+    printf("springiness   %.4f, travel of the second bite over the first\n",
+           (opt->strain - r[1].touched) / opt->strain);
+    printf("resilience    %.4f, area of the first bite's upstroke over its downstroke\n", r[0].up_j / r[0].down_j);
     printf("adhesiveness  not modelled: the plate does not stick\n");
 }
 

@@ -9,17 +9,19 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAGIC 0x656361727444424bu // "KBDtrace": the format with times of the ticks
-// Largest sizes that are accepted from a file: the largest lattice of core/scene, and 4.6 hours.
+// "KBDtrace" in the byte order of the file: marks the format that contains times of the ticks.
+#define MAGIC 0x656361727444424bu
+// Largest sizes that are accepted from a file: number of nodes of the largest lattice of core/scene, and number of
+// ticks in 4.6 hours.
 enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 };
 
 // Beginning of a trace file.
 typedef struct head {
-    uint64_t magic, program, hash; // hash: of everything after the head
-    kn_trace trace;                // the pointers in it are not valid
+    uint64_t magic, program, hash; // hash: hash of all bytes of the file after the head
+    kn_trace trace;                // sizes and results of the trace; the pointers in `trace` are not valid in a file
 } head;
 
-typedef struct record { // a replay being recorded
+typedef struct record { // a trace that is being recorded during a replay
     kn_trace *trace;
     kn_replay *replay;
     int64_t room;
@@ -33,7 +35,7 @@ void kn_trace_free(kn_trace *t)
     memset(t, 0, sizeof *t);
 }
 
-// Make room for more ticks.
+// Make room for more ticks in the arrays of the trace.
 static bool grow(record *r)
 {
     int64_t room = r->room ? 2 * r->room : 4096;
@@ -47,7 +49,7 @@ static bool grow(record *r)
     return true;
 }
 
-// Record one tick. Only ticks with contact have a time.
+// Record the forces of one tick, and its processor time if a tool touches the object.
 static bool take_tick(record *r)
 {
     kn_trace *t = r->trace;
@@ -70,7 +72,7 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// Compute median and p90 of the times. Return false when memory is short.
+// Compute the median and the 90th percentile of the tick times. Return false when memory is short.
 static bool take_times(kn_trace *t)
 {
     float *sorted = malloc((size_t)t->ticks * sizeof *sorted);
@@ -91,7 +93,7 @@ bool kn_trace_calm(kn_trace *t, const kn_trace *other)
     return take_times(t);
 }
 
-// Record the displacements at the end.
+// Record the displacements of all nodes after the last tick.
 static bool take_shape(record *r)
 {
     kn_trace *t = r->trace;
@@ -133,7 +135,9 @@ static bool play(record *r, const volatile sig_atomic_t *stop, const char **why)
     }
     if (t->ticks == 0) *why = "no hand has a tool in it";
     if (t->ticks == 0 || !take_shape(r)) return false;
-    return take_times(t); // if no tool ever touched, both are 0; the comparison of the forces reports that case
+    // If no tool ever touched the object, median and 90th percentile are 0; the comparison of the forces reports this
+    // case.
+    return take_times(t);
 }
 
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,

@@ -12,17 +12,19 @@
 
 typedef struct kn_trace {
     int64_t ticks, probes;
-    double (*force_n)[3];   // [ticks * probes] contact force before any device limit; 0 for a probe without a session
-    int64_t nodes, grid[3]; // nodes along x, y, z; 0: the object is a mesh
+    // Contact force before any force limit, ticks * probes elements; 0 for a probe without a session.
+    double (*force_n)[3];
+    // nodes: number of nodes of the lattice. grid: number of nodes along x, y, z; 0: the object is a mesh.
+    int64_t nodes, grid[3];
     double spacing_m;
-    double (*shape_m)[3]; // [nodes] displacement after the last tick
-    // Number of latched faults. A fault for missing poses comes from the log, but a fault for a jump of the force comes
-    // from the computation.
+    double (*shape_m)[3]; // displacement of each node after the last tick
+    // Number of latched faults in the replay. A fault for missing poses is caused by the log; a fault for a jump of the
+    // force is caused by the computation.
     int64_t faults;
     int64_t diverged;         // number of ticks in which the solver gave numbers that are not finite
-    kn_replay_tally tally;    // tally of the replay at its end
-    float *us;                // [ticks] processor time of the replaying thread; 0: no tool touched the object
-    double median_us, p90_us; // median and 90th percentile of the times in `us` that are not 0
+    kn_replay_tally tally;    // counters of the replay at its end
+    float *us;                // processor time [us] of each tick in the replaying thread; 0: no tool touched the object
+    double median_us, p90_us; // median and 90th percentile of those times in `us` that are not 0
     // Identifier of the sweep's serial pass in which the times were measured. 0: other processes ran at the same time,
     // so the times mean nothing.
     int64_t sitting;
@@ -32,7 +34,7 @@ typedef struct kn_trace {
 // a tool in the log, or if *stop becomes true.
 bool kn_trace_play(kn_trace *t, const kn_replay_def *def, const volatile sig_atomic_t *stop, char *error,
                    size_t error_size);
-// Free a trace. A zeroed one is allowed.
+// Free a trace. A zeroed struct is allowed.
 void kn_trace_free(kn_trace *t);
 
 // Replace the time of every tick in `t` by the lesser of its times in `t` and `other`, two replays of the same run. The
@@ -46,10 +48,10 @@ typedef enum kn_trace_found { KN_TRACE_FOUND, KN_TRACE_MISSING, KN_TRACE_DAMAGED
 // kn_trace_load returns FOREIGN.
 bool kn_trace_save(const kn_trace *t, const char *path, uint64_t program);
 kn_trace_found kn_trace_load(kn_trace *t, const char *path, uint64_t program);
-// Check a file without keeping its contents.
+// Check a trace file without keeping its contents.
 kn_trace_found kn_trace_peek(const char *path, uint64_t program);
 
-// Hash the bytes of a file. Return false if the file cannot be read.
+// Write to `hash` a hash of the bytes of a file. Return false if the file cannot be read.
 bool kn_trace_hash(const char *path, uint64_t *hash);
 
 #endif

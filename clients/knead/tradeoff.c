@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// One sweep.
+// State of one sweep.
 typedef struct sweep {
     kn_tradeoff_options opt;
     kn_plan plan;
@@ -33,11 +33,12 @@ typedef struct sweep {
 #define ONE_TOLERANCE(value) .tolerances = 1, .tolerance = {value}
 
 static const kn_axes_def usual[] = {
-    // On the scene's lattice and step: the number of iterations, and how iterations are spread over steps.
+    // On the scene's own lattice and time step, vary the number of CG iterations and how they are spread over the time
+    // steps.
     {BOTH, F32, .counts = 8, .count = {2, 3, 4, 6, 8, 12, 16, 24}, ONE_TOLERANCE(0)},
     {BOTH, F32, .counts = 4, .count = {2, 4, 8, 16}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {2}, .tolerances = 2, .tolerance = {1e-2, 1e-4}},
-    // More than one linearisation, and double precision.
+    // Then vary the number of linearisations, and use double precision.
     {BLEND, F32, .counts = 2, .count = {4, 8}, .tolerances = 3, .tolerance = {0, 1e-3, 1e-4}, .passes = 1, .pass = {2}},
     {.methods = 2,
      .method = {KN_METHOD_BLEND, KN_METHOD_RK4},
@@ -52,7 +53,7 @@ static const kn_axes_def quick[] = {
     {BLEND, F32, .counts = 2, .count = {2, 8}, ONE_TOLERANCE(1e-3)},
     {BLEND, F32, .counts = 1, .count = {4}, ONE_TOLERANCE(1e-3), .passes = 1, .pass = {2}}};
 
-// Add the usual points: first on the scene's lattice, then on other lattices, then with half of the step.
+// Add the usual points: first on the scene's lattice, then on other lattices, then with half of the time step.
 static bool add_usual(sweep *s, char *error, size_t error_size)
 {
     kn_plan *plan = &s->plan;
@@ -62,7 +63,7 @@ static bool add_usual(sweep *s, char *error, size_t error_size)
         if (!kn_plan_add(plan, &list[i], false, error, error_size)) return false;
     const kn_model_def *def = &plan->scene->model;
     kn_axes_def other = {BOTH, F32, .counts = 3, .count = {4, 8, 16}, ONE_TOLERANCE(0)};
-    // A lattice of double spacing and, without --quick, one of spacing / 1.5.
+    // Add a lattice with twice the spacing and, without --quick, a lattice with the spacing divided by 1.5.
     if (!def->mesh) {
         other.spacings = s->opt.quick ? 1 : 2;
         other.spacing_m[0] = 2 * def->spacing_m;
@@ -86,7 +87,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
     }
-    if (axes->tolerances == 0) axes->tolerances = 1; // the tolerance 0
+    if (axes->tolerances == 0) axes->tolerances = 1; // use one value, which is 0
     s->plan.scene_path = s->opt.scene;
     s->plan.log_path = s->opt.log;
     s->plan.sets = s->opt.sets;
@@ -107,7 +108,8 @@ static void print_begin(const sweep *s)
     fflush(stdout);
 }
 
-// Explain the times. Warn if they are not comparable, because they come from several passes or from a busy machine.
+// Explain the measured times. Warn if the times are not comparable, because they come from several passes or from a
+// busy machine.
 static void print_times(const sweep *s)
 {
     int64_t first = 0;
@@ -119,16 +121,16 @@ static void print_times(const sweep *s)
         first = sitting;
     }
     printf(
-        "times      processor time of a tick of the servo, one run at a time, of each tick the better of two rounds");
-    if (several) printf("; NOT all of one sitting: compare with care");
+        "times      processor time of a tick of the servo, one run at a time, for each tick the better of two rounds");
+    if (several) printf("; NOT all measured in one session: compare with care");
     if (s->crew.unsteady > 0)
-        printf("; %d of %d points took over 15 %% longer in the other: this machine has other work", s->crew.unsteady,
-               s->crew.timed);
+        printf("; %d of %d points took over 15 %% longer in the other round: this machine is busy with other work",
+               s->crew.unsteady, s->crew.timed);
     putchar('\n');
 }
 
-// Print the points named fast, balanced and accurate. MISSED marks a point outside of the bounds that its name
-// promises.
+// Print the quality points fast, balanced and accurate. The word MISSED marks a point that violates the bounds of its
+// name.
 static void print_named(const sweep *s)
 {
     double budget_us = 1e6 * s->plan.scene->budget_s;
@@ -137,10 +139,11 @@ static void print_named(const sweep *s)
         char name[96];
         printf("%-10s ", kn_quality_name(q));
         if (!r) printf("none: no point's p90 is %g us or less", budget_us);
-        else if (q > 0 && r == s->named[q - 1]) printf("the same as %s: no other is between", kn_quality_name(q - 1));
+        else if (q > 0 && r == s->named[q - 1])
+            printf("the same as %s: no other point lies between", kn_quality_name(q - 1));
         else
-            printf("%s: %.0f us, p90 %.0f us, force %.2g %%, shape %.2g %% of the solver", kn_run_name(r->run, name),
-                   r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
+            printf("%s: %.0f us, p90 %.0f us, error of the solver: force %.2g %%, shape %.2g %%",
+                   kn_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver, 100 * r->shape.solver);
         if (r && kn_front_excess(r, q) > 1)
             printf("; MISSED: %g %%, %g %% and a jump of %.2g N/ms at most", 100 * kn_front_bounds[q].force,
                    100 * kn_front_bounds[q].shape, KN_JUMP * r->same_jump_n);
@@ -164,20 +167,21 @@ static void print_elsewhere(const sweep *s)
     char name[96];
     const kn_row *r = kn_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
-    printf("no name    %s: p90 %.0f us, force %.3g %% in all, nearer than they are; a server changes neither lattice, "
-           "step nor precision:",
+    printf("no name    %s: p90 %.0f us, force %.3g %% in all, more accurate than they are; a server cannot change "
+           "lattice, "
+           "step or precision:",
            kn_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }
 
-// Print the most accurate point within --budget-us.
+// Print the most accurate point whose 90th percentile of the tick times is within --budget-us.
 static int pick(const sweep *s)
 {
     char name[96];
     const kn_row *r = kn_front_pick(&s->front, s->opt.budget_us);
     if (!r)
-        return kn_complain("tradeoff", KN_EXIT_FAILED,
-                           "--budget-us %g: no point that may be used has a p90 of that or less", s->opt.budget_us);
+        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget-us %g: no usable point has a p90 of that or less",
+                           s->opt.budget_us);
     printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
            kn_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);
     print_sets(s, r);
@@ -239,7 +243,7 @@ static int try_files(const sweep *s)
     return code == KN_EXIT_OK && opt->write ? kn_points_try(&s->plan) : code;
 }
 
-// Plan, replay and report. The crew is closed in any case.
+// Plan the runs, replay them and report. The crew (the processes that replay) is closed in any case.
 static int run(sweep *s)
 {
     char error[512];

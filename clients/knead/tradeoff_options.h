@@ -6,17 +6,21 @@
 #define KN_TRADEOFF_SETS 64
 
 typedef struct kn_tradeoff_options {
-    // File and folder names, hosts, and the job of a worker process; NULL: not given.
+    // Names of files and folders (scene, log, csv, plot, resume), list of hosts, and job of a worker process; NULL: the
+    // option was not given.
     const char *scene, *log, *csv, *plot, *resume, *hosts, *job;
     const char *sets[KN_TRADEOFF_SETS];
     int set_count, jobs;
     bool quick, write;
-    double budget_us; // 0: not given
-    bool listed;      // an axis was given: the sweep has one point for each combination of the values in the lists
-    kn_axes_def axes; // values of each axis, see plan.h
+    // Bound [us] on the 90th percentile of the tick times of the point to choose; 0: --budget-us was not given.
+    double budget_us;
+    // True: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
+    bool listed;
+    kn_axes_def axes; // values of each varied solver setting, see plan.h
 } kn_tradeoff_options;
 
-// Parse the command line. Return an exit code. On failure, print an error message. *done: --help was answered.
+// Parse the command line. Return 0, or print an error message and return an exit code. *done: set to true if --help was
+// answered.
 int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done);
 
 #endif

@@ -6,23 +6,25 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ERROR_MAX 0.05  // bound of both errors, below what a hand feels; see trial.h
-#define ERROR_MOST 0.07 // largest bound if the step itself costs more than ERROR_MAX
-// Verdicts: total variation relative to the reference (chattering), force relative to the reference (diverged).
+#define ERROR_MAX 0.05  // bound of the force error and the shape error, smaller than a hand can feel; see trial.h
+#define ERROR_MOST 0.07 // largest bound of the errors if the time-step error is above ERROR_MAX
+// Bounds of two verdicts, both relative to the reference: total variation above which a result is chattering, force
+// above which a result has diverged.
 #define VARIATION_MAX 1.5
 #define BLOWN_UP 100.0
-#define SPEED_MAX 0.03 // m/s, largest speed of the hand
-#define DEVICE_S 1e-3  // period of a device
-// Linearisations that the reference may take. A step that takes all of them has missed its tolerance.
+#define SPEED_MAX 0.03 // largest speed of the hand, m/s
+#define DEVICE_S 1e-3  // time between two forces that a device receives, s
+// Largest number of linearisations that the reference may take in a time step. A step that takes all of them has missed
+// its tolerance.
 #define REFERENCE_PASSES 100
 
 const char *const kn_way_name[KN_WAYS] = {"default", "secant", "tangent", "f64", "rk4"};
 const char *const kn_judgement_name[KN_JUDGEMENTS] = {"right", "refused", "chattering", "wrong", "diverged", "died"};
 
-typedef struct trace { // record of one run
+typedef struct trace { // forces and shapes of one run
     int steps, nodes;
-    double (*way)[3];      // [steps] force on the probe, or, without a probe, mean displacement of the top
-    double (*shape[2])[3]; // [nodes] displacements at the end of the pressing and at the end
+    double (*way)[3];      // for each step: force on the probe, or, without a probe, mean displacement of the top
+    double (*shape[2])[3]; // for each node: displacement at the end of the pressing, and at the end of the trial
     bool refused, diverged, loose;
     char reason[120];
 } trace;
@@ -36,11 +38,11 @@ static void trace_free(trace *t)
 
 // --- the hand -------------------------------------------------------------------------------------------------------
 
-#define DOWN 0.4   // share of the time after which the tool is at its depth
-#define STAY 0.6   // share of the time after which the tool moves up again
-#define LOADED 0.5 // share of the time for which the load is on
+#define DOWN 0.4   // fraction of the trial's time after which the tool is at its depth
+#define STAY 0.6   // fraction of the trial's time after which the tool moves up again
+#define LOADED 0.5 // fraction of the trial's time during which the load acts
 
-// Rise from 0 to 1 on half a cosine.
+// Return a value that rises smoothly from 0 to 1, as half a period of a cosine.
 static double smooth(double s) { return s <= 0 ? 0 : s >= 1 ? 1 : 0.5 - 0.5 * cos(acos(-1.0) * s); }
 
 static double length_s(const kn_trial *t) { return t->steps * t->def.solver.dt_s; }
@@ -59,7 +61,8 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
 {
     kn_input in = {0};
     double whole = length_s(t), rest[3] = {1, 1, 1};
-    // The half step makes sure that the step that ends at half time still has the load, in spite of rounding.
+    // The load acts in all steps up to half time. Half a step is added to the bound, so that rounding does not remove
+    // the load from the last of these steps.
     if (t->hand == KN_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) {
         kn_model_def_extent(&t->def, rest);
         // Choose the load that strains the material, from rest, to the wanted strain within the time of the load.
@@ -70,7 +73,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
         in.top_load_n = t->strain * across / compliance;
     }
     if (t->def.probe_count == 0) return in;
-    // The pose is that at the begin of the step, with the mean velocity of the step.
+    // The tool has its pose at the begin of the step and its mean velocity over the step.
     double depth = depth_at(t, time_s - dt), next = depth_at(t, time_s);
     const kn_probe_def *probe = &m->def.probe[0];
     in.probe[0].attached = true;
@@ -82,7 +85,7 @@ static kn_input input_at(const kn_trial *t, const kn_model *m, double time_s, do
         in.probe[0].position_m[k] = aside[k] * depth;
         in.probe[0].velocity_m_s[k] = aside[k] * (next - depth) / dt;
     }
-    // The jump lasts three steps of the trial itself, also in runs with shorter steps.
+    // The jump lasts three time steps of the trial. In a run with shorter time steps it lasts as long.
     double at = (time_s - 0.5 * dt) / t->def.solver.dt_s - floor(0.25 * t->steps);
     if (t->hand == KN_HAND_JUMP && at > 0 && at < 3)
         for (int k = 0; k < 3; k++) in.probe[0].position_m[k] += t->jump_m[k];
@@ -141,11 +144,11 @@ static void follow(const kn_trial *t, const kn_model *m, kn_state *s, int subste
             kn_output now;
             out->diverged |= kn_step(m, s, &in, &now) != KN_OK;
             out->loose |= now.passes == REFERENCE_PASSES;
-            // Average forces over the substeps. Take the displacement of the top from the last substep.
+            // Average the forces over the substeps, but take the displacement of the top from the last substep.
             if (m->def.probe_count > 0 || k == substeps - 1) read_sample(m, s, &now, out->way[i]);
         }
         for (int k = 0; k < 3 && m->def.probe_count > 0; k++) out->way[i][k] /= substeps;
-        // Keep the shape at the end of the pressing (or of the load), and at the end.
+        // Record the shape at the end of the pressing (or of the load), and at the end of the trial.
         int which = i + 1 == t->steps ? 1 : 0;
         if (which || i + 1 == (int)((t->hand == KN_HAND_LOAD ? LOADED : STAY) * t->steps))
             for (int n = 0; n < m->node_count; n++) displacement(m, s, n, out->shape[which][n]);
@@ -158,7 +161,8 @@ static void follow(const kn_trial *t, const kn_model *m, kn_state *s, int subste
 static void average(const kn_trial *t, trace *x)
 {
     int window = (int)fmin(ceil(DEVICE_S / t->def.solver.dt_s - 1e-9), t->steps / 8.0);
-    for (int i = t->steps - 1; i > 0; i--) { // from the end, because older samples are read after a sample is written
+    // From the last step backwards, because each average still needs the unaveraged samples before it.
+    for (int i = t->steps - 1; i > 0; i--) {
         int count = window < i + 1 ? window : i + 1;
         for (int k = 0; k < 3; k++) {
             double sum = 0;
@@ -168,7 +172,7 @@ static void average(const kn_trial *t, trace *x)
     }
 }
 
-// Run a trial with these settings. A refusal is a valid result. Return false when memory is short.
+// Run a trial with the given solver settings. A refused model is a valid result. Return false when memory is short.
 static bool run(const kn_trial *t, const kn_model_def *def, int substeps, trace *out)
 {
     *out = (trace){.steps = t->steps};
@@ -230,7 +234,7 @@ static kn_model_def way_def(const kn_trial *t, kn_way way)
 
 // --- judging --------------------------------------------------------------------------------------------------------
 
-// Return the norm of a - b over n rows; b NULL: of a.
+// Return the Euclidean norm of a - b over n rows. If b is NULL, return the norm of a.
 static double norm2(const double (*a)[3], const double (*b)[3], int n)
 {
     double sum = 0;
@@ -244,7 +248,7 @@ static double norm2(const double (*a)[3], const double (*b)[3], int n)
 
 #define ROWS(x) ((const double(*)[3])(x))
 
-// Return part / whole, and 0 for 0 / 0.
+// Return part / whole. Return 0 if both are 0.
 static double share(double part, double whole) { return part == 0 ? 0 : part / whole; }
 
 static double way_error(const trace *a, const trace *b)
@@ -262,7 +266,7 @@ static double shape_error(const trace *a, const trace *b)
     return share(error, whole);
 }
 
-// Return the largest force.
+// Return the largest magnitude of the forces in a trace.
 static double peak(const trace *t)
 {
     double most = 0;
@@ -282,12 +286,12 @@ static double variation(const trace *t)
     return share(sum, peak(t));
 }
 
-// Compare a run x with the reference. finer: reference with half the step.
+// Compare a run x with the reference. finer: the reference with half the time step.
 static kn_score judge(const trace *x, const trace *ref, const trace *finer, double bound)
 {
     kn_score s = {.verdict = KN_TRIAL_REFUSED};
     snprintf(s.reason, sizeof s.reason, "%s", x->refused ? x->reason : ref->reason);
-    if (x->refused || ref->refused || finer->refused) return s; // without a reference there is nothing to judge by
+    if (x->refused || ref->refused || finer->refused) return s; // without a reference nothing can be judged
     s.verdict = KN_TRIAL_DIVERGED;
     if (x->diverged || !(peak(x) <= BLOWN_UP * peak(ref))) return s;
     s.force = way_error(x, ref);
@@ -299,8 +303,8 @@ static kn_score judge(const trace *x, const trace *ref, const trace *finer, doub
     return s;
 }
 
-// Return the bound of both errors. An explicit method does not share the error of the reference's step, which is about
-// twice the difference to half the step.
+// Return the bound of the force error and the shape error. An explicit method does not share the time-step error of the
+// reference R(dt). This error is about twice the difference between R(dt) and R(dt/2).
 static double bound_of(kn_way way, double step_error)
 {
     if (way == KN_WAY_RK4) return ERROR_MAX + 2 * step_error;

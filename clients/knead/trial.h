@@ -32,23 +32,25 @@
 // rounding alone would decide to which side a soft block buckles.
 #include "core/step.h"
 
-// Action on the object.
+// Action of the hand or load on the object.
 typedef enum kn_trial_hand {
-    KN_HAND_PRESS, // from the undeformed top down to depth_m, stay, and up again; at most 3 cm/s
-    KN_HAND_JUMP,  // as PRESS, but for three steps on the way down the pose is displaced by jump_m
-    KN_HAND_LOAD,  // a dead load on the top for the first half of the time
-    KN_HAND_NONE   // no action
+    KN_HAND_PRESS, // the tool goes from the undeformed top down to depth_m, stays, and goes up again; at most 3 cm/s
+    KN_HAND_JUMP,  // as PRESS, but during three time steps on the way down the tool's pose is displaced by jump_m
+    KN_HAND_LOAD,  // a constant force presses on the top of the object during the first half of the trial
+    KN_HAND_NONE   // nothing acts on the object
 } kn_trial_hand;
 
 typedef struct kn_trial {
     kn_model_def def;
     kn_trial_hand hand;
-    int steps;          // number of time steps of def.solver.dt_s
-    double depth_m;     // PRESS, JUMP: depth; reduced if 3 cm/s would be exceeded
-    double jump_m[3];   // JUMP: displacement of the pose
-    double strain;      // LOAD: sets the load: strain that the material, from rest, reaches under it in half the time
-    double squeezed;    // V/V0 of the object's topmost cells at the start; 1: at rest; negative: inside out
-    kn_simplices *mesh; // owned; def.mesh points at it
+    int steps;        // number of time steps of def.solver.dt_s
+    double depth_m;   // PRESS, JUMP: depth of the tool; reduced if its speed would exceed 3 cm/s
+    double jump_m[3]; // JUMP: displacement of the tool's pose
+    // LOAD: strain that the material, from rest, reaches under the load in half the trial's time; this sets the load.
+    double strain;
+    // Volume ratio V/V0 of the object's topmost cells at the start; 1: at rest; negative: the cells are inside out.
+    double squeezed;
+    kn_simplices *mesh; // mesh of the object, owned by the trial; def.mesh points to it
 } kn_trial;
 
 typedef enum kn_judgement {
@@ -64,19 +66,20 @@ typedef enum kn_judgement {
 // Ways of solving a trial. KN_WAY_DEFAULT uses the solver settings of the trial. Each other way changes one setting.
 typedef enum kn_way { KN_WAY_DEFAULT, KN_WAY_SECANT, KN_WAY_TANGENT, KN_WAY_F64, KN_WAY_RK4, KN_WAYS } kn_way;
 
-// Result of one way.
+// Judgement of one way of solving a trial.
 typedef struct kn_score {
     kn_judgement verdict;
-    // Force error, shape error, and total variation / peak of the way's forces, divided by that of the reference.
+    // force, shape: force error and shape error as defined above. variation: (total variation / peak) of the forces,
+    // divided by the same ratio of the reference.
     double force, shape, variation;
     char reason[120]; // reason of the verdict REFUSED or DIED
 } kn_score;
 
-// Result of a trial.
+// Results of all ways of solving one trial.
 typedef struct kn_outcome {
     kn_score score[KN_WAYS];
-    double step_error; // time-step error of the reference, the worse of force and shape
-    bool loose;        // the reference missed its tolerance of 1e-7 in at least one time step
+    double step_error; // time-step error of the reference, the larger of its force and shape errors
+    bool loose;        // true: the reference missed its tolerance of 1e-7 in at least one time step
 } kn_outcome;
 
 extern const char *const kn_way_name[KN_WAYS];

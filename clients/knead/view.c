@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Move each object to its moment, and make its still.
+// Move the source of each object to the time to draw, and make the object's still.
 static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
 {
     int code = kn_lineup_open(l, o);
@@ -54,7 +54,8 @@ static int range_image(const kn_view_options *o)
     uint16_t *level = malloc(2 * (size_t)o->width * (size_t)o->height);
     if (code == KN_EXIT_OK && !level) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
     if (code == KN_EXIT_OK) {
-        // The frame fits the object at rest and now, and gives the size of a pixel and the height of a level.
+        // The frame is a box that contains the object at rest and now. It determines the size of a pixel and the height
+        // of a grey level.
         const float(*rest)[3] = (const float(*)[3])s->rest, (*now)[3] = (const float(*)[3])s->now;
         kn_range r = kn_range_frame(o->width, o->height, s->vertex_count, rest, now);
         kn_range_draw(&r, now, s->triangle_count, (const int(*)[3])s->triangle, level);

@@ -9,12 +9,12 @@
 #include <math.h>
 #include <stdio.h>
 
-typedef struct film { // a film in progress
+typedef struct film { // state of a film that is being written
     const kn_view_options *o;
     bool live;
-    // Number of pictures; 0: not known before the first pass over the recordings.
+    // Number of pictures of the film; 0: not known before the first pass over the recordings.
     int pictures;
-    kn_extent extent; // of all pictures, if known beforehand
+    kn_extent extent; // range of values and places over all pictures, if known before the film is drawn
     kn_lineup lineup;
     kn_film *out;
 } film;
@@ -57,7 +57,7 @@ static int survey(film *f)
     kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
     while (code == KN_EXIT_OK && !rests && moment(f->o, f->pictures) <= f->o->to_s) {
         code = kn_lineup_to(l, moment(f->o, f->pictures));
-        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches this moment
+        if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches the time of this picture
         code = kn_lineup_stills(l, &f->extent);
         kn_lineup_drop(l);
         kn_progress_step(&bar, ticks(l, false));
@@ -65,7 +65,7 @@ static int survey(film *f)
     }
     kn_progress_close(&bar);
     if (code == KN_EXIT_OK && f->pictures == 0) code = check_from(f);
-    // A recording of one tick has its beginning and its end at the same moment.
+    // A recording of one tick begins and ends at the same time, so its film has one picture.
     if (code == KN_EXIT_OK && f->pictures == 0) {
         f->pictures = 1;
         code = kn_lineup_stills(l, &f->extent);
@@ -84,7 +84,8 @@ static int shoot(film *f)
     for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !kn_interrupted; picture++) {
         kn_extent now = f->extent;
         code = kn_lineup_to(l, moment(o, picture));
-        // A live object does not wait for a slow picture. The previous picture is repeated for those that were missed.
+        // A live object does not wait for a slow picture. For each picture time that was missed, the previous picture
+        // is repeated.
         const bool late = f->live && picture > 0 && l->source[0].time_s > moment(o, picture + 1);
         if (code == KN_EXIT_OK && !late) code = kn_lineup_stills(l, &now);
         // Turn the camera for --orbit.
@@ -94,7 +95,8 @@ static int shoot(film *f)
         }
         if (code == KN_EXIT_OK && !late) code = kn_lineup_shoot(l, f->live ? &now : &f->extent, !f->live);
         kn_lineup_drop(l);
-        if (code == KN_EXIT_OK && !kn_film_add(f->out, l->rgba)) break; // kn_film_keep gives the reason
+        // kn_film_keep reports the reason of the failure.
+        if (code == KN_EXIT_OK && !kn_film_add(f->out, l->rgba)) break;
         kn_progress_step(&bar, picture + 1);
     }
     kn_progress_close(&bar);
@@ -120,13 +122,13 @@ int kn_view_film(const kn_view_options *o)
 {
     char error[200];
     film f = {.o = o, .live = o->file_count == 0, .extent = kn_extent_none};
-    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // otherwise the survey counts the pictures
+    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // otherwise the first pass counts the pictures
     int code = kn_output_try("view", o->video);
     if (code == KN_EXIT_OK && !kn_film_ready(error, sizeof error))
         code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (code == KN_EXIT_OK && !f.live) code = survey(&f);
     if (code == KN_EXIT_OK) code = kn_lineup_open(&f.lineup, o);
-    // Begin again for the second pass.
+    // Reopen the recordings for the second pass.
     if (code == KN_EXIT_OK && !f.live) code = kn_lineup_to(&f.lineup, o->from_s);
     if (code == KN_EXIT_OK) {
         kn_interrupt_watch(); // from here on an interrupt must clear away the unfinished film

@@ -5,7 +5,7 @@
 // the box of all places that the object reaches, and the number of pictures. So neither colours nor camera jump.
 #include "clients/knead/view_options.h"
 
-// Write a film. Return an exit code. On failure, print an error message.
+// Write the film that the options ask for. Return 0, or print an error message and return an exit code.
 int kn_view_film(const kn_view_options *options);
 
 #endif

@@ -15,46 +15,51 @@
 #include <string.h>
 
 const char kn_view_help[] =
-    "usage: knead view --png FILE [OPTION]...               what a running kneadd serves\n"
-    "       knead view --png FILE [OPTION]... OBJECT...     files: a log, stepped to its end or to --at; a scene at\n"
-    "                                                       rest; a snapshot of kneadd --state-dir, with --scene\n"
-    "       knead view --png FILE --compare A B             two of them, and how far apart their surfaces are\n"
-    "       knead view --video FILE [OPTION]... [OBJECT]... as a film: logs; for --seconds what is served, or\n"
-    "                                                       round a snapshot or a scene with --orbit\n"
-    "       knead view --depth FILE [OPTION]... [OBJECT]    as a range finder above the table sees it\n\n"
+    "usage: knead view --png FILE [OPTION]...               draw the object that a running kneadd serves\n"
+    "       knead view --png FILE [OPTION]... OBJECT...     draw files: a log, stepped to its end or to --at; a\n"
+    "                                                       scene at rest; a snapshot of a kneadd state\n"
+    "                                                       directory, with --scene\n"
+    "       knead view --png FILE --compare A B             draw two, and the distance between their surfaces\n"
+    "       knead view --video FILE [OPTION]... [OBJECT]... film logs; the served object, for --seconds; or go\n"
+    "                                                       around a snapshot or a scene with --orbit\n"
+    "       knead view --depth FILE [OPTION]... [OBJECT]    draw the heights, as a range finder above sees them\n\n"
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
-    "  --at SECONDS|end   moment of the recording, since its first session began (end); 1,3,end: three side by side\n"
-    "  --scene FILE       the scene that a snapshot is of; alone: at rest\n"
-    "  --size WxH         pixels, 16..4096 on each side, of several 16 or more for each, of a film even (1280x720;\n"
-    "                     of several 640x480 each, at most 1920x480; range images 640x640)\n"
-    "  --camera FROM      front, back, left, right, top or corner, where the two below begin (corner: 28, 27)\n"
-    "  --azimuth DEG      where from: 0 the front, 90 the right, -360..360\n"
-    "  --elevation DEG    0 level .. 90 from above\n"
-    "  --zoom X           2 shows half as much of the middle, 0.2..20 (1)\n"
-    "  --color WHAT       displacement, stress (von Mises) or residual: strain that nothing brings back (none);\n"
-    "                     live the last two where the scene has mesh.measures\n"
-    "  --top QUANTITY     end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (what the most of the picture, or of the\n"
-    "                     whole film, needs); of --compare without --color: of the distance\n"
-    "  --style STYLE      lined, solid, wire: lines alone, or edges: every edge of the lattice (lined)\n"
-    "  --no-lines         as --style solid\n"
-    "  --plain            nothing written on it\n"
-    "  --wait SECONDS     how long to listen for the server, 0..3600 (6: its scene comes every 5)\n"
-    "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
-    "  --mesh-url URL     meshes (" KN_MESH_URL ")\n\n"
-    "Films (by the program ffmpeg; " KN_FILM_NAMES "):\n"
-    "  --from S, --to S   part of the recording (0, its end)\n"
-    "  --seconds N        how much of what is served, or how long round a snapshot or a scene, 0.1..3600\n"
-    "  --fps N            pictures per second, 1..120 (30)\n"
-    "  --speed X          of a recording: 2 is twice as fast, 0.01..1000 (1)\n"
-    "  --orbit DEG        the camera goes round by so many degrees per second of the film (0)\n\n"
-    "Range images: a PNG of 16-bit grey of the object without its tools, straight from above, x to the right, y up.\n"
-    "0 is nothing there, else the height above the table is (value - 1) times a step, 1 um for an object of up to 5 "
-    "cm;\n"
-    "step and size of a pixel are told, also in the file's texts, in mm.\n\n"
-    "Compared are points that lie beside each other at rest: the same vertices, or of another mesh the nearest.\n"
-    "Squares on the table, and the black bar: 1 cm, for an object of 2 to 20 cm. Arrow: one square per 5 N.\n"
-    "KNEAD_GL=osmesa or egl in the environment: what draws it (the first of them that is there).\n"
-    "Exit codes: 0 ok, 2 bad input, 3 nothing heard, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
+    "  --at SECONDS|end   moment of the recording, since its first session began; 1,3,end: three side by side\n"
+    "                     (default: end)\n"
+    "  --scene FILE       scene of the snapshot; without a snapshot: draw the scene at rest\n"
+    "  --size WxH         pixels, 16..4096 on each side; 16 or more for each of several objects; even numbers for a\n"
+    "                     film (default: 1280x720; 640x480 for each of several, at most 1920x480; 640x640 for a\n"
+    "                     range image)\n"
+    "  --camera FROM      front, back, left, right, top or corner: start of --azimuth and --elevation (default:\n"
+    "                     corner, azimuth 28, elevation 27)\n"
+    "  --azimuth DEG      direction of the camera, -360..360: 0 from the front, 90 from the right\n"
+    "  --elevation DEG    height of the camera: 0 level .. 90 from above\n"
+    "  --zoom X           magnification, 0.2..20; 2 shows half as much of the middle (default: 1)\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual: permanent strain (default: none);\n"
+    "                     in a live view stress and residual need mesh.measures in the scene\n"
+    "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
+    "                     picture or in the whole film); with --compare and without --color: of the distance\n"
+    "  --style STYLE      lined, solid, wire: lines alone, or edges: every edge of the lattice (default: lined)\n"
+    "  --no-lines         same as --style solid\n"
+    "  --plain            draw no text\n"
+    "  --wait SECONDS     time to listen for the server, 0..3600 (default: 6; the scene is sent every 5)\n"
+    "  --lcm-url URL      bus of poses, forces, scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
+    "Films (need the program ffmpeg; names end in " KN_FILM_NAMES "):\n"
+    "  --from S, --to S   part of the recording (default: 0, its end)\n"
+    "  --seconds N        duration of a film of the served object, a snapshot or a scene, 0.1..3600\n"
+    "  --fps N            pictures per second, 1..120 (default: 30)\n"
+    "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n"
+    "  --orbit DEG        rotation of the camera, degrees per second of the film, -720..720 (default: 0)\n\n"
+    "A range image is a 16-bit grey PNG of the object without its tools, seen straight from above, x to the right,\n"
+    "y up. The value 0 means no object; else the height above the table is (value - 1) times a step, which is 1 um\n"
+    "for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are in the text chunks\n"
+    "of the file.\n\n"
+    "A comparison is made of points that coincide at rest: the same vertices, or the nearest ones of another mesh.\n"
+    "The squares on the table and the black bar are 1 cm for an object of 2 to 20 cm. The arrow has one square per\n"
+    "5 N.\n"
+    "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n"
+    "Exit codes: 0 ok, 2 bad input, 3 no message, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
 static bool size(const char *text, kn_view_options *o)
 {
@@ -89,10 +94,10 @@ static bool camera(const char *text, kn_view_options *o)
     return false;
 }
 
-typedef struct asked {                 // options that are applied after all others are known
-    double azimuth_deg, elevation_deg; // NAN: as set by --camera
-    bool sized;                        // --size was given
-    int moments;                       // number of moments of --at; 0: not given
+typedef struct asked {                 // options that are applied after all other options are known
+    double azimuth_deg, elevation_deg; // viewing angles of --azimuth and --elevation; NAN: as set by --camera
+    bool sized;                        // true: the option --size was given
+    int moments;                       // number of times in the list of --at; 0: --at was not given
 } asked;
 
 // Parse a list of moments such as "0.5,2,end".
@@ -112,7 +117,7 @@ static bool moments(const char *text, kn_view_options *o, asked *a)
     return false;
 }
 
-// Take one option. Return NULL, or a text that describes a valid value.
+// Store one option of the command line. Return NULL, or a text that describes a valid value.
 static const char *take(kn_view_options *o, asked *a, int option, const char *text)
 {
     switch (option) {
@@ -130,7 +135,7 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'l': o->url = text; return NULL;
     case 'm': o->mesh_url = text; return NULL;
     case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
-    case 't': return moments(text, o, a) ? NULL : "seconds, or end; as many as 4, with commas between";
+    case 't': return moments(text, o, a) ? NULL : "up to 4 times in seconds, or end, separated by commas";
     case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
     case 'a': return kn_number_take(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
     case 'e': return kn_number_take(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
@@ -184,10 +189,11 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
         if (code != KN_EXIT_OK) return code;
     }
     if (o->scene && o->file_count > 0 && !kn_view_has(o, KN_VIEW_SNAPSHOT))
-        REFUSE("--scene %s: expected a snapshot of it, or nothing else; logs and scenes hold their own", o->scene);
+        REFUSE("--scene %s: expected a snapshot of it, or no other file; logs and scenes hold their own scene",
+               o->scene);
     for (int i = 0; i < o->file_count; i++)
         if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
-            REFUSE("%s: is a snapshot, expected --scene FILE with the scene that it is of", o->file[i]);
+            REFUSE("%s: is a snapshot, expected --scene FILE with its scene", o->file[i]);
     // --scene alone shows the scene at rest.
     if (o->scene && o->file_count == 0) o->file[o->file_count] = o->scene, o->kind[o->file_count++] = KN_VIEW_SCENE;
     return KN_EXIT_OK;
@@ -203,7 +209,7 @@ static int share_out(kn_view_options *o, const asked *a)
     if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (o->video) REFUSE("--at: expected --from and --to for a film");
     for (int i = 1; a->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
-    // Repeat the only file.
+    // Repeat the only file once for each time of --at.
     while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
         o->file[o->file_count] = o->file[0];
         o->kind[o->file_count++] = o->kind[0];
@@ -214,20 +220,22 @@ static int share_out(kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
-// Check the options of a film. A recording, a live object and an object at rest allow different ones.
+// Check the options of a film. A recording, a live object and an object at rest allow different options.
 static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
     if (rests && !(o->seconds > 0 && o->orbit_deg_s != 0))
-        REFUSE("--video: expected a log among them, or --orbit and --seconds; what is at rest does not move by itself");
+        REFUSE(
+            "--video: expected a log among them, or --orbit and --seconds; an object at rest does not move by itself");
     if (rests && (o->speed != 1 || isfinite(o->to_s) || o->from_s != 0))
         REFUSE("--from, --to and --speed: expected a log among them");
-    if (recorded && o->seconds > 0) REFUSE("--seconds: is for what does not end, expected --from and --to for a log");
-    if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N of what is served");
-    if (live && o->speed != 1) REFUSE("--speed %g: expected a log; what is served is as fast as it is", o->speed);
+    if (recorded && o->seconds > 0)
+        REFUSE("--seconds: is for films without an end of their own, expected --from and --to for a log");
+    if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N for the served object");
+    if (live && o->speed != 1) REFUSE("--speed %g: expected a log; a served object is filmed in real time", o->speed);
     if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
     if (live && o->measure >= 0 && !o->top)
-        REFUSE("--color: expected --top as well, nobody knows yet how much there will be");
+        REFUSE("--color: expected --top as well, because the range is not known in advance");
     if (o->to_s <= o->from_s) REFUSE("--to %g: expected more than --from %g", o->to_s, o->from_s);
     if (o->width % 2 || o->height % 2) REFUSE("--size %dx%d: expected even numbers for a film", o->width, o->height);
     return KN_EXIT_OK;
@@ -241,11 +249,12 @@ static int check_depth(const kn_view_options *o, const asked *a)
     if (o->measure >= 0 || o->compare) REFUSE("--depth: expected neither --color nor --compare; its greys are heights");
     if (isfinite(a->azimuth_deg) || isfinite(a->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
         o->look.elevation_deg != usual.elevation_deg || o->look.zoom > 0)
-        REFUSE("--depth: is seen straight from above, expected no --camera, --azimuth, --elevation or --zoom");
+        REFUSE("--depth: the view is straight from above, expected no --camera, --azimuth, --elevation or --zoom");
     return KN_EXIT_OK;
 }
 
-// Convert --top to SI units. Without --color and with --compare, the scale is that of the distance.
+// Convert --top to SI units. With --compare and without --color, the colour scale shows the distance between the
+// objects.
 static int check_scale(kn_view_options *o)
 {
     if (!o->top) return KN_EXIT_OK;
@@ -283,7 +292,7 @@ static int check(kn_view_options *o, const asked *a)
     if (!a->sized) default_size(o);
     const int panels = o->file_count + o->compare;
     if (panels > 1 && o->width / panels < KN_OFFSCREEN_MIN)
-        REFUSE("--size %dx%d: expected %d pixels or more for each of %d pictures side by side", o->width, o->height,
+        REFUSE("--size %dx%d: expected at least %d pixels for each of %d pictures side by side", o->width, o->height,
                KN_OFFSCREEN_MIN, panels);
     const char *gl = getenv("KNEAD_GL");
     if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);

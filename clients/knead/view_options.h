@@ -10,21 +10,23 @@
 typedef enum kn_view_kind { KN_VIEW_BUS, KN_VIEW_LOG, KN_VIEW_SNAPSHOT, KN_VIEW_SCENE } kn_view_kind;
 
 typedef struct kn_view_options {
-    const char *png, *video, *depth; // output file; exactly one of them is set
-    int file_count;                  // number of files, one object each; 0: draw the object on the bus
+    // Names of output files: picture, film, range image; exactly one of the three is set.
+    const char *png, *video, *depth;
+    int file_count; // number of files, one object each; 0: draw the object on the bus
     const char *file[KN_VIEW_FILES_MAX];
-    kn_view_kind kind[KN_VIEW_FILES_MAX]; // kind of each file, recognised by its first bytes
-    const char *scene;                    // scene of a snapshot, or NULL
+    kn_view_kind kind[KN_VIEW_FILES_MAX]; // kind of each file in `file`, recognised by its first bytes
+    const char *scene;                    // scene file to use with a snapshot, or NULL
     const char *url, *mesh_url;
-    double at_s[KN_VIEW_FILES_MAX]; // moment to draw of each recording; INFINITY: the end of the recording
-    double wait_s;                  // time to wait for a server
+    double at_s[KN_VIEW_FILES_MAX]; // time in each recording of the state to draw; INFINITY: the end of the recording
+    double wait_s;                  // longest time to wait for a running kneadd
     double from_s, to_s;            // part of a recording to film; to_s INFINITY: to the end of the recording
     double seconds;                 // length of a film without a recording; 0: not given
-    double fps, speed, orbit_deg_s; // settings of a film
+    // of a film: pictures per second, playing speed relative to real time, turning speed of the camera.
+    double fps, speed, orbit_deg_s;
     int width, height;
-    kn_view_scene look; // camera and style
-    int measure;        // kn_measure; -1: none
-    const char *top;    // text of --top
+    kn_view_scene look; // camera and style of the picture
+    int measure;        // kn_measure that colours the object; -1: none
+    const char *top;    // argument of --top, as the user wrote it
     double top_si;      // end of the colour scale in SI units; 0: the largest value in the picture
     bool compare;       // draw two files, and in a third panel the distance of the second object from the first
     bool plain, help;
@@ -32,8 +34,8 @@ typedef struct kn_view_options {
 
 extern const char kn_view_help[];
 
-// Parse the command line. Return an exit code. On failure, print an error message. Paths and URLs in `options` point
-// into argv.
+// Parse the command line. Return 0, or print an error message and return an exit code. Paths and URLs in `options`
+// point into argv.
 int kn_view_parse(int argc, char **argv, kn_view_options *options);
 
 // Return true if at least one of the objects has this kind.

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Time after the first whole mesh for the forces of the probes to arrive, and for a mesh that is at least as recent.
+// Time to wait after the first complete mesh. In this time the forces of the probes arrive, and a mesh that is at least
+// as recent as the forces.
 #define SETTLE_MS 50
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
@@ -74,7 +75,7 @@ static int open_snapshot(kn_source *s, const char *scene)
     return code;
 }
 
-// Add the tools of a snapshot. A tool that is not attached is drawn at the pose of its hand.
+// Add the tools of a snapshot to the still. A tool that does not act on the object is drawn at the pose of its hand.
 static void tools_of_saved(const kn_source *s, kn_still *still)
 {
     for (int i = 0; i < s->model->def.probe_count; i++) {
@@ -108,11 +109,11 @@ static int step_log(kn_source *s, double at_s)
         if (kn_replay_step(r)) s->time_s = r->tick.time_s;
         else s->ended = true;
     }
-    // Report damage once.
+    // Report a damaged recording once.
     if (s->ended && r->damage[0])
-        fprintf(stderr, "knead view: %s: %s; what stands before it was used\n", s->path, r->damage), r->damage[0] = 0;
+        fprintf(stderr, "knead view: %s: %s; the part before it was used\n", s->path, r->damage), r->damage[0] = 0;
     if (isinf(s->time_s))
-        return kn_complain("view", KN_EXIT_USAGE, "%s: not one tick in it, expected a recorded session", s->path);
+        return kn_complain("view", KN_EXIT_USAGE, "%s: it contains no tick, expected a recorded session", s->path);
     return KN_EXIT_OK;
 }
 
@@ -124,7 +125,7 @@ static void tools_of_log(const kn_replay *r, kn_still *still)
         if (!f->live) continue;
         kn_still_probe(still, &r->model->def.probe[i], f->proxy_position_m, f->proxy_orientation_wxyz, f->force_n,
                        f->gain);
-        const kn_pose *hand = &r->servo.tool[i]; // the pose after the clutch
+        const kn_pose *hand = &r->servo.tool[i]; // pose of the hand that the servo loop uses, after the clutch
         if (r->servo.last[i].session != 0) kn_still_hand(still, hand->position_m, hand->orientation_wxyz);
     }
 }
@@ -140,13 +141,13 @@ static int unheard(const kn_view_options *o, const kn_live *live)
         kn_join_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
-// Join the bus and wait for a whole mesh and the scene.
+// Join the bus and wait until a complete mesh and the scene have arrived.
 static int open_bus(kn_source *s, const kn_view_options *o)
 {
     char error[400];
     if (o->look.style == KN_VIEW_EDGES)
         return kn_complain("view", KN_EXIT_USAGE,
-                           "--style edges: what is served is the surface alone, expected a log or --scene");
+                           "--style edges: kneadd serves the surface alone, expected a log or --scene");
     if (!kn_join_check(o->url, KN_FORCE_URL, error, sizeof error) ||
         !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return kn_complain("view", KN_EXIT_USAGE, "%s", error);
@@ -156,7 +157,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     bool settling = false;
     while ((now_ms = kn_live_now_ms()) < end_ms) {
         kn_live_listen(&s->live, (int)(end_ms - now_ms));
-        // When both are there, listen a little longer for the tools.
+        // When mesh and scene have arrived, listen a little longer for the poses of the tools.
         if (settling || !s->live.mesh.whole || !s->live.scene) continue;
         settling = true;
         end_ms = kn_live_now_ms() + SETTLE_MS;
@@ -165,7 +166,7 @@ static int open_bus(kn_source *s, const kn_view_options *o)
     return s->live.mesh.whole ? KN_EXIT_OK : unheard(o, &s->live);
 }
 
-// Listen until at_s.
+// Receive messages until the time at_s.
 static void listen_to(kn_source *s, double at_s)
 {
     int64_t left_ms;
@@ -181,11 +182,10 @@ static int untold(const kn_live *live, kn_measure what)
     const char *name = kn_measure_names[what].name;
     if (what == KN_MEASURE_DISPLACEMENT) return no_memory();
     if (live->scene->mesh_measures & bit)
-        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd tells none now, though its scene asks for it",
+        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd sends none now, although its scene asks for it",
                            name);
     return kn_complain("view", KN_EXIT_USAGE,
-                       "--color %s: the scene that is served has no such mesh.measures, expected a start with it",
-                       name);
+                       "--color %s: the served scene has no such mesh.measures, expected kneadd with it", name);
 }
 
 // Make a still of the live object. Without its scene, the object is drawn without tools and colours.
@@ -196,9 +196,9 @@ static int still_of_bus(kn_source *s, const kn_view_options *o, kn_still *still)
     if (o->measure >= 0 && !error[0] && !kn_still_told(still, &s->live, (kn_measure)o->measure))
         return untold(&s->live, (kn_measure)o->measure);
     if (error[0] && !s->told) {
-        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the shape as it is\n",
+        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the present shape\n",
                 error);
-        s->told = true; // once per film
+        s->told = true; // the warning is printed once per film
     }
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
              s->live.scene ? s->live.scene->name : "an object", s->live.mesh.tick);

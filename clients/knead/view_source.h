@@ -13,22 +13,23 @@
 #include "server/replay.h"
 #include "server/snapshot.h"
 
-typedef struct kn_source { // read-only for the caller
+typedef struct kn_source { // source of one object to draw; read-only for the caller
     kn_view_kind kind;
-    const char *path;  // NULL: the bus
-    double time_s;     // present moment. Recording: since its first session began; bus: since the bus was opened
-    bool ended;        // nothing comes after time_s
-    kn_replay *replay; // recording only
-    kn_live live;      // bus only
+    const char *path; // name of the file; NULL: the source is the bus
+    // Time of the state to draw. For a recording, since its first session began; for the bus, since it was opened.
+    double time_s;
+    bool ended;        // true: the source has no state later than time_s
+    kn_replay *replay; // replay of the recording; NULL for other kinds of sources
+    kn_live live;      // state received from the bus; used by a bus source only
     // Scene or snapshot only:
     kn_scene *scene;
     kn_model *model;
     kn_state *state;
-    kn_saved *saved; // snapshot only
+    kn_saved *saved; // contents of the snapshot file; used by a snapshot source only
     int64_t opened_ms;
-    bool told;       // the warning about an unknown scene has been printed
-    kn_gauge *gauge; // created when a measure is needed for the first time
-    int gauged;      // how often the recording's model had changed when `gauge` was created
+    bool told;       // true: the warning about an unknown scene has been printed
+    kn_gauge *gauge; // computes measures of the object; created when a measure is needed for the first time
+    int gauged;      // number of changes of the recording's model until `gauge` was created
 } kn_source;
 
 // Open a source. file: index of the file in `options`. If `options` has no files, join the bus and wait for the first
@@ -42,7 +43,7 @@ int kn_source_to(kn_source *source, double at_s);
 // Make a still of the object at the present moment, with the values of --color and the edges of --style. `still` must
 // be zeroed except for still->view.
 int kn_source_still(kn_source *source, const kn_view_options *options, kn_still *still);
-// Close a source. A zeroed one is allowed.
+// Close a source. A zeroed struct is allowed.
 void kn_source_close(kn_source *source);
 
 #endif

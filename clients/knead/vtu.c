@@ -14,7 +14,7 @@
 typedef struct kn_pvd {
     FILE *file;
     xmlTextWriter *xml;
-    bool failed; // a call of libxml2 has failed
+    bool failed; // true: a call of libxml2 has failed
     char path[4096];
 } sheet;
 
@@ -23,7 +23,7 @@ static int put(void *file, const char *bytes, int size) { return (int)fwrite(byt
 // Record whether a call of libxml2 failed: its result is then below 0.
 static void say(sheet *s, int result) { s->failed |= result < 0; }
 
-// Write the reason of a failure to error.
+// Write to `error` why the file could not be written.
 static bool explain(const sheet *s, char *error, size_t size)
 {
     snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written to its end");
@@ -78,7 +78,8 @@ static void end(sheet *s) { say(s, xmlTextWriterEndElement(s->xml)); }
 
 // Write an array: the number of bytes and then the numbers, together in base64. VTK calls this format uncompressed
 // inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built (core/fixed.h,
-// server/snapshot.h). tuples < 0: an array of -tuples tuples for the whole file.
+// server/snapshot.h). tuples: number of tuples; a negative number stands for an array of -tuples tuples for the whole
+// file.
 static void write_array(sheet *s, const char *name, const char *type, int components, int64_t tuples, const void *value,
                         size_t size)
 {
@@ -90,7 +91,7 @@ static void write_array(sheet *s, const char *name, const char *type, int compon
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("type"), TEXT(type)));
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("Name"), TEXT(name)));
     attribute(s, "NumberOfComponents", components);
-    // No other attribute states the count of an array for the whole file.
+    // An array for the whole file must state its number of tuples, because no other attribute states this number.
     if (tuples < 0) attribute(s, "NumberOfTuples", -tuples);
     say(s, xmlTextWriterWriteAttribute(s->xml, TEXT("format"), TEXT("binary")));
     if (block && text) {

@@ -17,21 +17,21 @@ enum {
 };
 
 typedef struct kn_vtu_array {
-    const char *name;   // name with unit: "velocity_m_s"
-    int components;     // 1 or 3; any number in a field
-    const float *value; // [points or cells][components]
+    const char *name;   // name of the quantity with its unit, such as "velocity_m_s"
+    int components;     // numbers per point or cell: 1 or 3; a field may have any number
+    const float *value; // `components` numbers for each point or cell, one point after the other
 } kn_vtu_array;
 
 #define KN_VTU_ARRAYS 6
-typedef struct kn_vtu { // the caller owns all that the pointers refer to
+typedef struct kn_vtu { // contents of one .vtu file; the caller owns the arrays to which the pointers refer
     double time_s;
     int point_count, cell_count;
-    const float (*xyz)[3]; // [point_count] m
-    const int32_t *corner; // points of all cells, one cell after the other, in VTK's order
-    const int32_t *end;    // [cell_count] index in corner after the last point of each cell
-    const uint8_t *type;   // [cell_count] KN_VTK_*
+    const float (*xyz)[3]; // coordinates of the points [m], point_count elements
+    const int32_t *corner; // indices of the corner points of all cells, one cell after the other, in VTK's order
+    const int32_t *end;    // for each cell, the index in `corner` after the cell's last corner
+    const uint8_t *type;   // for each cell, its shape as KN_VTK_*
     int point_arrays, cell_arrays, field_arrays;
-    // Arrays on points and on cells. An array in `field` has one tuple for the whole file.
+    // Arrays of numbers on points, on cells, and for the whole file. An array in `field` has one tuple.
     kn_vtu_array point[KN_VTU_ARRAYS], cell[KN_VTU_ARRAYS], field[KN_VTU_ARRAYS];
 } kn_vtu;
 
@@ -43,7 +43,8 @@ typedef struct kn_pvd kn_pvd;
 // Open a collection, add files in ascending order of time, and close the collection. kn_pvd_close always frees the
 // collection. It returns false and one line in error if the file is not complete.
 kn_pvd *kn_pvd_open(const char *path, char *error, size_t error_size);
-// Add a file. part: number of the object or tool within one time. file: name relative to the folder of the .pvd.
+// Add a .vtu file to the collection. part: number of the object or tool among the files of one time. file: file name
+// relative to the folder of the .pvd file.
 void kn_pvd_add(kn_pvd *pvd, double time_s, int part, const char *name, const char *file);
 bool kn_pvd_close(kn_pvd *pvd, char *error, size_t error_size);
 

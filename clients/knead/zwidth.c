@@ -19,40 +19,45 @@
 
 static const char help[] =
     "usage: knead zwidth [--device CLASS] [--hand HAND] [--material M] [OPTION]...\n\n"
-    "Closes a simulated haptic device round a contact, over and over, and finds the stiffest virtual coupling that\n"
-    "does not buzz: against the round trip of its forces and the friction of the device, beside Colgate's bound and\n"
-    "that of a delayed spring. SIMULATION: motors and structure of a real device leave less, another factor of 0.7.\n\n"
+    "Simulates a haptic device in contact, and finds the stiffest virtual coupling that does not buzz, as a\n"
+    "function of the round trip of its forces and of the friction of the device. Colgate's bound and the bound of a\n"
+    "delayed spring are printed beside it. SIMULATION: motors and structure of a real device leave less, another\n"
+    "factor of 0.7.\n\n"
     "    knead zwidth --device falcon --plot zwidth.png\n"
     "    knead zwidth --device touch --hand light --material dough\n\n"
-    "  --device CLASS    touch, falcon, omega, unknown, bench, or a file.yaml with device: in it (touch)\n"
-    "  --set KEY=VALUE   a key of it, e.g. device.mass='120 g'\n"
-    "  --hand HAND       none, light, normal or firm (none: 1 N leans on it, and nobody's arm damps)\n"
-    "  --material M      wall, dough, clay, jelly or stiff-jelly under a probe of some 1 cm (wall; the only one that\n"
-    "                    can be leant on without a hand)\n"
-    "  --scene FILE      the lattice of a scene instead, a tool of it pressed onto its middle; takes minutes\n"
-    "  --probe NAME      that tool (the first that can be coupled)\n"
+    "  --device CLASS    touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section (default:\n"
+    "                    touch)\n"
+    "  --set KEY=VALUE   set a key of the device, e.g. device.mass='120 g'\n"
+    "  --hand HAND       none, light, normal or firm; with none 1 N leans on the device and no arm damps (default:\n"
+    "                    none)\n"
+    "  --material M      wall, dough, clay, jelly or stiff-jelly under a probe of about 1 cm; the hand none can\n"
+    "                    lean on the wall only (default: wall)\n"
+    "  --scene FILE      use the lattice of a scene instead, with a tool pressed onto its middle; takes minutes\n"
+    "  --probe NAME      tool of that scene (default: the first that can be coupled)\n"
     "  --quick           fewer delays, frictions and couplings: a second or two\n"
-    "  --csv FILE        the table\n"
-    "  --plot FILE       the curves beside the bounds, a PNG by gnuplot\n"
-    "  --json            the table as JSON\n\n"
+    "  --csv FILE        write the table\n"
+    "  --plot FILE       draw the curves and the bounds as PNG (needs gnuplot)\n"
+    "  --json            print the table as JSON\n\n"
     "The device holds a force for 1 ms and reads its position in steps; the velocity is filtered at 100 Hz. A loop\n"
-    "buzzes when, after 3 s, force or position move above 10 Hz by more than the encoder's steps make of it.\n"
-    "  round trip        from a pose to its force; 0: at once, 1 ms: in the next period, which is what a server does\n"
+    "buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the steps of the encoder explain.\n"
+    "  round trip        time from a pose to its force; 0: at once, 1 ms: in the next period, as with a server\n"
     "  k at b_vc 0, ..   stiffest coupling with that damping, N/m; ladder of 1.25, then halved to 1.5 %\n"
-    "  Colgate           2 (b - b_vc)/T at b_vc 0: passive, whatever moves it, without delay\n"
+    "  Colgate           2 (b - b_vc)/T at b_vc 0: passive under any motion, without delay\n"
     "  delayed           (b + b_vc)/(T/2 + round trip), at the class's b_vc\n"
-    "  default           what a scene with this device takes (core/coupling.h), and whether it was calm\n\n"
+    "  default           coupling that a scene with this device gets (core/coupling.h), and whether it was calm\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
-// TRIPS, FRICTIONS, DAMPINGS: sizes of the tables below. SETS: most --set options.
+// TRIPS, FRICTIONS, DAMPINGS: numbers of simulated round trips, frictions and dampings. SETS: largest number of --set
+// options.
 enum { TRIPS = 6, FRICTIONS = 5, DAMPINGS = 4, SETS = 32 };
 static const int trip_ms[TRIPS] = {0, 1, 2, 5, 10, 20};
-// Shares of the device's friction that are simulated. --quick takes only the second share.
+// Simulated frictions, as fractions of the device's friction. --quick simulates the second one only.
 static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0};
-static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0}; // shares of the class's b_vc
-// Range of the couplings that are tried, N/m, and the factor between two of them.
+// Simulated dampings, as fractions of the default b_vc of the device's class.
+static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0};
+// Range of the coupling stiffnesses that are tried [N/m], and the factor between two successive ones.
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
-// Steps of bisection after the ladder. Four steps narrow the factor 1.25 to 1.4 %.
+// Number of bisection steps after the rising series of couplings. Four steps narrow the factor of 1.25 to 1.4 %.
 enum { HALVINGS = 4 };
 
 static const char *const columns[] = {
@@ -67,14 +72,14 @@ typedef struct zwidth {
     kn_grip grip;
     const kn_pad_def *material;
     const char *scene_path, *tool;
-    kn_scene *scene; // NULL: material is used
+    kn_scene *scene; // scene of the object; NULL: the object is the pad `material`
     bool quick;
     kn_device_def profile;
     kn_coupling most; // default coupling of the device's class at a round trip of 1 ms
     kn_table table;
-    bool sound; // no default coupling has buzzed
+    bool sound; // true: no default coupling has buzzed so far
     kn_progress bar;
-    int searched; // couplings searched so far, for the bar
+    int searched; // number of searches for a largest coupling so far, for the progress bar
 } zwidth;
 
 // Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
@@ -82,7 +87,7 @@ static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
 {
     kn_slab slab;
     char error[300];
-    // load_scene has opened this lattice before, with another coupling.
+    // load_scene has already opened this lattice with another coupling.
     if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_rig_result){.buzzes = true};
     kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
@@ -112,7 +117,7 @@ static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling
 static double largest(const zwidth *z, double friction_n_s_m, int trip, double damping_n_s_m)
 {
     double calm = 0.0, loud = least_n_m;
-    // Climb the ladder, then bisect on a logarithmic scale.
+    // Increase the coupling by the same factor until the loop buzzes, then bisect on a logarithmic scale.
     while (loud < most_n_m && !buzzes(z, friction_n_s_m, trip, (kn_coupling){loud, damping_n_s_m}))
         calm = loud, loud *= ladder;
     if (loud >= most_n_m || calm == 0.0) return calm;
@@ -140,7 +145,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     double delayed = kn_coupling_delayed(friction_n_s_m, 1e-3, trip_s, z->most.damping_n_s_m);
     kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
                                        chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
-    kn_progress_close(&z->bar); // the row is printed in place of the bar
+    kn_progress_close(&z->bar); // clear the progress bar, because the row is printed on its line
     // The columns are printed in the order of b_vc.
     printf("%4d ms %9.3g", trip, friction_n_s_m);
     for (int i = 0; i < DAMPINGS; i++) {
@@ -264,7 +269,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     }
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
-    // Without a hand only a wall can hold the push of 1 N.
+    // Without a hand a constant force of 1 N pushes the device, and only a wall can hold it.
     if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
         return kn_complain("zwidth", KN_EXIT_USAGE,
                            "%s: without a hand the device only sinks in, expected --hand "
@@ -273,7 +278,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
     return KN_EXIT_OK;
 }
 
-// Survey, print and write the results. Return the exit code.
+// Measure all rows, print the table and write the results. Return the exit code.
 static int report(zwidth *z)
 {
     int code = KN_EXIT_OK;

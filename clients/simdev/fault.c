@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Words of the faults, and whether they only apply to frames.
 static const struct {
     const char *word;
     bool frames;
@@ -12,16 +13,11 @@ static const struct {
 #undef KN_FAULT_ROW
 };
 
-const char *kn_fault_word(kn_fault fault)
-{
-    return faults_known[fault].word;
-}
+const char *kn_fault_word(kn_fault fault) { return faults_known[fault].word; }
 
-bool kn_fault_of_frames(kn_fault fault)
-{
-    return faults_known[fault].frames;
-}
+bool kn_fault_of_frames(kn_fault fault) { return faults_known[fault].frames; }
 
+// Set the rate of one entry, NAME or NAME=RATE.
 static bool parse_one(kn_faults *f, const char *entry, size_t length)
 {
     const char *equals = memchr(entry, '=', length);
@@ -56,6 +52,7 @@ uint32_t kn_faults_random(kn_faults *faults, uint32_t below) // xorshift64*
     return (uint32_t)((faults->seed * 0x2545f4914f6cdd1du >> 32) * below >> 32);
 }
 
+// Compare a random number of 30 bits with the rate.
 bool kn_faults_strike(kn_faults *faults, kn_fault fault)
 {
     if (faults->rate[fault] <= 0) return false;

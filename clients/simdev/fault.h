@@ -1,11 +1,11 @@
 #ifndef KN_SIMDEV_FAULT_H
 #define KN_SIMDEV_FAULT_H
-// What goes wrong on purpose, by chance and by a seed.
+// Deliberate faults, by chance from a seed.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-// name, of frames alone (--uart), what, at each
+// name, word, whether it only applies to frames (--uart), the fault at each strike
 #define KN_FAULTS(FAULT)                                                                                               \
     FAULT(FLIP, flip, true, "one bit of a frame, either way")                                                          \
     FAULT(DROP, drop, true, "a frame, either way")                                                                     \
@@ -16,7 +16,7 @@
     FAULT(DISCONNECT, disconnect, false, "unplugged for 5 ms; what it holds stays")                                    \
     FAULT(BLANK, blank, false, "power off and on: all it holds is lost")                                               \
     FAULT(TORN, torn, false, "a tick nobody asked for, while results are read")                                        \
-    FAULT(REFUSE, refuse, true, "a request whose words the bus neither takes nor gives")                            \
+    FAULT(REFUSE, refuse, true, "a request whose words the bus neither takes nor gives")                               \
     FAULT(HASH, hash, false, "BUILD_HASH is another, always")
 
 typedef enum kn_fault {
@@ -35,13 +35,13 @@ typedef struct kn_faults {
 const char *kn_fault_word(kn_fault fault);
 bool kn_fault_of_frames(kn_fault fault);
 
-// "NAME[=RATE],...": a rate is 0 .. 1 and 0.01 unless said. False: *bad is the entry that is wrong.
+// Parse "NAME[=RATE],...". A rate is 0 .. 1, by default 0.01. Return false with the wrong entry in bad.
 bool kn_faults_parse(kn_faults *faults, const char *text, char bad[64]);
 
 uint32_t kn_faults_random(kn_faults *faults, uint32_t below);
-bool kn_faults_strike(kn_faults *faults, kn_fault fault); // counts it when it does
+bool kn_faults_strike(kn_faults *faults, kn_fault fault); // decide by chance; counts each strike
 
-// Does to a frame's bytes what flip and truncate ask for, its last 0x00 left; returns its size.
+// Apply flip and truncate to the bytes of a frame; its last byte stays 0x00. Return its new size.
 size_t kn_faults_mangle(kn_faults *faults, uint8_t *wire, size_t size);
 
 #endif

@@ -1,4 +1,4 @@
-// The register map over core/fixed.h. A tick is over before the word that asked for it is answered.
+// The register map over core/fixed.h. A tick is over before the write that asked for it returns.
 #include "clients/simdev/engine.h"
 #include "core/fixed.h"
 #include "hdl/knead_hash.h"
@@ -8,7 +8,7 @@
 
 typedef struct golden {
     kn_engine_caps caps;
-    uint32_t nodes, edges, bounds; // there is room for
+    uint32_t nodes, edges, bounds; // capacity
     uint32_t scratch, status, tick, seq, crc, bound_count, omega[KN_FIXED_ITERATIONS_MAX];
     kn_fixed_image image;
     kn_fixed fixed;
@@ -19,10 +19,8 @@ typedef struct golden {
     void *memory;
 } golden;
 
-static void set_low(int64_t *v, uint32_t word)
-{
-    *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | word);
-}
+// Set or get one half of a 64-bit number; set_high extends the sign.
+static void set_low(int64_t *v, uint32_t word) { *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | word); }
 
 static void set_high(int64_t *v, uint32_t word, int bits)
 {
@@ -30,80 +28,61 @@ static void set_high(int64_t *v, uint32_t word, int bits)
     *v = (int64_t)whole >> (64 - bits);
 }
 
-static uint32_t half(int64_t v, uint32_t which)
-{
-    return (uint32_t)(v >> 32 * which);
-}
+static uint32_t half(int64_t v, uint32_t which) { return (uint32_t)(v >> 32 * which); }
 
-static int32_t narrow(uint32_t word, int bits)
-{
-    return (int32_t)(word << (32 - bits)) >> (32 - bits);
-}
+// Return the signed number in the lowest bits of a word.
+static int32_t narrow(uint32_t word, int bits) { return (int32_t)(word << (32 - bits)) >> (32 - bits); }
 
-// ---- records
+// ---- records: one word of a window, written or read; false: no such word
 
+// Words of a node: x lo, hi of each component, held, u, load, three zeros.
 static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 16, w = at % 16;
     if (n >= g->nodes) return false;
+    // Words 0..5 are x, 6 is held, 7..9 u, 10..12 load; the index of the component follows from the word.
     kn_fixed_node *rest = &g->image.node[n];
     int64_t *x = &g->fixed.x[3 * n + w / 2 % 3];
     int32_t *u = &g->fixed.u[3 * n + (w + 2) % 3], *load = &rest->load[(w + 2) % 3];
     if (w >= 13) return write || (*word = 0, true);
-    if (!write)
-        *word = w < 6 ? half(*x, w % 2) : w == 6 ? rest->held : w < 10 ? (uint32_t)*u : (uint32_t)*load;
-    else if (w < 6 && w % 2)
-        set_high(x, *word, KN_FIXED_X);
-    else if (w < 6)
-        set_low(x, *word);
-    else if (w == 6)
-        rest->held = *word & 7;
-    else
-        *(w < 10 ? u : load) = narrow(*word, w < 10 ? KN_FIXED_U : KN_FIXED_T);
+    if (!write) *word = w < 6 ? half(*x, w % 2) : w == 6 ? rest->held : w < 10 ? (uint32_t)*u : (uint32_t)*load;
+    else if (w < 6 && w % 2) set_high(x, *word, KN_FIXED_X);
+    else if (w < 6) set_low(x, *word);
+    else if (w == 6) rest->held = *word & 7;
+    else *(w < 10 ? u : load) = narrow(*word, w < 10 ? KN_FIXED_U : KN_FIXED_T);
     return true;
 }
 
+// Words of a rest position: x lo, hi of each component, two zeros.
 static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
     if (n >= g->nodes) return false;
     if (w >= 6) return write || (*word = 0, true);
     int64_t *x = &g->image.node[n].x[w / 2];
-    if (!write)
-        *word = half(*x, w % 2);
-    else if (w % 2)
-        set_high(x, *word, KN_FIXED_X);
-    else
-        set_low(x, *word);
+    if (!write) *word = half(*x, w % 2);
+    else if (w % 2) set_high(x, *word, KN_FIXED_X);
+    else set_low(x, *word);
     return true;
 }
 
+// Refuse an edge whose ends are no nodes.
 static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
 {
     kn_fixed_edge *e = &g->image.edge[n];
     if (w == 0 && ((word & 0xffff) >= g->nodes || word >> 16 >= g->nodes)) return false;
     switch (w) {
-    case 0:
-        e->i = (uint16_t)word, e->j = (uint16_t)(word >> 16);
-        break;
-    case 1:
-        e->kv = (int32_t)(word & ((1u << KN_FIXED_KV) - 1));
-        break;
-    case 2:
-        e->ia = (int32_t)(word & ((1u << KN_FIXED_IA) - 1));
-        break;
-    case 3:
-        set_low(&g->fixed.h[n], word);
-        break;
-    case 4:
-        set_high(&g->fixed.h[n], word, KN_FIXED_H);
-        break;
-    default:
-        break;
+    case 0: e->i = (uint16_t)word, e->j = (uint16_t)(word >> 16); break;
+    case 1: e->kv = (int32_t)(word & ((1u << KN_FIXED_KV) - 1)); break;
+    case 2: e->ia = (int32_t)(word & ((1u << KN_FIXED_IA) - 1)); break;
+    case 3: set_low(&g->fixed.h[n], word); break;
+    case 4: set_high(&g->fixed.h[n], word, KN_FIXED_H); break;
+    default: break;
     }
     return true;
 }
 
+// Words of an edge: i + (j << 16), kv, ia, h lo, hi, three zeros.
 static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
@@ -116,31 +95,29 @@ static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
+// Words of a boundary record: node + (holds << 31), value x, y, z.
 static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 4, w = at % 4;
     if (n >= g->bounds) return false;
     kn_fixed_bound *b = &g->bound[n];
     if (write && w == 0 && (*word & 0xffff) >= g->nodes) return false;
-    if (!write)
-        *word = w ? (uint32_t)b->value[w - 1] : b->node | (uint32_t)b->holds << 31;
-    else if (w == 0)
-        b->node = (uint16_t)*word, b->holds = *word >> 31;
-    else
-        b->value[w - 1] = (int32_t)*word;
+    if (!write) *word = w ? (uint32_t)b->value[w - 1] : b->node | (uint32_t)b->holds << 31;
+    else if (w == 0) b->node = (uint16_t)*word, b->holds = *word >> 31;
+    else b->value[w - 1] = (int32_t)*word;
     return true;
 }
 
+// Words of the table: R.
 static bool table(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     if (at > KN_FIXED_SEGMENTS) return false;
-    if (write)
-        g->image.table[at] = (int32_t)(*word & ((1u << KN_FIXED_R) - 1));
-    else
-        *word = (uint32_t)g->image.table[at];
+    if (write) g->image.table[at] = (int32_t)(*word & ((1u << KN_FIXED_R) - 1));
+    else *word = (uint32_t)g->image.table[at];
     return true;
 }
 
+// Choose the window by address, the highest first.
 static bool window(golden *g, uint32_t address, uint32_t *word, bool write)
 {
     if (address >= KN_WINDOW_EDGES) return edge(g, address - KN_WINDOW_EDGES, word, write);
@@ -158,6 +135,7 @@ static bool window(golden *g, uint32_t address, uint32_t *word, bool write)
 
 // ---- registers
 
+// Return the setting behind a register, NULL for other registers.
 static int32_t *config_of(golden *g, uint32_t address)
 {
     kn_fixed_config *c = &g->image.config;
@@ -168,20 +146,20 @@ static int32_t *config_of(golden *g, uint32_t address)
     return address >= KN_REG_NODE_COUNT && address <= KN_REG_RELAX ? at[address - KN_REG_NODE_COUNT] : NULL;
 }
 
+// Return the bits of a register; 0: there is none.
 static int bits_of(uint32_t address)
 {
     if (address >= KN_REG_OMEGA) return KN_FIXED_OMEGA;
     switch (address) {
 #define KN_BITS(name, at, access, bits, what)                                                                          \
-    case at:                                                                                                           \
-        return bits;
+    case at: return bits;
         KN_REGISTERS(KN_BITS)
 #undef KN_BITS
-    default:
-        return 0;
+    default: return 0;
     }
 }
 
+// Return the clocks that the circuit would take for a tick.
 static uint32_t clocks(const golden *g)
 {
     const kn_fixed_config *c = &g->image.config;
@@ -189,6 +167,7 @@ static uint32_t clocks(const golden *g)
                             (uint32_t)c->iterations);
 }
 
+// Take a tick; CYCLES are those that the circuit would take.
 static void tick(golden *g)
 {
     kn_fixed_tick(&g->fixed, g->bound, (int)g->bound_count, g->reaction, &g->result);
@@ -197,6 +176,7 @@ static void tick(golden *g)
     if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
 }
 
+// The doorbell: only the next number steps, and only a loaded object. The number it has changes nothing.
 static void step(golden *g, uint32_t seq)
 {
     if (seq == g->seq) return;
@@ -210,15 +190,18 @@ static void step(golden *g, uint32_t seq)
     }
 }
 
+// Obey the bits of CONTROL.
 static void control(golden *g, uint32_t what)
 {
     if (what & KN_CONTROL_REST) {
+        // A rest keeps the flags; only CONTROL 2 clears them.
         uint32_t flags = g->fixed.flags;
         kn_fixed_rest(&g->fixed);
         g->fixed.flags = flags;
         g->tick = 0;
     }
-    if (what & KN_CONTROL_LOADED) { // an image that is none is not stepped: this memory has other things in it
+    // An invalid image is not stepped, because its indices would reach into other memory.
+    if (what & KN_CONTROL_LOADED) {
         g->status &= ~(uint32_t)KN_STATUS_LOADED;
         if (!kn_fixed_check(&g->image)) g->status |= KN_STATUS_LOADED;
         g->tick = 0;
@@ -227,69 +210,36 @@ static void control(golden *g, uint32_t what)
     if (what & KN_CONTROL_CRC) g->crc = kn_fixed_crc(&g->fixed);
 }
 
+// Read a register; false: there is none at this address.
 static bool read_register(golden *g, uint32_t address, uint32_t *word)
 {
     const uint32_t caps = (uint32_t)(g->caps.nodes | g->caps.edges << 8 | g->caps.bounds << 16);
     const int32_t *config = config_of(g, address);
     switch (address) {
-    case KN_REG_ID:
-        *word = KN_ENGINE_ID;
-        return true;
-    case KN_REG_VERSION:
-        *word = KN_ENGINE_VERSION;
-        return true;
-    case KN_REG_BUILD_HASH:
-        *word = KN_BUILD_HASH;
-        return true;
-    case KN_REG_CAPS:
-        *word = caps;
-        return true;
-    case KN_REG_CONTROL:
-        *word = 0;
-        return true;
-    case KN_REG_STATUS:
-        *word = g->status;
-        return true;
-    case KN_REG_FLAGS:
-        *word = g->fixed.flags;
-        return true;
-    case KN_REG_SCRATCH:
-        *word = g->scratch;
-        return true;
-    case KN_REG_TICK:
-        *word = g->tick;
-        return true;
-    case KN_REG_STEP_SEQ:
-        *word = g->seq;
-        return true;
-    case KN_REG_CYCLES:
-        *word = g->cycles;
-        return true;
-    case KN_REG_CYCLES_MAX:
-        *word = g->cycles_max;
-        return true;
-    case KN_REG_STATE_CRC:
-        *word = g->crc;
-        return true;
-    case KN_REG_RESIDUAL_LO:
-        *word = half(g->result.residual, 0);
-        return true;
-    case KN_REG_RESIDUAL_HI:
-        *word = half(g->result.residual, 1);
-        return true;
-    case KN_REG_RESULT_FLAGS:
-        *word = g->result.flags;
-        return true;
-    case KN_REG_BOUND_COUNT:
-        *word = g->bound_count;
-        return true;
-    default:
-        break;
+    case KN_REG_ID: *word = KN_ENGINE_ID; return true;
+    case KN_REG_VERSION: *word = KN_ENGINE_VERSION; return true;
+    case KN_REG_BUILD_HASH: *word = KN_BUILD_HASH; return true;
+    case KN_REG_CAPS: *word = caps; return true;
+    case KN_REG_CONTROL: *word = 0; return true;
+    case KN_REG_STATUS: *word = g->status; return true;
+    case KN_REG_FLAGS: *word = g->fixed.flags; return true;
+    case KN_REG_SCRATCH: *word = g->scratch; return true;
+    case KN_REG_TICK: *word = g->tick; return true;
+    case KN_REG_STEP_SEQ: *word = g->seq; return true;
+    case KN_REG_CYCLES: *word = g->cycles; return true;
+    case KN_REG_CYCLES_MAX: *word = g->cycles_max; return true;
+    case KN_REG_STATE_CRC: *word = g->crc; return true;
+    case KN_REG_RESIDUAL_LO: *word = half(g->result.residual, 0); return true;
+    case KN_REG_RESIDUAL_HI: *word = half(g->result.residual, 1); return true;
+    case KN_REG_RESULT_FLAGS: *word = g->result.flags; return true;
+    case KN_REG_BOUND_COUNT: *word = g->bound_count; return true;
+    default: break;
     }
     if (config) *word = (uint32_t)*config & ((1u << bits_of(address)) - 1);
     return config;
 }
 
+// Write a setting within its bits and the capacity. It clears LOADED.
 static bool write_config(golden *g, uint32_t address, uint32_t word)
 {
     int32_t *config = config_of(g, address);
@@ -301,33 +251,23 @@ static bool write_config(golden *g, uint32_t address, uint32_t word)
     return true;
 }
 
+// Write a register; false: read only, too many bits or beyond the capacity.
 static bool write_register(golden *g, uint32_t address, uint32_t word)
 {
     if (config_of(g, address)) return write_config(g, address, word);
     int bits = bits_of(address);
     if (bits < 32 && word >> bits) return false;
     switch (address) {
-    case KN_REG_CONTROL:
-        control(g, word);
-        return true;
-    case KN_REG_STATUS:
-        g->status &= ~(word & (KN_STATUS_SEQ | KN_STATUS_EMPTY));
-        return true;
-    case KN_REG_FLAGS:
-        g->fixed.flags &= ~word;
-        return true;
-    case KN_REG_SCRATCH:
-        g->scratch = word;
-        return true;
-    case KN_REG_STEP_SEQ:
-        step(g, word);
-        return true;
+    case KN_REG_CONTROL: control(g, word); return true;
+    case KN_REG_STATUS: g->status &= ~(word & (KN_STATUS_SEQ | KN_STATUS_EMPTY)); return true;
+    case KN_REG_FLAGS: g->fixed.flags &= ~word; return true;
+    case KN_REG_SCRATCH: g->scratch = word; return true;
+    case KN_REG_STEP_SEQ: step(g, word); return true;
     case KN_REG_BOUND_COUNT:
         if (word >= 1u << g->caps.bounds || word > KN_FIXED_LIST_MAX) return false;
         g->bound_count = word;
         return true;
-    default:
-        return false;
+    default: return false;
     }
 }
 
@@ -343,6 +283,7 @@ static bool bus_write(void *self, uint32_t address, uint32_t word)
 
 // ---- power
 
+// Power up: all zeros, nothing loaded.
 static void blank(void *self)
 {
     golden *g = self;
@@ -354,12 +295,13 @@ static void blank(void *self)
     memset(g->reaction, 0, g->bounds * sizeof *g->reaction);
     g->image = (kn_fixed_image){
         .config = {.node_count = (int32_t)g->nodes, .edge_count = (int32_t)g->edges}, .node = nodes, .edge = edges};
-    kn_fixed_init(&g->fixed, &g->image, g->memory); // its arrays lie as for an image of all there is room for
+    kn_fixed_init(&g->fixed, &g->image, g->memory); // lay the arrays out for the largest image
     g->image.config = (kn_fixed_config){0};
     g->scratch = g->status = g->tick = g->seq = g->crc = g->bound_count = g->cycles = g->cycles_max = 0;
     g->result = (kn_fixed_result){0};
 }
 
+// A tick that no host asked for, for the fault `torn`.
 static void stray(void *self)
 {
     golden *g = self;

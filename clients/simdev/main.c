@@ -1,4 +1,4 @@
-// knead-simdev: a simulated circuit, for who has no board. The command line.
+// knead-simdev: a simulated circuit for users without a board. This file is its command line.
 #include "clients/simdev/serve.h"
 #include <errno.h>
 #include <getopt.h>
@@ -17,27 +17,28 @@ static void on_signal(int signal)
 
 static void help(void)
 {
-    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl|nano] [--caps N,E,B]\n"
+    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
          "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
-         "A circuit that steps a lattice, simulated: its registers behind a serial line or in a piece of memory. "
-         "Prints the\n"
-         "URI by which it is reached, serves until SIGTERM or SIGINT, then prints what it did.\n\n"
-         "  --uart            frames on a pseudo-terminal\n"
-         "  --baud N          as on a line of N bits a second, ten to a byte (--uart); without it as fast as it goes\n"
-         "  --link PATH       a name for it that stays when it is unplugged or started again\n"
-         "  --bar NAME        as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine NAME     what steps: golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl,\n"
-         "                    and nano, the small one, with the link before them (--uart), under Verilator, in a\n"
-         "                    time of their own (URI?miss=1000), if it was built with Verilator\n"
-         "  --caps N,E,B      log2 of the nodes, edges and nodes under tools that golden takes (12,16,10); rtl:\n"
-         "                    10,13,8, nano: 5,7,4\n"
-         "  --seed N          of chance (1)\n"
-         "  --fault ...       what goes wrong, and in which share of the requests (0.01):");
+         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print "
+         "the URI\n"
+         "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n\n"
+         "  --uart            send frames over a pseudo-terminal\n"
+         "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
+         "  --link PATH       symbolic link to the terminal, which stays when the device is unplugged or restarted\n"
+         "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
+         "  --engine NAME     golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl (with --uart\n"
+         "                    behind its link), simulated by Verilator in its own time (URI?miss=1000), if built with\n"
+         "                    Verilator (default: golden)\n"
+         "  --caps N,E,B      log2 of the most nodes, edges and nodes under tools for golden (default: 12,16,10); rtl "
+         "has\n"
+         "                    10,13,8\n"
+         "  --seed N          seed of the random numbers (default: 1)\n"
+         "  --fault ...       inject faults into this share of the requests (default: 0.01):");
 #define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_FAULTS(KN_FAULT_HELP)
 #undef KN_FAULT_HELP
-    puts("  --help, --version\n\nExit: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or a name that is "
-         "taken.");
+    puts("  --help, --version\n\n"
+         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
 }
 
 static int bad(const char *what, const char *expected)
@@ -54,27 +55,23 @@ static bool parse_caps(const char *text, kn_engine_caps *caps)
            caps->bounds <= 10;
 }
 
-typedef enum which { GOLDEN, RTL, NANO, ENGINES } which;
-
-static const char *const engine_names[ENGINES] = {[GOLDEN] = "golden", [RTL] = "rtl", [NANO] = "nano"};
-
-static bool power_up(kn_engine *engine, which it, kn_engine_caps caps)
+static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
 {
 #ifdef KN_SIMDEV_RTL
-    if (it == RTL) return kn_engine_rtl(engine);
-    if (it == NANO) return kn_engine_nano(engine);
+    if (rtl) return kn_engine_rtl(engine);
 #endif
-    return it == GOLDEN && kn_engine_golden(engine, caps);
+    return !rtl && kn_engine_golden(engine, caps);
 }
 
-static int serve(kn_serve *s, which it, kn_engine_caps caps, const char *link, const char *bar)
+// Serve until a signal, then print the requests and the faults that struck.
+static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     s->stop = &stop;
-    if (!power_up(&s->engine, it, caps)) {
-        fputs("knead-simdev: memory is short\n", stderr);
+    if (!power_up(&s->engine, rtl, caps)) {
+        fputs("knead-simdev: out of memory\n", stderr);
         return 3;
     }
     bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
@@ -104,29 +101,22 @@ static int run(int argc, char **argv)
     static kn_serve s;
     const char *link = NULL, *bar = NULL;
     char wrong[64], *end;
-    bool uart = false, sized = false;
-    which it = GOLDEN;
+    bool uart = false, sized = false, rtl = false;
     kn_engine_caps caps = {12, 16, 10};
     unsigned long long seed = 1, baud = 0;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
-        case 'u':
-            uart = true;
-            break;
-        case 'l':
-            link = optarg;
-            break;
+        case 'u': uart = true; break;
+        case 'l': link = optarg; break;
         case 'r':
             baud = strtoull(optarg, &end, 10);
             if (end == optarg || *end || baud < 1200 || baud > 100000000)
                 return bad(optarg, "--baud with a whole number from 1200 to 100000000");
             break;
-        case 'b':
-            bar = optarg;
-            break;
+        case 'b': bar = optarg; break;
         case 'e':
-            for (it = 0; it < ENGINES && strcmp(optarg, engine_names[it]) != 0;) it++;
-            if (it == ENGINES) return bad(optarg, "--engine golden, rtl or nano");
+            rtl = strcmp(optarg, "rtl") == 0;
+            if (!rtl && strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden or rtl");
             break;
         case 'c':
             sized = true;
@@ -134,48 +124,42 @@ static int run(int argc, char **argv)
             break;
         case 'f':
             if (!kn_faults_parse(&s.faults, optarg, wrong))
-                return bad(wrong, "--fault NAME[=RATE], a rate of 0 to 1; --help has the names");
+                return bad(wrong, "--fault NAME[=RATE] with a rate of 0 to 1; --help lists the names");
             break;
         case 's':
             seed = strtoull(optarg, &end, 10);
             if (end == optarg || *end) return bad(optarg, "--seed with a whole number");
             break;
-        case 'h':
-            help();
-            return 0;
-        case 'v':
-            puts("knead-simdev " KN_VERSION);
-            return 0;
-        default:
-            return 2; // getopt has said which
+        case 'h': help(); return 0;
+        case 'v': puts("knead-simdev " KN_VERSION); return 0;
+        default: return 2; // getopt has said which
         }
     }
     if (optind < argc) return bad(argv[optind], "options only");
-    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no way in", "one of --uart and --bar NAME");
-    if (link && !uart) return bad("--link", "--uart beside it");
-    if (baud && !uart) return bad("--baud", "--uart beside it");
+    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no connection", "one of --uart and --bar NAME");
+    if (link && !uart) return bad("--link", "--uart with it");
+    if (baud && !uart) return bad("--baud", "--uart with it");
     if (baud) s.byte_ns = 10000000000 / (int64_t)baud;
     if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
         return bad(bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
-            return bad(kn_fault_word((kn_fault)i), "--uart: memory has no frames");
-    if (it != GOLDEN && sized)
-        return bad("--caps", it == RTL ? "--engine golden: the circuit is built for 10,13,8"
-                                       : "--engine golden: the small circuit is built for 5,7,4");
-    if (it != GOLDEN && s.faults.rate[KN_FAULT_TORN] > 0)
-        return bad("torn", "--engine golden: the circuit steps when it is asked");
+            return bad(kn_fault_word((kn_fault)i), "--uart, since memory has no frames");
+    if (rtl && sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
+    if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
+        return bad("torn", "--engine golden, since the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL
-    if (it != GOLDEN) return fputs("knead-simdev: built without Verilator: expected --engine golden\n", stderr), 3;
+    if (rtl) return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
 #endif
     s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
-    return serve(&s, it, caps, link, bar);
+    return serve(&s, rtl, caps, link, bar);
 }
 
 int main(int argc, char **argv)
 {
     int code = run(argc, argv);
-    if (!(fflush(stdout) | ferror(stdout))) return code; // both: what failed on the way is not told by the last flush
+    // Check both: the last flush does not report an earlier failure.
+    if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead-simdev: standard output could not be written to its end\n", stderr);
     return code ? code : 3;
 }

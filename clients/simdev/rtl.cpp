@@ -1,25 +1,22 @@
-// The circuits themselves, Verilated, behind their word bus, and before it the link, Verilated, too. Their time is their
-// own: of an engine a transfer is a few clocks, nothing else is; of the link a byte, and all until it is answered.
+// The Verilated circuit behind its word bus, and the Verilated link in front of it. Each has a time of its own, which
+// passes only while it is used: the engine runs for the few clocks of a transfer, the link for the clock of a byte and
+// until it has answered a frame.
 #include "Vknead_engine.h"
 #include "Vknead_link.h"
-#include "Vknead_nano.h"
 #include "hdl/sim/word_bus.h"
 #include <new>
 extern "C" {
 #include "clients/simdev/engine.h"
 }
 
-double sc_time_stamp()
-{
-    return 0;
-}
+double sc_time_stamp() { return 0; }
 
 namespace
 {
 
 struct link : circuit<Vknead_link> {
-    uint32_t answers; // since its reset; as many as it has counted frames, or it is at work
-    size_t size;      // of the one that comes
+    uint32_t answers; // answers since reset; fewer than the frames it has counted: it is busy
+    size_t size;      // bytes so far of the answer
 
     explicit link(int seed) : circuit(seed) { reset(); }
     void reset()
@@ -32,7 +29,7 @@ struct link : circuit<Vknead_link> {
         answers = 0;
         size = 0;
     }
-    // true: the last byte of an answer has come
+    // Run one clock. Return true if the last byte of an answer has come.
     bool clock(const kn_word_bus *bus, uint8_t *wire)
     {
         top->clk = 0;
@@ -70,11 +67,11 @@ struct link : circuit<Vknead_link> {
     }
 };
 
-template <typename verilated> struct rtl : word_bus<verilated> {
-    int power_ups = 1; // each leaves something else in memories
+struct rtl : word_bus<Vknead_engine> {
+    int power_ups = 1; // each one leaves other contents in the memories
     link line{1};
 
-    rtl() : word_bus<verilated>(1) {}
+    rtl() : word_bus(1) {}
     static rtl *of(void *self) { return static_cast<rtl *>(self); }
     static bool read_word(void *self, uint32_t address, uint32_t *word)
     {
@@ -98,22 +95,13 @@ template <typename verilated> struct rtl : word_bus<verilated> {
         return of(self)->line.hear(bus, bytes, count, used, wire);
     }
     static void destroy(void *self) { delete of(self); }
-    static bool make(kn_engine *engine, const char *name)
-    {
-        rtl *self = new (std::nothrow) rtl;
-        if (self) *engine = kn_engine{name, {self, read_word, write_word}, blank, nullptr, hear, destroy};
-        return self;
-    }
 };
 
 } // namespace
 
 extern "C" bool kn_engine_rtl(kn_engine *engine)
 {
-    return rtl<Vknead_engine>::make(engine, "rtl");
-}
-
-extern "C" bool kn_engine_nano(kn_engine *engine)
-{
-    return rtl<Vknead_nano>::make(engine, "nano");
+    rtl *self = new (std::nothrow) rtl;
+    if (self) *engine = {"rtl", {self, rtl::read_word, rtl::write_word}, rtl::blank, nullptr, rtl::hear, rtl::destroy};
+    return self;
 }

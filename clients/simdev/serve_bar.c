@@ -1,5 +1,5 @@
-// The register space in a file of shared memory. Plain stores into memory cannot be trapped, so a bell beside it says
-// that a word which does something was written (server/backend/link.h); windows go to and fro with it.
+// The register space in a file of shared memory. Plain stores into memory cannot be trapped, so a doorbell beside it
+// tells that a word with an effect was written (server/backend/link.h). Windows are copied when the doorbell is served.
 #include "clients/simdev/serve.h"
 #include "core/fixed.h"
 #include "hdl/registers.h"
@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+// Poll without sleeping for SPIN_NS after a request, with short naps for AWAKE_NS, then with long ones.
 enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_US = 20, SLEEP_US = 2000 };
 
 typedef struct bar {
@@ -27,12 +28,14 @@ typedef struct bar {
 
 // ---- words between the file and the engine
 
+// Copy words from the file into the engine.
 static void pull(bar *b, uint32_t from, uint32_t count)
 {
     const kn_word_bus *bus = &b->serve->engine.bus;
     for (uint32_t at = from; at < from + count; at++) bus->write(bus->self, at, b->word[at]);
 }
 
+// Copy words from the engine into the file. CONTROL is skipped, as reading it means nothing.
 static void push(bar *b, uint32_t from, uint32_t count)
 {
     const kn_word_bus *bus = &b->serve->engine.bus;
@@ -40,18 +43,21 @@ static void push(bar *b, uint32_t from, uint32_t count)
         if (at != KN_REG_CONTROL && bus->read(bus->self, at, &word)) b->word[at] = word;
 }
 
+// Copy the registers that the engine changes.
 static void push_registers(bar *b)
 {
     push(b, KN_REG_ID, KN_REG_RESULT_FLAGS + 1);
     if (b->serve->faults.rate[KN_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
 }
 
+// Run the engine until it is not busy.
 static void run_out(bar *b)
 {
     const kn_engine *e = &b->serve->engine;
     for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
 }
 
+// Copy the whole object into the engine.
 static void pull_image(bar *b)
 {
     pull(b, KN_REG_NODE_COUNT, KN_REG_RELAX - KN_REG_NODE_COUNT + 1);
@@ -68,12 +74,10 @@ static void push_state(bar *b)
     push(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
 }
 
-static uint32_t bounds(const bar *b)
-{
-    return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX;
-}
+static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX; }
 
-// One tick on its own; its number first, so that who reads results before the number sees that they are not his.
+// Make one tick that nobody asked for. Its number is published first, so a host that reads results and then the number
+// sees that the results are not those of its tick.
 static void stray(bar *b)
 {
     kn_engine *e = &b->serve->engine;
@@ -86,6 +90,7 @@ static void stray(bar *b)
     push_registers(b);
 }
 
+// Execute a word that the doorbell brought: copy what it needs into the engine, write it, copy the results back.
 static void obey(bar *b, uint32_t address, uint32_t word)
 {
     const kn_word_bus *bus = &b->serve->engine.bus;
@@ -105,6 +110,7 @@ static void obey(bar *b, uint32_t address, uint32_t word)
 
 // ---- the file
 
+// Create the file under another name, lock and fill it, then rename it, so that no host sees a partial one.
 static bool make_file(bar *b)
 {
     char fresh[PATH_MAX];
@@ -117,7 +123,7 @@ static bool make_file(bar *b)
     b->word = at;
     b->shm = kn_shm_of(at);
     push_registers(b);
-    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1); // what it holds has stayed, all of it
+    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1); // all that the engine holds has survived
     push(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
     push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
     push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
@@ -129,13 +135,13 @@ static bool make_file(bar *b)
 
 static void drop_file(bar *b)
 {
-    b->word[KN_REG_ID] = UINT32_MAX; // as reading a BAR whose card is gone
+    b->word[KN_REG_ID] = UINT32_MAX; // as a BAR reads when its card is gone
     munmap((void *)b->word, KN_SHM_BYTES);
     close(b->fd);
     unlink(b->path);
 }
 
-// A file that a simulator left behind: its hosts shall know. False: one is serving it.
+// Mark a file that another simulator left behind as gone, so that its hosts notice. Return false if one is serving it.
 static bool retire(const char *path)
 {
     int fd = open(path, O_RDWR | O_CLOEXEC);
@@ -152,7 +158,8 @@ static bool retire(const char *path)
     return ours;
 }
 
-static bool suffer(bar *b) // false: there is no new file
+// Apply the faults of a request. Return false if the new file could not be made.
+static bool suffer(bar *b)
 {
     kn_faults *f = &b->serve->faults;
     if (kn_faults_strike(f, KN_FAULT_DELAY)) kn_serve_sleep_us(1000 + kn_faults_random(f, 3000));
@@ -167,6 +174,7 @@ static bool suffer(bar *b) // false: there is no new file
     return make_file(b);
 }
 
+// Serve one doorbell, or nap. A fault that unplugs drops the request.
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
     kn_engine *e = &b->serve->engine;

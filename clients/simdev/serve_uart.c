@@ -1,4 +1,4 @@
-// Frames on a pseudo-terminal.
+// Serve frames on a pseudo-terminal.
 #include "clients/simdev/serve.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
@@ -17,22 +17,19 @@
 typedef struct line {
     kn_serve *serve;
     const char *link;
-    char name[64];                     // of the slave
+    char name[64];                     // path of the slave
     int fd, keep;                      // master; slave, held open so that a host that leaves is no hang-up
-    kn_framer framer;                  // where the engine has no link of its own
-    uint8_t frame[2 * KN_FRAMER_WIRE]; // as it comes; one that does not end by then is none
-    size_t size;                       // of that
-    bool reacted;                      // of this request: a torn result once
-    bool refuses;                      // this request
-    int64_t in_ns, out_ns;             // when the last byte was through, either way
+    kn_framer framer;                  // used when the engine has no link of its own
+    uint8_t frame[2 * KN_FRAMER_WIRE]; // the frame so far; noise if it does not end within this size
+    size_t size;                       // bytes of frame
+    bool reacted;                      // this request has had its torn result
+    bool refuses;                      // this request is refused
+    int64_t in_ns, out_ns;             // time at which the last byte was through, in each direction
 } line;
 
-void kn_serve_sleep_us(uint32_t us)
-{
-    nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL);
-}
+void kn_serve_sleep_us(uint32_t us) { nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL); }
 
-// A name that was another line's is taken; one that is anything else is somebody's.
+// Make the name a link to this line. A symbolic link there is replaced; anything else belongs to somebody.
 static bool take_name(const line *l)
 {
     struct stat was;
@@ -50,6 +47,7 @@ static void leave_name(const line *l)
     if (l->link && readlink(l->link, to, sizeof to - 1) > 0 && strcmp(to, l->name) == 0) unlink(l->link);
 }
 
+// Open a pseudo-terminal in raw mode and name it.
 static bool plug_in(line *l, bool tell)
 {
     struct termios t;
@@ -73,12 +71,13 @@ static void plug_out(line *l)
     close(l->fd);
 }
 
-// ---- the engine's bus, with what goes wrong on it
+// ---- the engine's bus, with the faults on it
 
 static bool read_word(void *self, uint32_t address, uint32_t *word)
 {
     line *l = self;
     kn_engine *e = &l->serve->engine;
+    // The fault `torn`: take another tick while a host reads the reactions, once a request.
     bool reaction = address >= KN_WINDOW_REACTIONS && address < KN_WINDOW_NODES;
     if (reaction && !l->reacted && address % 6 == 3 && e->stray && kn_faults_strike(&l->serve->faults, KN_FAULT_TORN)) {
         l->reacted = true;
@@ -97,7 +96,7 @@ static bool write_word(void *self, uint32_t address, uint32_t word)
 
 // ---- frames
 
-// A line of its own either way, on which one byte comes after the other.
+// Wait until bytes are through. Each direction is a line of its own, on which one byte follows the other.
 static void pass(line *l, int64_t *through_ns, size_t bytes)
 {
     int64_t now_ns = kn_now_ns();
@@ -117,6 +116,7 @@ static void say(line *l, const uint8_t *wire, size_t size)
     }
 }
 
+// Send an answer, with the faults of the line.
 static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
 {
     kn_faults *f = &l->serve->faults;
@@ -127,7 +127,7 @@ static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
     if (kn_faults_strike(f, KN_FAULT_DUPLICATE)) say(l, wire, size);
 }
 
-// As the circuit's link does, in C.
+// Do in C what the circuit's link does.
 static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
                       uint8_t wire[KN_FRAMER_WIRE])
 {
@@ -136,6 +136,7 @@ static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, siz
     return payload ? kn_framer_encode(reply, kn_request_execute(l->framer.bytes, payload, bus, reply), wire) : 0;
 }
 
+// Give bytes to the link and send its answers.
 static void hear(line *l, const uint8_t *bytes, size_t count)
 {
     const kn_engine *e = &l->serve->engine;
@@ -149,7 +150,7 @@ static void hear(line *l, const uint8_t *bytes, size_t count)
     }
 }
 
-// A frame with what the line does to it; whether it is one is for the link to find out.
+// Bring a frame to the link with the faults of the line. The link decides whether it is a frame.
 static void bring(line *l)
 {
     kn_faults *f = &l->serve->faults;
@@ -160,7 +161,8 @@ static void bring(line *l)
     l->refuses = false;
 }
 
-static bool suffer(line *l) // false: the line could not be plugged in again
+// Apply the faults of a request. Return false if the line could not be plugged in again.
+static bool suffer(line *l)
 {
     kn_faults *f = &l->serve->faults;
     if (kn_faults_strike(f, KN_FAULT_DELAY)) kn_serve_sleep_us(1000 + kn_faults_random(f, 3000));
@@ -172,6 +174,7 @@ static bool suffer(line *l) // false: the line could not be plugged in again
     return plug_in(l, false);
 }
 
+// Read what came, and handle each frame at its 0x00.
 static bool listen_once(line *l)
 {
     uint8_t bytes[4096];
@@ -180,6 +183,7 @@ static bool listen_once(line *l)
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     if (size > 0) pass(l, &l->in_ns, (size_t)size);
     for (ssize_t at = 0; at < size && !*l->serve->stop; at++) {
+        // Collect bytes up to a 0x00 or a full buffer.
         l->frame[l->size++] = bytes[at];
         if (bytes[at] && l->size < sizeof l->frame) continue;
         if (l->size == 1 || bytes[at]) { // nothing, or noise
@@ -187,7 +191,7 @@ static bool listen_once(line *l)
         } else {
             int64_t unplugged = l->serve->faults.done[KN_FAULT_DISCONNECT];
             if (!suffer(l)) return false;
-            if (l->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) at = size; // with what it was hearing
+            if (l->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) at = size; // drop what came with the frame, too
             else bring(l);
         }
         l->size = 0;

@@ -11,7 +11,8 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-static const int priority = 60; // SCHED_FIFO, below kneadd's threads: the client of a device has a processor of its own
+// Priority of the bridge's thread (SCHED_FIFO), below kneadd's threads; it assumes a processor of its own.
+static const int priority = 60;
 static const int retry_ms = 500;
 
 void kn_tactile_bad(kn_tactile *device, const char *format, ...)
@@ -26,7 +27,7 @@ void kn_tactile_bad(kn_tactile *device, const char *format, ...)
 void kn_bridge_lost(kn_bridge *b, const char *format, ...)
 {
     va_list args;
-    if (b->lost) return; // keep the first reason
+    if (b->lost) return; // the device is already reported lost, so keep the first reason
     va_start(args, format);
     vsnprintf(b->now.why, sizeof b->now.why, format, args);
     va_end(args);
@@ -35,8 +36,8 @@ void kn_bridge_lost(kn_bridge *b, const char *format, ...)
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
 
-// Give the device its newest force. The motors are enabled only if the link is live and the device's watchdog is
-// trusted.
+// Give the device its newest force. The motors are enabled only if the link to kneadd is live and the device's own
+// watchdog is trusted.
 static void answer(kn_bridge *b)
 {
     const kn_tether *t = &b->now.tether;
@@ -60,7 +61,8 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_tether *t = &b->now.tether;
     knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
                                .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
-    // The mount turns the device's frame into the scene's. The leaving button is reserved for let_go.
+    // Convert position and axes of the device to those of the scene. Clear the button that means "the hand leaves the
+    // tool", because only let_go may set it.
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
@@ -75,8 +77,8 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     b->last = pose;
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
     b->now.buttons = pose.buttons;
-    // With the local model, the force for this pose is rendered at once. Devices that answer wait for the next tick
-    // instead.
+    // With the local model, the force for this pose is rendered at once. A device that sends a pose only as an answer
+    // to a force gets its force in the next tick instead.
     if (!t->render.def.local || b->device->answers) return;
     kn_tether_give(t, now_s());
     answer(b);
@@ -96,7 +98,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
                              .flags = f.flags,
                              .fault = f.fault,
                              .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
-    memcpy(force.force_n, f.force_n, sizeof force.force_n); // force_scale is already applied
+    memcpy(force.force_n, f.force_n, sizeof force.force_n); // kneadd has already applied force_scale
     b->heard |= kn_tether_take(&b->now.tether, &force);
 }
 
@@ -126,7 +128,7 @@ static void close_lost(kn_bridge *b)
 
 void kn_bridge_hear(kn_bridge *b)
 {
-    // Read every message that waits, so that only the newest force is given.
+    // Read every waiting message, so that the device gets only the newest force.
     kn_join_handle(b->bus, 0);
     if (b->heard && !b->now.tether.render.def.local) {
         kn_tether_give(&b->now.tether, now_s());
@@ -159,11 +161,11 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     // Call `give` in this ms even without a new force, so that a tripped watchdog switches the motors off at once.
     if (!b->answered || kn_tether_live(&b->now.tether) != live) answer(b);
     b->answered = false;
-    // Close a lost device, and try to open a closed one every 500 ms.
+    // Close a lost device, and try every 500 ms to open a closed device.
     close_lost(b);
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
 
-    // Post the news for other threads. The mailbox never blocks this thread.
+    // Post the bridge's state for other threads. The mailbox never blocks this thread.
     b->now.messages = d->messages;
     b->now.bad = d->bad;
     b->now.lost = d->lost;
@@ -190,7 +192,7 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
     ev_break(ev, EVBREAK_ALL);
 }
 
-// Join the bus and subscribe. Contact messages are only needed for the local model.
+// Join the bus and subscribe to force messages. Contact messages are needed for the local model only.
 static bool open_bus(kn_bridge *b)
 {
     b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
@@ -219,7 +221,7 @@ static bool watch(kn_bridge *b)
 // Tell kneadd that the hand leaves the tool, switch the motors off and close the device.
 static void let_go(kn_bridge *b)
 {
-    // Send the last pose again, marked as the last of the session.
+    // Send the last pose once more, marked as the last pose of the session.
     if (b->last.session) {
         b->last.seq++;
         b->last.buttons |= KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
@@ -293,7 +295,7 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
         close_all(b);
         return false;
     }
-    // sem_wait returns early when a signal arrives.
+    // Wait again if a signal has interrupted sem_wait.
     while (sem_wait(&b->ready) != 0)
         ;
     if (atomic_load(&b->up)) return true;
@@ -302,7 +304,7 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
     return false;
 }
 
-// A reader keeps the last snapshot when no newer one was posted.
+// Return the newest posted state. If no newer state was posted, return the same state as in the last call.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
 {
     bool fresh;

@@ -25,28 +25,31 @@
 
 typedef struct kn_bridge kn_bridge;
 
-typedef struct kn_tactile_pose { // pose of the tool in the device's own frame, m
+typedef struct kn_tactile_pose { // pose, velocity and buttons of the tool, in the device's own coordinates
     double position_m[3], velocity_m_s[3], orientation_wxyz[4];
     int32_t buttons;
 } kn_tactile_pose;
 
-// State of a device's own watchdog, which must remove the force when this program stops running.
+// State of the watchdog inside a device. This watchdog must switch the force off when this program stops running.
 typedef enum kn_own_watchdog {
-    KN_OWN_TRUSTED,  // the watchdog has acted in a test, is waived by --no-watchdog, or is not needed (no motors)
+    // The device may get force: its watchdog has acted in a test, is waived by --no-watchdog, or the device has no
+    // motors.
+    KN_OWN_TRUSTED,
     KN_OWN_UNPROVED, // the device is open, but gets no force until its watchdog has acted in a test
-    KN_OWN_MISSING   // the watchdog did not act
+    KN_OWN_MISSING   // the device's watchdog did not act in the test, so the device gets no force
 } kn_own_watchdog;
 
 // One kind of device. A driver's own struct begins with this struct. All calls come from the bridge's thread.
 typedef struct kn_tactile {
-    const char *name; // "paddle"
+    const char *name; // name of the driver, such as "paddle"
     // Open the device and attach its watchers to bridge->ev. On failure return false and one line in `error`. A driver
     // may return true before its device has answered. If no answer comes, the driver then calls kn_bridge_lost.
     bool (*open)(struct kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size);
-    void (*close)(struct kn_tactile *device); // also called after kn_bridge_lost; never called before open
-    // Called once at the end, while bridge->ev still exists. NULL: nothing to do.
+    // Closes the device; also called after kn_bridge_lost; never called before open.
+    void (*close)(struct kn_tactile *device);
+    // Free the driver's resources. Called once at the end, while bridge->ev still exists. NULL: nothing to free.
     void (*destroy)(struct kn_tactile *device);
-    // Called every ms while the device is open. NULL: not needed.
+    // Do the driver's periodic work. Called every ms while the device is open. NULL: the driver has no periodic work.
     void (*tick)(struct kn_tactile *device, int elapsed_ms);
     // Set the force of the motors in the device's frame, N. live false: disable the motors. Called after every force
     // from kneadd (with the local model, after every pose), and in every ms in which no force came. NULL: the device
@@ -57,22 +60,24 @@ typedef struct kn_tactile {
     bool answers;
     kn_own_watchdog watchdog; // set by the driver at each opening
     // Counters of the driver.
-    int64_t messages;  // messages with a pose
-    int64_t bad, lost; // bad: malformed messages; lost: messages that never came, by gaps in the sequence numbers
-    char why[96];      // reason for the last bad message
-    char state[96];    // the device's own state in words; "": nothing to report
+    int64_t messages; // number of messages of the device that contain a pose
+    // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.
+    int64_t bad, lost;
+    char why[96];   // what was wrong with the last malformed message
+    char state[96]; // state of the device in words, for the user; "": nothing to report
 } kn_tactile;
 
-// Snapshot of the bridge for other threads, posted every ms.
+// State of the bridge for other threads, posted every ms.
 typedef struct kn_bridge_news {
     kn_tether tether;
-    bool there;                        // the device has given a pose since it was last opened
-    int64_t arrivals, losses;          // times that the device appeared, and was lost after it had given a pose
-    char why[160];                     // reason for the last loss
-    int64_t messages, bad, lost, late; // counters of the driver; late: total delay of the 1 ms timer, ms
+    bool there;               // the device has given a pose since it was last opened
+    int64_t arrivals, losses; // times that the device appeared, and was lost after it had given a pose
+    char why[160];            // reason why the device was last lost
+    // messages, bad, lost: counters of the driver, see kn_tactile. late: total delay of the 1 ms timer [ms].
+    int64_t messages, bad, lost, late;
     char bad_why[96], state[96];
     kn_own_watchdog watchdog;
-    double position_m[3]; // of the tool, in the scene
+    double position_m[3]; // position of the tool, in the scene's coordinates
     int32_t buttons;
 } kn_bridge_news;
 
@@ -88,37 +93,40 @@ struct kn_bridge {
     kn_bridge_news now, slots[3];
     kn_mailbox news;
     kn_join *bus;
-    knead_probe_pose_t last; // last pose that was sent; session 0: none
+    knead_probe_pose_t last; // last pose sent to kneadd; its session is 0 if none was sent
     ev_io forces, timer;
     ev_async stop;
     int timer_fd, retry_ms;
     bool open;     // the device is open, although it may not have given a pose yet
-    bool heard;    // a force of this session has come and was not passed on yet
-    bool answered; // give was called since the last tick
+    bool heard;    // true: a force of this session has arrived and was not given to the device yet
+    bool answered; // true: the driver's function `give` was called since the last tick
     int priority_error;
     sem_t ready;
     atomic_bool up;
     pthread_t thread;
 };
 
-// Settings of one link.
+// Settings of the link between one device and kneadd.
 typedef struct kn_bridge_def {
     const char *url; // URL of the bus, see kn_join_open
     const char *probe;
     kn_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
-    int64_t session;      // random, not 0
+    int64_t session;      // number of the first session, random, not 0
 } kn_bridge_def;
 
 // Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be
 // zeroed, and must not move in memory afterwards.
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
-const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge); // valid until the next call
-int kn_bridge_priority_error(const kn_bridge *bridge);     // 0, or the errno that refused SCHED_FIFO
-void kn_bridge_stop(kn_bridge *bridge);                    // gives zero force and closes the device
+// Returns the newest state of the bridge; valid until the next call.
+const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge);
+// Returns 0, or the errno with which the system refused the priority SCHED_FIFO.
+int kn_bridge_priority_error(const kn_bridge *bridge);
+// Sets the motors to zero force, closes the device and ends the thread.
+void kn_bridge_stop(kn_bridge *bridge);
 
-// Run a bridge without a thread and a timer of its own. The caller calls kn_bridge_tick every ms and kn_bridge_hear as
-// soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses bridge->ev cannot be
-// opened with kn_bridge_open.
+// These four functions run a bridge without a thread and a timer of its own. The caller calls kn_bridge_tick every ms
+// and kn_bridge_hear as soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses
+// bridge->ev cannot be opened with kn_bridge_open.
 bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 void kn_bridge_hear(kn_bridge *bridge);
 void kn_bridge_tick(kn_bridge *bridge, int elapsed_ms);

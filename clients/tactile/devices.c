@@ -18,11 +18,12 @@
 
 static const char help[] =
     "usage: knead devices [--json]\n\n"
-    "Lists what could be a hand on this machine: spacenavd, Haply's Inverse Service, serial lines, haptic devices on\n"
-    "USB. Of each: how to use it, which `device:` fits it in a scene, what it lacks, and the fix. Opens no device.\n\n"
-    "  --json       the same for programs\n"
-    "  --root DIR   look for dev and sys in there (/)\n\n"
-    "Exit codes: 0 whatever was found, 2 bad input.\n";
+    "List the devices of this machine that can serve as a hand: spacenavd, Haply's Inverse Service, serial lines and\n"
+    "haptic devices on USB. Each entry tells how to use the device, which `device:` of a scene fits it, what is\n"
+    "missing, and the fix. No device is opened.\n\n"
+    "  --json       print JSON\n"
+    "  --root DIR   look for dev and sys in DIR (default: /)\n\n"
+    "Exit codes: 0 for any result, 2 bad input.\n";
 
 // Known USB devices: vendor, product (-1: any), name, most suitable profile. knead drives pucks through spacenavd.
 static const struct known {
@@ -51,7 +52,7 @@ __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT]
         if (*c < ' ' || *c > '~') *c = '?'; // a device may report any name
 }
 
-// Read the first line of directory/name, or "" if there is none.
+// Read the first line of the file directory/name. The result is "" if the file cannot be read or is empty.
 static void read_line(const char *directory, const char *name, char *line, size_t size)
 {
     char path[PATH_MAX + 32];
@@ -63,7 +64,7 @@ static void read_line(const char *directory, const char *name, char *line, size_
     fclose(f);
 }
 
-// Read a hexadecimal number of 16 bits; 0 if there is none.
+// Read a hexadecimal number of 16 bits from a file. Return 0 if the file has no number.
 static unsigned hex(const char *directory, const char *name)
 {
     char line[16];
@@ -95,7 +96,7 @@ static void find_spacenavd(kn_found *f, bool puck)
         set(f->missing, "no permission for the socket");
         set(f->fix, "chmod a+rw %s", f->where);
     } else {
-        set(f->missing, "spacenavd is not running%s", puck ? ", and a puck is there" : "");
+        set(f->missing, "spacenavd is not running%s", puck ? ", but a puck is plugged in" : "");
         set(f->fix, "apt install spacenavd; systemctl start spacenavd");
     }
 }
@@ -113,7 +114,7 @@ static void find_haply(kn_found *f)
     if (!f->ready) set(f->fix, "start Haply Hub, or: systemctl start haply-inverse-service");
 }
 
-// Describe one serial line: its USB identity, and the permission that is missing.
+// Describe one serial line: its USB vendor and product, and the permission that the user lacks.
 static void find_tty(kn_found *f, const char *root, const char *path)
 {
     char device[PATH_MAX];
@@ -128,7 +129,8 @@ static void find_tty(kn_found *f, const char *root, const char *path)
     f->profile = "unknown";
     f->ready = stat(path, &s) == 0 && access(path, R_OK | W_OK) == 0;
     if (f->ready) return;
-    // Without permission, joining the line's group is the lasting fix, if the group may read and write.
+    // If the user lacks permission and the group of the device file may read and write, the lasting remedy is to join
+    // this group.
     const struct group *g = getgrgid(s.st_gid);
     set(f->missing, "no permission");
     if (g && (s.st_mode & 0060) == 0060) set(f->fix, "sudo usermod -aG %s $USER, and log in again", g->gr_name);
@@ -143,7 +145,8 @@ static const struct known *know(unsigned vendor, unsigned product)
     return NULL;
 }
 
-// Describe a USB device if it is known. Return whether it is; set *puck if it is a puck.
+// Describe a USB device if it is in the table of known devices, and return true. Set *puck if the device is a puck (3D
+// mouse).
 static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck)
 {
     const struct known *known = know(hex(path, "idVendor"), hex(path, "idProduct"));
@@ -158,8 +161,9 @@ static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck
         f->ready = true;
         set(f->use, "knead hand spacenav");
     } else {
-        set(f->missing, "no driver here for %s", known->name);
-        set(f->fix, "clients/examples/hand.c with its maker's library, `device: %s` in the scene", known->profile);
+        set(f->missing, "no driver for %s", known->name);
+        set(f->fix, "extend clients/examples/hand.c with the maker's library; `device: %s` in the scene",
+            known->profile);
     }
     return true;
 }
@@ -169,7 +173,8 @@ int kn_devices_find(const char *root, kn_found *found)
     char pattern[PATH_MAX];
     glob_t list;
     bool puck = false;
-    // The two services come first in the list, but the presence of a puck is known only after the USB search.
+    // The services spacenavd and Inverse Service come first in the list. The entry of spacenavd is completed after the
+    // USB search, which tells whether a puck is present.
     int n = 2;
     memset(found, 0, KN_DEVICES_MAX * sizeof *found);
     const char *const ttys[] = {"ACM", "USB"};
@@ -203,7 +208,7 @@ static void print_lines(const kn_found *found, int count)
         else printf("          %s\n          fix: %s\n", f->missing, f->fix);
     }
     if (ttys == 0) printf("tty       no /dev/ttyACM* or /dev/ttyUSB*: no serial device is plugged in\n");
-    printf("\nEvery driver is untested on hardware. Without any device: knead probe, knead web.\n");
+    printf("\nNo driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
 }
 
 static int print_json(const kn_found *found, int count)

@@ -15,19 +15,19 @@
 #define KN_DEVICES_TEXT 192
 
 typedef struct kn_found {
-    char kind[16];                 // spacenavd, haply, tty, usb
-    char where[KN_DEVICES_TEXT];   // socket, address, device file, or place on the USB bus
-    char usb[10];                  // "2341:0043"; "": not a USB device
+    char kind[16];                 // kind of the device: "spacenavd", "haply", "tty" or "usb"
+    char where[KN_DEVICES_TEXT];   // where the device was found: socket, address, device file, or place on the USB bus
+    char usb[10];                  // USB vendor and product ids such as "2341:0043"; "": not a USB device
     char name[KN_DEVICES_TEXT];    // name that the device reports, printable characters only
     bool ready;                    // the device can be used at once
     char use[KN_DEVICES_TEXT];     // command that uses the device
     const char *profile;           // profile that suits the device, for `device:` in a scene; NULL: not determined
     char missing[KN_DEVICES_TEXT]; // reason why the device is not ready; "": it is ready
-    char fix[KN_DEVICES_TEXT];     // what the user can do against `missing`
+    char fix[KN_DEVICES_TEXT];     // what the user can do to make the device ready
 } kn_found;
 
-// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. Devices beyond this number are
-// left out. root: "", or for tests a folder that contains the folders dev and sys.
+// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. If more devices exist, the
+// others are left out. root: "", or for tests a folder that contains the folders dev and sys.
 int kn_devices_find(const char *root, kn_found *found);
 
 #endif

@@ -30,23 +30,26 @@
 
 static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
-    "What this machine lacks to serve a hand at 1 kHz, and the fix of each: real-time priority, locked memory, the\n"
-    "loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups one is not in,\n"
-    "permissions of devices; then a thread that sleeps a millisecond at a time, as kneadd's does, and how late it\n"
-    "woke.\n\n"
-    "  --seconds N   of that measurement, 1 .. 3600 (2)\n"
-    "  --json        the same for programs\n"
-    "  --root DIR    look for devices in dev and sys in there (/)\n\n"
-    "Exit: 0 nothing is missing, 1 something is, 2 bad input.\n";
+    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time "
+    "priority,\n"
+    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups "
+    "of\n"
+    "the user, permissions of devices. Then measure how late a thread wakes that sleeps a millisecond at a time, as\n"
+    "kneadd's does.\n\n"
+    "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
+    "  --json        print JSON\n"
+    "  --root DIR    look for dev and sys in DIR (default: /)\n\n"
+    "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
-#define LOCKED_BYTES ((size_t)64 << 20) // memory of a server with a large object
+#define LOCKED_BYTES ((size_t)64 << 20) // memory that kneadd locks for a large object
 #define BUFFER_BYTES (1 << 20)          // socket buffer that server/bus.c requests
 
 typedef struct check {
     char name[16];
     bool good;
-    char found[256], fix[256]; // fix: "" when no fix exists or none is needed
+    // found: result of the check in words; fix: remedy, or "" if none exists or none is needed.
+    char found[256], fix[256];
 } check;
 
 typedef struct findings {
@@ -68,7 +71,7 @@ __attribute__((format(printf, 4, 5))) static check *add(findings *f, const char 
     return c;
 }
 
-// Add a remedy to a check that has failed. A check that has passed gets none.
+// Add a remedy to the check c if c has failed. A check that has passed gets no remedy.
 __attribute__((format(printf, 2, 3))) static void fix(check *c, const char *format, ...)
 {
     va_list arguments;
@@ -134,7 +137,7 @@ static void look_at_limits(findings *f)
     if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
     c = add(f, "throttling", us < 0 || us >= 900000,
-            us < 0 ? "none: a thread that does not sleep stops the machine"
+            us < 0 ? "none: a real-time thread that does not sleep stops the machine"
                    : "real-time threads get %ld us of a second",
             us);
     fix(c, "sudo sysctl kernel.sched_rt_runtime_us=950000");
@@ -143,7 +146,7 @@ static void look_at_limits(findings *f)
 // Route of LCM's multicast group and size of the socket buffers.
 static void look_at_bus(findings *f)
 {
-    // Separates the problem from the remedy in messages of server/bus.c.
+    // Text that separates the problem from the remedy in error messages of server/bus.c.
     static const char also[] = "; as root: ";
     char error[512], word[32];
     kn_bus bus;
@@ -163,7 +166,7 @@ static void look_at_bus(findings *f)
     fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
 }
 
-// Number of processors, instruction set, clock governor, clock source and kernel.
+// Check the number of processors, instruction set, clock governor, clock source and kernel.
 static void look_at_processor(findings *f)
 {
     char word[64] = "";
@@ -171,12 +174,12 @@ static void look_at_processor(findings *f)
     glob_t list;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     check *c = add(f, "processors", processors >= 2, "%ld", processors);
-    fix(c, "two: on one, a tick and whoever it serves wait for each other");
-    // Without FMA the results are right, but no tick is in time.
+    fix(c, "two processors: on one, the servo loop and its clients wait for each other");
+    // Without FMA instructions the results are right, but every tick takes longer than its millisecond.
     c = add(f, "instructions", kn_isa_supported(KN_ISA_AVX2), "%s",
             kn_isa_supported(KN_ISA_AVX512) ? "AVX-512"
             : kn_isa_supported(KN_ISA_AVX2) ? "AVX2 and FMA"
-                                            : "no FMA: right, and not real time");
+                                            : "no FMA: correct results, but no real time");
     fix(c, "a processor with AVX2 and FMA: of 2013 or later");
     if (glob("/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor", 0, NULL, &list) == 0) {
         size_t slow = 0;
@@ -189,7 +192,7 @@ static void look_at_processor(findings *f)
     }
     if (read_word("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
         c = add(f, "clock", strcmp(word, "hpet") != 0 && strcmp(word, "acpi_pm") != 0, "%s", word);
-        fix(c, "clocksource=tsc among the kernel's parameters: %s takes a microsecond to read", word);
+        fix(c, "add clocksource=tsc to the kernel's parameters: reading %s takes a microsecond", word);
     }
     bool full = uname(&kernel) == 0 && strstr(kernel.version, "PREEMPT_RT");
     add(f, "kernel", true, "%s%s", kernel.release,
@@ -216,22 +219,24 @@ static bool has_group(gid_t group, bool by_now)
 static void look_at_group(findings *f, const struct group *group, const char *whose)
 {
     char name[64];
-    // A later getgrnam or getgrgid may overwrite *group.
+    // Copy the data of *group, because a later call of getgrnam or getgrgid may overwrite them.
     snprintf(name, sizeof name, "%s", group->gr_name);
     gid_t id = group->gr_gid;
     bool needed = geteuid() != 0, has = has_group(id, false), soon = has_group(id, true);
-    check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "no member");
-    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root needs none", name, whose);
+    check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "not a member");
+    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root does not need it", name, whose);
     if (soon) fix(c, "log in again: this session is older than the membership");
     else fix(c, "sudo usermod -aG %s $USER; log in again", name);
 }
 
-// Groups of knead itself and of the serial lines, each group once.
+// Check the groups of knead itself and of the serial lines, each group once.
 static void look_at_groups(findings *f, const char *root, const kn_found *found, int count)
 {
     const struct group *knead = getgrnam("knead");
-    if (knead) look_at_group(f, knead, "who may use knead ctl");
-    else add(f, "group", true, "no knead: kneadd.service is not installed; a kneadd of one's own hears its user");
+    if (knead) look_at_group(f, knead, "may use knead ctl");
+    else
+        add(f, "group", true,
+            "no group knead: kneadd.service is not installed; a kneadd started by hand accepts its user");
     gid_t told[KN_DEVICES_MAX];
     int tolds = 0;
     for (int i = 0; i < count; i++) {
@@ -239,13 +244,13 @@ static void look_at_groups(findings *f, const char *root, const kn_found *found,
         struct stat node;
         bool known = false;
         snprintf(path, sizeof path, "%s%s", root, found[i].where);
-        // Only a group that has access where others have none can help.
+        // Membership helps only if the group has access to the file and other users have none.
         if (strcmp(found[i].kind, "tty") != 0 || stat(path, &node) != 0 || (node.st_mode & 0066) != 0060) continue;
         for (int t = 0; t < tolds; t++) known |= told[t] == node.st_gid;
         const struct group *owner = known ? NULL : getgrgid(node.st_gid);
         if (!owner) continue;
         told[tolds++] = node.st_gid;
-        snprintf(whose, sizeof whose, "which %s belongs to", found[i].where);
+        snprintf(whose, sizeof whose, "owns %s", found[i].where);
         look_at_group(f, owner, whose);
     }
 }
@@ -268,7 +273,8 @@ static void look_at_devices(findings *f, const char *root)
 
 typedef struct wakes {
     int seconds;
-    int64_t count, missed, late_ns[]; // lateness of each wake
+    // count: number of wake-ups; missed: number of missed ticks; late_ns: lateness of each wake-up.
+    int64_t count, missed, late_ns[];
 } wakes;
 
 // Sleep until each millisecond, as the servo loop does, and record the lateness of each wake.
@@ -285,7 +291,7 @@ static void *sleep_by_milliseconds(void *arg)
     return NULL;
 }
 
-// Run the loop of the function above in a real-time thread. Judge its missed ticks and the 99th percentile (p99) of its
+// Run the measuring loop in a real-time thread. Judge the number of missed ticks and the 99th percentile (p99) of the
 // lateness.
 static void measure(findings *f, int seconds)
 {
@@ -300,14 +306,14 @@ static void measure(findings *f, int seconds)
         qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
         double most = 1e-6 * (double)w->late_ns[w->count - 1];
-        // A tick with an ordinary object leaves half of the millisecond free, so a wake-up may be that late.
+        // A tick with an ordinary object leaves half a millisecond free, so a wake-up may be late by that half.
         check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
                        "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (most)",
                        1000 * seconds, w->missed, p50, p99, most);
         fix(c, "%s",
-            rt.fifo ? "a machine of its own: a virtual one stands still while its host does other things; no other "
-                      "real-time work; PREEMPT_RT"
-                    : "real-time priority first, see above");
+            rt.fifo ? "use a dedicated machine (a virtual one stands still while its host does other things), no other "
+                      "real-time work, PREEMPT_RT"
+                    : "get real-time priority first, see above");
     }
     free(w);
 }
@@ -351,7 +357,7 @@ int kn_doctor_main(int argc, char **argv)
         if (option == 'h') return fputs(help, stdout), KN_EXIT_OK;
         else if (option == 'j') json = true;
         else if (option == 'r') root = optarg;
-        else if (option != 's') return KN_EXIT_USAGE; // getopt has printed the option
+        else if (option != 's') return KN_EXIT_USAGE; // getopt has printed an error message
         else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
             return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
     }

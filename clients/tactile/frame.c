@@ -51,7 +51,7 @@ void kn_frame_encode(const kn_frame *frame, uint8_t bytes[KN_FRAME_SIZE])
     put16(bytes + 18, kn_frame_crc(bytes, 18));
 }
 
-// Drop the first byte and all following bytes that cannot begin a frame.
+// Drop the first byte of the buffer and all following bytes that cannot begin a frame.
 static void skip(kn_deframer *d)
 {
     int at = 1;
@@ -82,7 +82,8 @@ bool kn_deframer_push(kn_deframer *d, uint8_t byte, kn_frame *frame)
                         .force_un = get32(b + 14)};
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
-    // A gap of half the range or more means that the sender has started counting anew.
+    // A gap in seq of half its range or more means that the sender has restarted its counter, so no frames are counted
+    // as lost.
     if (d->frames++ > 0 && gap < 0x8000) d->lost += gap;
     d->seq = frame->seq;
     return true;

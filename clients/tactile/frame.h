@@ -27,7 +27,7 @@ typedef enum kn_frame_kind {
 } kn_frame_kind;
 
 enum {                  // flags of a state frame; bits 4..7 are buttons 0..3
-    KN_FRAME_MOTOR = 1, // the motor is on
+    KN_FRAME_MOTOR = 1, // flag of a state frame: the paddle's motor is on
     // The paddle's own watchdog has tripped: no command for 20 ms. A command without KN_FRAME_ENABLE clears the trip.
     KN_FRAME_TRIPPED = 2,
     KN_FRAME_SATURATED = 4, // the motor cannot give the commanded force
@@ -40,7 +40,8 @@ typedef struct kn_frame {
     uint8_t flags;
     uint16_t seq; // increases by 1 with every frame; 65535 is followed by 0
     int32_t position_nm, velocity_um_s;
-    // Force on the hand along the axis of position_nm. In a state frame: force that the motor gives now.
+    // Force on the hand along the axis of position_nm. Command frame: force that the motor shall give. State frame:
+    // force that the motor gives now.
     int32_t force_un;
 } kn_frame;
 
@@ -51,20 +52,22 @@ uint16_t kn_frame_crc(const uint8_t *bytes, size_t size);
 // Return value in multiples of unit (1e-9 for nm), rounded and clamped to an int32; 0 for a NaN.
 int32_t kn_frame_number(double value, double unit);
 
-typedef struct kn_deframer { // zeroed, except for kind
-    // Kind of frame that is accepted. A frame of the other kind (an echo of one's own frames) is counted as bad.
+typedef struct kn_deframer { // decoder of frames from single bytes; the caller sets `kind` and zeroes all other fields
+    // Kind of frame that this decoder accepts. A frame of the other kind is counted as bad; it would be an echo of the
+    // frames that this side sent.
     kn_frame_kind kind;
     int64_t frames;
-    int64_t bad;     // number of times that 20 bytes began with K N but had a wrong CRC or kind
-    int64_t skipped; // bytes outside any frame
-    int64_t lost;    // frames that never came, according to gaps in seq
+    int64_t bad;     // number of times that 20 bytes began with the letters K N but had a wrong CRC or kind
+    int64_t skipped; // number of bytes outside any valid frame
+    int64_t lost;    // number of missing frames, from gaps in the frames' field seq
     // private
     int count;
     uint8_t bytes[KN_FRAME_SIZE];
     uint16_t seq;
 } kn_deframer;
 
-// Take one byte. Return true if the byte completed a valid frame, which is written to *frame.
+// Pass one received byte to the decoder. If the byte completes a valid frame, write the frame to *frame and return
+// true.
 bool kn_deframer_push(kn_deframer *deframer, uint8_t byte, kn_frame *frame);
 
 #endif

@@ -20,22 +20,25 @@
 #include <unistd.h>
 
 static const int scene_wait_ms = 4000; // longest wait for KNEAD_SCENE, which comes every 1 s
-static const int look_ms = 50;         // interval of looking at the news
+static const int look_ms = 50;         // interval at which the state of the bridge is read
 static const int answer_ms = 3000;     // time without a force after which the missing answer is reported
-static const int stalled_ms = 10;      // a tick this long means that this process itself did not run
+// Length of a tick from which on this process itself counts as having stood still.
+static const int stalled_ms = 10;
 // Shortest time between two reports of bad messages, so that they cannot fill a terminal.
 static const int bad_ms = 10000;
-static const double above_m = 0.02; // start height of the tool above the object
+static const double above_m = 0.02; // height of the tool above the object at the start
 // Force limit used instead of that of the profile `bench`, which describes a virtual hand. It is the smallest limit of
 // the common devices.
 static const double cautious_n = 3.3;
-static const double thinnest = 0.5; // share of the object's height that must remain under a steered tool
+static const double thinnest = 0.5; // fraction of the object's height that must remain under a tool steered by a puck
 
-// Counters and states of the news reported last, so that each event is reported once.
+// Counters and states that were reported last, so that each event is reported once.
 typedef struct told {
     int64_t losses, arrivals, force_trips, pose_trips, faults, bad, reflexes, refusals, units;
-    int64_t bad_ms, far_ms, answer_ms; // time of the last reports; time since when forces are missing
-    int64_t model_ms;                  // time since when contacts are missing although forces come
+    // bad_ms, far_ms: times of the last reports of bad messages and of a slow link; answer_ms: time since when forces
+    // are missing.
+    int64_t bad_ms, far_ms, answer_ms;
+    int64_t model_ms; // time since when contact messages are missing although forces arrive
     int64_t heard, foreign;
     bool unanswered, latched, modelless;
 } told;
@@ -91,7 +94,7 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     // Zero of the device: set by the option or by the scene, otherwise above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
     else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0) at_m[2] = extent_m[2] + kn_foot_m(tool) + above_m;
-    // The option was checked when it was parsed.
+    // Apply the option --basis. Its text was checked when the options were parsed.
     if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
     // The bench profile allows more force than real devices bear, so its limit is replaced.
     if (o->scale > 0.0) d->scale = o->scale;
@@ -174,7 +177,8 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
     const kn_tether *r = &n->tether;
     const char *then = "0 N; 1.2 s of silence, then a new session";
     bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
-    // A tick of 10 ms or more means that this process stood still, so neither end is to blame.
+    // If the tick lasted 10 ms or more, this process itself stood still, so neither the device nor kneadd caused the
+    // trip.
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
@@ -192,18 +196,19 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
         fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
                 kn_fault_remedy((kn_fault)r->fault));
     t->latched = latched;
-    // The loss was already reported.
+    // The loss of the device was already reported, so do not report missing forces.
     bool away = !n->there && n->arrivals > 0;
     if (r->heard > t->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     t->heard = r->heard;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
-    // Name the likely cause: another client, no kneadd, or a device that has not given a pose yet.
+    // Report the likely cause of missing forces: another client holds the tool, kneadd does not run, or the device has
+    // not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
             : *n->state             ? n->state
-                                    : "the device has not said where it is");
+                                    : "the device has not sent a position yet");
 }
 
 // Overwrite one terminal line with the tool's position, its force and the state of the link.
@@ -227,24 +232,25 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
-        printf("knead hand: energy given to the hand %.3g mJ, damped for that in %" PRId64
+        printf("knead hand: energy given to the hand %.3g mJ, damped because of it in %" PRId64
                " periods; impulse guard hit "
                "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
                1e3 * t->render.passivity.given_j, t->render.passivity.acted, t->render.guards, t->render.reflexes,
                1e3 * t->render.round_trip_s, t->render.refusals ? ", refused" : "");
     if (t->render.def.local)
-        printf("knead hand: local model, %" PRId64 " messages in the last session, not taken %" PRId64 "\n",
+        printf("knead hand: local model, %" PRId64 " messages in the last session, rejected %" PRId64 "\n",
                t->render.model.taken, t->render.model.refused);
-    printf("knead hand: tripped by kneadd's silence %" PRId64 ", by the device's %" PRId64 ", by faults %" PRId64
-           "; forces of others %" PRId64 "\n",
+    printf("knead hand: tripped by silence of kneadd %" PRId64 ", of the device %" PRId64 ", by faults %" PRId64
+           "; forces for other clients %" PRId64 "\n",
            t->forces.trips, t->poses.trips, t->faults, t->foreign);
-    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", never came %" PRId64 ", lost %" PRId64
+    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", missing %" PRId64 ", lost %" PRId64
            ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n",
            name, n->messages, n->bad, n->lost, n->losses, n->arrivals, n->late, *n->bad_why ? "; last bad: " : "",
            n->bad_why, *n->state ? "; " : "", n->state);
 }
 
-// Report news until the end. Return KN_EXIT_DEVICE if the device would keep a force that this program no longer renews.
+// Report changes of the bridge's state until the end. Return KN_EXIT_DEVICE if the device would keep a force that this
+// program no longer renews.
 static int watch(hand *h)
 {
     const char *name = h->device.base.name;
@@ -255,11 +261,11 @@ static int watch(hand *h)
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_now_ms();
-        // The proof of the device's watchdog has failed, so going on would not be safe.
+        // The test of the device's own watchdog has failed, so it would not be safe to continue.
         if (n->watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE,
-                               "the %s kept its motor on through 100 ms of silence: if this program "
-                               "dies, the force stays. --no-watchdog accepts that",
+                               "the %s kept its motor on during 100 ms of silence: if this program dies, the force "
+                               "stays. --no-watchdog accepts that",
                                name);
         tell_tether(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
@@ -269,7 +275,7 @@ static int watch(hand *h)
     return KN_EXIT_OK;
 }
 
-// Start the driver and the bridge, watch them, and print the summary.
+// Start the driver and the bridge, report their state until the end, and print the summary.
 static int run(hand *h)
 {
     const kn_device_def *d = &h->render.device;
@@ -279,7 +285,8 @@ static int run(hand *h)
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
-    // The session number is random. The low 20 bits leave room for the sessions that follow.
+    // The number of the first session is random except for its low 20 bits, which leave room for the numbers of later
+    // sessions to count up.
     def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);

@@ -15,43 +15,55 @@ static const char help[] =
     "usage: knead hand paddle --tty DEVICE [--baud N] [OPTION]...\n"
     "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
     "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n\n"
-    "A real device as the hand on what a running kneadd serves: its poses go out as they come, the force comes back\n"
-    "as soon as kneadd has it. Own watchdog: 0 N 20 ms after the last force or the last pose, then 1.2 s of silence\n"
-    "and a new session, which begins with the tool clear of the object; the same after forces that ask to jump by\n"
-    "more than the scene's device.guard. Forces of more than 5 ms ago are not given. A device that goes away is "
-    "waited\n"
-    "for. Runs until SIGINT or SIGTERM, then prints what it has counted. UNTESTED ON HARDWARE: every one of these has\n"
-    "met simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
-    "  paddle    force-feedback paddle with one degree of freedom behind a serial line (Hapkit class): 20-byte\n"
-    "            frames, see clients/tactile/README.md. Its position is z\n"
-    "    --tty DEVICE   /dev/ttyACM0 or the like; knead devices lists candidates\n"
-    "    --baud N       " KN_PADDLE_BAUDS " (921600)\n"
-    "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. How far the puck\n"
-    "            is pushed is how fast the tool goes; its buttons are the pose's\n"
-    "    --speed V      at full deflection ('5 cm/s')\n"
-    "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (1)\n"
-    "    --dead N       counts of 350 in which the puck rests (15)\n"
-    "    --reach L      how far from its zero the tool may go, along each axis ('8 cm'); downwards to half the\n"
-    "                   object's height at most: it gives no force, so nothing else would stop it\n"
-    "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, a\n"
-    "            grip's orientation and buttons\n"
-    "    --url URL      ws://HOST:PORT of the service (" KN_HAPLY_URL ")\n"
-    "    --device ID    which arm (the first)\n"
-    "    --preset NAME  how it stands, in the service's words (" KN_HAPLY_PRESET ")\n\n"
-    "  --probe NAME        tool of the scene (its first round one, else its first probe)\n"
-    "  --origin X,Y,Z      where the device's zero lies in the scene, like '0,0,6 cm' (device.position; where that is\n"
-    "                      0, over the middle of the object, the tool 2 cm above it)\n"
-    "  --basis PERMUTATION the n-th letter is the device's axis along the scene's n-th: XYZ, Y-XZ\n"
-    "                      (device.basis; XYZ is x to the right, y forward, z up)\n"
-    "  --scale F           metres of the scene per metre of the device (device.scale)\n"
-    "  --local             paddle, haply: renders the contact that kneadd --local-model sends over the device's own\n"
-    "                      poses, not kneadd's forces: for links above 5 ms of round trip, whose forces are refused\n"
-    "  --force-limit F     most that the motors are asked for, like '3 N' (device.clamp, but 3.3 N for profile bench)\n"
-    "  --no-watchdog       paddle, haply: gives force even if the device has not shown a watchdog of its own\n"
-    "  --seconds N         ends after N seconds\n"
-    "  --lcm-url URL       poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
-    "  --mesh-url URL      (" KN_MESH_URL ")\n"
-    "  --quiet             no line that follows the tool\n\n"
+    "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force as "
+    "soon\n"
+    "as kneadd sends it. A watchdog sets the force to 0 N 20 ms after the last force or the last pose; then follow 1.2 "
+    "s of\n"
+    "silence and a new session, which begins with the tool clear of the object. The same happens if a force would jump "
+    "by\n"
+    "more than the scene's device.guard. Forces older than 5 ms are refused. If the device disappears, this program "
+    "waits\n"
+    "for it. It runs until SIGINT or SIGTERM, then prints its counters. UNTESTED ON HARDWARE: all drivers have been "
+    "tested\n"
+    "with simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
+    "  paddle    force-feedback paddle with one degree of freedom on a serial line (Hapkit class): 20-byte frames, "
+    "see\n"
+    "            clients/tactile/README.md. Its position is z\n"
+    "    --tty DEVICE   serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
+    "    --baud N       " KN_PADDLE_BAUDS "\n"
+    "                   (default: 921600)\n"
+    "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. The deflection of "
+    "the\n"
+    "            puck sets the velocity of the tool; its buttons become those of the pose\n"
+    "    --speed V      speed at full deflection (default: '5 cm/s')\n"
+    "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (default: 1)\n"
+    "    --dead N       dead zone in counts of 350 (default: 15)\n"
+    "    --reach L      largest distance from the zero along each axis (default: '8 cm'); downwards at most half the\n"
+    "                   object's height, since without force nothing else stops the tool\n"
+    "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, and "
+    "the\n"
+    "            orientation and buttons of a grip\n"
+    "    --url URL      address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
+    "    --device ID    arm to use (default: the first)\n"
+    "    --preset NAME  placement of the arm, a name of the service (default: " KN_HAPLY_PRESET ")\n\n"
+    "  --probe NAME        tool of the scene (default: its first round one, else its first probe)\n"
+    "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; where "
+    "that\n"
+    "                      is 0, over the middle of the object, with the tool 2 cm above it)\n"
+    "  --basis PERMUTATION axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis; "
+    "XYZ\n"
+    "                      is x to the right, y forward, z up)\n"
+    "  --scale F           metres of the scene per metre of the device (default: device.scale)\n"
+    "  --local             paddle, haply: compute the force here, from the contact that kneadd --local-model sends and "
+    "the\n"
+    "                      device's own poses; for links with a round trip above 5 ms, whose forces are refused\n"
+    "  --force-limit F     largest force asked of the motors, like '3 N' (default: device.clamp; 3.3 N for profile "
+    "bench)\n"
+    "  --no-watchdog       paddle, haply: give force even if the device has not shown a watchdog of its own\n"
+    "  --seconds N         end after N seconds\n"
+    "  --lcm-url URL       bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL      bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --quiet             do not print the line that follows the tool\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no device, no bus or no kneadd.\n";
 
 #define DEVICES "paddle, spacenav or haply"
@@ -71,7 +83,7 @@ static int number(const char *option, const char *text, double *value)
 }
 
 // Read a quantity and convert it to `unit_text`. A number without a unit has the unit *otherwise. If `otherwise` is
-// NULL, such a number is refused. *said: the unit that was used.
+// NULL, such a number is refused. *said: the unit that the text has, or *otherwise.
 static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
 {
     kn_unit unit;
@@ -124,7 +136,7 @@ static int check(const kn_hand_options *o)
     if (o->kind == KN_HAND_PADDLE && !o->tty)
         return kn_complain("hand", KN_EXIT_USAGE, "expected --tty DEVICE; knead devices lists candidates");
     if (o->kind == KN_HAND_SPACENAV && o->local)
-        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors that could render anything");
+        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors, expected paddle or haply");
     if (!kn_join_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
         !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return kn_complain("hand", KN_EXIT_USAGE, "%s", error);
@@ -171,7 +183,8 @@ static int take(kn_hand_options *o, int option, const char *text)
     case ORIGIN: o->origin = text; return origin(text, o->origin_m);
     case BASIS:
         o->basis = text;
-        // Check the basis now. The scene's device, which it applies to, is not known yet.
+        // Check the text of the basis now, with a temporary device. The scene's device, to which the basis applies, is
+        // not known yet.
         kn_mount_init(&any);
         if (kn_mount_basis(&any, text, why, sizeof why)) break;
         return kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
@@ -201,7 +214,7 @@ int kn_hand_options_parse(kn_hand_options *o, int argc, char **argv, bool *done)
                                          {"mesh-url", 1, 0, MESH_URL}, {"quiet", 0, 0, QUIET},
                                          {"local", 0, 0, LOCAL},       {"no-watchdog", 0, 0, UNWATCHED},
                                          {"help", 0, 0, HELP},         {0, 0, 0, 0}};
-    // Defaults. Fields that stay 0 are filled from the scene or by the driver.
+    // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
     *o = (kn_hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     optind = 1;

@@ -13,19 +13,22 @@ typedef struct kn_hand_options {
     kn_hand_kind kind;
     const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round
     const char *lcm_url, *mesh_url;
-    const char *origin, *basis;               // NULL: as in the scene's device
-    double origin_m[3], scale, force_limit_n; // 0: as in the scene's device; origin_m is valid only if origin is set
-    double seconds;                           // time to run; 0: run until a signal
-    bool local, quiet, unwatched;             // unwatched: --no-watchdog
-    const char *tty;                          // paddle
+    // Mounting of the device: zero position and axes; NULL: as in the scene's device.
+    const char *origin, *basis;
+    // scale, force_limit_n: 0 means as in the scene's device. origin_m: valid only if `origin` is not NULL.
+    double origin_m[3], scale, force_limit_n;
+    double seconds; // time to run; 0: run until a signal
+    // unwatched: --no-watchdog was given, so the device gets force without a test of its watchdog.
+    bool local, quiet, unwatched;
+    const char *tty; // device file of a paddle's serial line
     int baud;
-    kn_puck_def puck;         // spacenav
-    char host[KN_HAPLY_HOST]; // haply
+    kn_puck_def puck;         // motion of a tool that a 3D mouse (spacenav) steers
+    char host[KN_HAPLY_HOST]; // host name of Haply's Inverse Service
     int port;
     const char *device_id, *preset;
 } kn_hand_options;
 
-// Parse the command line. Return a KN_EXIT_* code. *done is set when --help was answered.
+// Parse the command line. Return a KN_EXIT_* code. *done is set to true if --help was answered.
 int kn_hand_options_parse(kn_hand_options *options, int argc, char **argv, bool *done);
 
 #endif

@@ -11,9 +11,9 @@
 #include <unistd.h>
 
 static const size_t largest = 1 << 18; // largest message, bytes: an inventory of many devices takes some thousand
-static const int patience_ms = 1000;   // longest wait for an answer before the service counts as lost
-static const int ask_ms = 500;         // interval of asking for an arm that is not there
-static const int reach_ms = 300;       // longest wait for a connection
+static const int patience_ms = 1000;   // longest wait for an answer of the service before the service counts as lost
+static const int ask_ms = 500;         // interval at which the inventory is requested while the wanted arm is missing
+static const int reach_ms = 300;       // longest wait until the service accepts a connection
 
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
 {
@@ -22,7 +22,8 @@ bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
     return (n == 2 || (n == 3 && end == '/' && !strchr(url + 5, '/')[1])) && *port > 0 && *port < 65536;
 }
 
-// Return whether the address takes a connection on the non-blocking fd. errno says why not.
+// Return true if a server at the address accepts a connection on the non-blocking descriptor fd. On failure, errno has
+// the reason.
 static bool answers(int fd, const struct addrinfo *a)
 {
     int error = 0;
@@ -64,8 +65,8 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
 //     0 ms    send 0 N again and again
 //     20 ms   send nothing
 //     120 ms  ask for the state: control_mode must be idle
-#define SILENT_NS 20000000 // after the greeting
-#define ASKED_NS 100000000 // after the last message
+#define SILENT_NS 20000000 // time from the greeting to the begin of the silence
+#define ASKED_NS 100000000 // time from the last message to the state request
 
 static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
 
@@ -73,12 +74,13 @@ static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns;
 
 // ---- conversation with the service
 
-// Request a write, unless an answer is still pending or the proof demands silence.
+// Request a write to the service, unless an answer of the service is pending or the watchdog test (proof) requires
+// silence.
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
     if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
-    // Set now, so that no second write is requested before the callback.
+    // Mark the message as sent already now, so that no second write is requested before the callback of the first.
     h->in_flight = true;
     lws_callback_on_writable(h->wsi);
 }
@@ -90,7 +92,8 @@ static int write_message(kn_haply *h)
     if (!h->in_flight) return 0;
     h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
     h->sent_ns = kn_now_ns();
-    // No arm known, or end of the proof's silence: ask. A new arm: greet. Otherwise: push the force.
+    // If no arm is known, or at the end of the silence in the watchdog test, ask for the inventory. Send the greeting
+    // to a new arm. Otherwise send the force.
     int size = !*h->device_id || h->asked ? kn_haply_ask(text)
                : h->greeted               ? kn_haply_push(text, h->device_id, h->force_n)
                                           : kn_haply_greet(text, h->device_id, h->preset);
@@ -116,12 +119,13 @@ static void take(kn_haply *h)
         else snprintf(h->base.state, sizeof h->base.state, "the service has no arm %s", h->wanted);
         return;
     case KN_HAPLY_STATE:
-        // The first message that has the arm is the inventory. Answer it with the greeting.
+        // The first message that contains the arm is the inventory. Answer the inventory with the greeting.
         if (!known) strcpy(h->device_id, s.device_id), h->wanted_force = true;
         h->base.messages++;
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
                  s.calibrated ? "" : ", not calibrated: put its grip on the rest");
-        // The answer at the end of the proof decides: an idle arm has dropped its force.
+        // The answer at the end of the watchdog test decides: an idle arm has dropped its force, so the service's
+        // watchdog works.
         if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
         // The inventory's position is older than the preset, so it is not passed on.
         if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose);
@@ -191,10 +195,10 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     kn_haply *h = (kn_haply *)device;
     h->bridge = bridge;
     if (!kn_haply_reach(h->host, h->port, error, error_size)) return false;
-    // Each message is written before its step, so that a failing step leaves its own reason.
+    // Write each error message before the step that may fail. If the step fails, `error` has the reason.
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!start_library(h)) return false;
-    // Forget the earlier connection, and prove the watchdog again.
+    // Reset the state of the earlier connection, and test the service's watchdog again.
     h->connected = h->greeted = h->in_flight = h->wanted_force = false;
     h->length = 0;
     h->silent_ms = 0;
@@ -210,7 +214,7 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
                                          .ietf_version_or_minus_one = -1,
                                          .pwsi = &h->wsi,
                                          .local_protocol_name = "haply"};
-    snprintf(error, error_size, "the Inverse Service at %s:%d takes no connection", h->host, h->port);
+    snprintf(error, error_size, "the Inverse Service at %s:%d accepts no connection", h->host, h->port);
     return lws_client_connect_via_info(&to) != NULL;
 }
 
@@ -218,7 +222,7 @@ static void close_haply(kn_tactile *device)
 {
     kn_haply *h = (kn_haply *)device;
     struct lws *wsi = h->wsi;
-    // Events of the old connection are ignored from here on.
+    // Ignore events of the old connection from here on.
     h->wsi = NULL;
     h->connected = false;
     if (wsi) lws_set_timeout(wsi, PENDING_TIMEOUT_CLOSE_SEND, LWS_TO_KILL_ASYNC);

@@ -32,16 +32,19 @@ typedef struct kn_haply {
     const char *preset;
     // private
     kn_bridge *bridge;
-    struct lws_context *context; // created at the first opening and kept
+    struct lws_context *context; // libwebsockets context, created when the device is first opened and kept afterwards
     struct lws *wsi;
     char device_id[KN_HAPLY_ID]; // id of the selected arm; "": not known yet
-    char *message;               // bytes of the message received so far
+    char *message;               // the part of the present message that has been received, `length` bytes
     size_t length;
     bool connected, greeted;
-    bool in_flight, wanted_force; // in_flight: a message is not answered yet; wanted_force: a force waits to be sent
-    bool unwatched, asked;        // unwatched: --no-watchdog; asked: the last one was the proof's request
-    int64_t greeted_ns, sent_ns;  // time of the greeting (0: not greeted yet), time of the last message
-    int silent_ms;                // time since the last answer
+    // in_flight: the service has not answered the last message yet; wanted_force: a force waits to be sent.
+    bool in_flight, wanted_force;
+    // unwatched: --no-watchdog was given. asked: the last message sent was the state request of the watchdog test.
+    bool unwatched, asked;
+    // greeted_ns: time of the greeting, 0 before the greeting. sent_ns: time of the last message sent.
+    int64_t greeted_ns, sent_ns;
+    int silent_ms; // time since the last answer of the service
     double force_n[3];
 } kn_haply;
 

@@ -32,7 +32,7 @@ static bool orientation(const json_t *object, double wxyz[4])
     double q[4];
     if (!numbers(object, "wxyz", 1.1, q)) return false;
     double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(fabs(size - 1.0) < 0.1)) return false; // the service rounds to four digits
+    if (!(fabs(size - 1.0) < 0.1)) return false; // tolerate errors of rounding: the service sends four digits
     for (int i = 0; i < 4; i++) wxyz[i] = q[i] / size;
     return true;
 }
@@ -63,7 +63,7 @@ static const json_t *find(const json_t *arms, const char *device_id)
     return NULL;
 }
 
-// Check and read the arm's part of a message. Position and velocity are required; everything else has a default.
+// Check and read the arm's part of a message. Position and velocity are required. All other fields have defaults.
 static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_haply_state *s, char *error, size_t size)
 {
     const json_t *arms = json_object_get(root, "inverse3"), *arm = find(arms, device_id);
@@ -83,7 +83,7 @@ static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_hap
         snprintf(error, size, "expected cursor_velocity x, y, z within 100 m/s");
         return KN_HAPLY_MALFORMED;
     }
-    // A missing control_mode counts as not idle: the watchdog's proof must not pass by accident.
+    // A message without control_mode counts as not idle, so that the watchdog test cannot pass by accident.
     const char *mode = json_string_value(json_object_get(state, "control_mode"));
     s->idle = mode && !strcmp(mode, "idle");
     s->calibrated = !json_is_false(json_object_get(json_object_get(arm, "status"), "calibrated"));
@@ -97,7 +97,7 @@ kn_haply_heard kn_haply_read(const char *text, size_t size, const char *device_i
     json_error_t why;
     json_t *root = json_loadb(text, size, JSON_REJECT_DUPLICATES, &why);
     if (!root) {
-        // Do not use jansson's text: it quotes the received bytes.
+        // Do not use jansson's error text, because it quotes the received bytes.
         snprintf(error, error_size, "no JSON at byte %d", why.position);
         return KN_HAPLY_MALFORMED;
     }

@@ -20,9 +20,9 @@
 
 typedef struct kn_haply_state {
     char device_id[KN_HAPLY_ID];
-    bool idle;       // control_mode is idle: the arm gives no force
-    bool calibrated; // false: the position means nothing yet
-    bool grip;       // pose has the orientation and buttons of a grip
+    bool idle;       // true: the arm's control_mode is "idle", so the arm gives no force
+    bool calibrated; // false: the arm is not calibrated, so its position has no meaning yet
+    bool grip;       // true: the fields of `pose` for orientation and buttons come from a grip
     kn_tactile_pose pose;
 } kn_haply_state;
 
@@ -35,12 +35,13 @@ typedef enum kn_haply_heard {
 // Read one message of the service. device_id: the wanted arm, or "" for the first arm.
 kn_haply_heard kn_haply_read(const char *text, size_t size, const char *device_id, kn_haply_state *state, char *error,
                              size_t error_size);
-bool kn_haply_id_known(const char *device_id); // return whether the text has the form of a device id
+bool kn_haply_id_known(const char *device_id); // returns true if the text has the form of a device id
 
-// Write a message of the client and return its length, < KN_HAPLY_MESSAGE. The greeting names the session, sets axes
-// and preset, and sets a force of 0 N.
+// Write a message of the client and return its length, < KN_HAPLY_MESSAGE. kn_haply_greet writes the greeting: it names
+// the session, selects axes and preset, and sets a force of 0 N. kn_haply_push writes a message that sets the force
+// `force_n`.
 int kn_haply_greet(char text[KN_HAPLY_MESSAGE], const char *device_id, const char *preset);
 int kn_haply_push(char text[KN_HAPLY_MESSAGE], const char *device_id, const double force_n[3]);
-int kn_haply_ask(char text[KN_HAPLY_MESSAGE]); // asks for the whole inventory again
+int kn_haply_ask(char text[KN_HAPLY_MESSAGE]); // writes a request for the whole inventory
 
 #endif

@@ -30,7 +30,7 @@ void kn_mount_orientation(const kn_device_def *d, const double device_wxyz[4], d
 {
     double a[3][3];
     kn_device_axes(d, a);
-    scene_wxyz[0] = device_wxyz[0]; // A turns the rotation's axis, and its angle stays
+    scene_wxyz[0] = device_wxyz[0]; // A rotates the axis of the rotation and leaves its angle unchanged
     for (int i = 0; i < 3; i++)
         scene_wxyz[1 + i] = a[i][0] * device_wxyz[1] + a[i][1] * device_wxyz[2] + a[i][2] * device_wxyz[3];
 }

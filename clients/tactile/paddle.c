@@ -10,7 +10,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-// Most bytes queued in the line. A command behind more bytes would be out of date on arrival.
+// Largest number of bytes that may wait in the serial line when a command is sent. A command behind more bytes would be
+// out of date on arrival.
 static const int waiting_most = 2 * KN_FRAME_SIZE;
 
 static const struct {
@@ -35,12 +36,12 @@ bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 //     30 ms   send nothing
 //     50 ms   the paddle's watchdog must have tripped
 //
-// The proof starts again if this thread was late, or if the motor never reported that it was on.
+// The test (proof) starts again if this thread was late, or if the paddle never reported that its motor was on.
 #define ENABLED_NS 10000000
-#define SILENT_NS 30000000  // end of the commands, begin of the silence
-#define JUDGED_NS 130000000 // deadline for the paddle to report the trip
-#define LATE_NS 5000000     // largest gap between two commands of a proof
-#define PROOFS 5            // attempts before the watchdog is judged missing
+#define SILENT_NS 30000000  // time at which the commands of the watchdog test end and its silence begins
+#define JUDGED_NS 130000000 // latest time at which the paddle must have reported the trip of its watchdog
+#define LATE_NS 5000000     // largest gap between two commands of a watchdog test; a longer gap restarts the test
+#define PROOFS 5            // number of attempts of the test before the watchdog is judged missing
 
 static void begin_proof(kn_paddle *p)
 {
@@ -49,12 +50,12 @@ static void begin_proof(kn_paddle *p)
     p->begun_ns = p->given_ns = kn_now_ns();
 }
 
-// Advance the proof with a state frame of the paddle.
+// Advance the watchdog test (proof) with a state frame of the paddle.
 static void judge_watchdog(kn_paddle *p, const kn_frame *f)
 {
     bool tripped = f->flags & KN_FRAME_TRIPPED;
     int64_t age_ns = kn_now_ns() - p->begun_ns;
-    // After the proof, armed stays set until a command without enable has cleared the trip.
+    // After the watchdog test (proof), `armed` stays set until a command without enable has cleared the trip.
     p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED;
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
     // If the paddle reports a trip during the silence, its watchdog is proved. If it reports none by the deadline, the
@@ -65,18 +66,19 @@ static void judge_watchdog(kn_paddle *p, const kn_frame *f)
     else if (age_ns > JUDGED_NS) begin_proof(p);
 }
 
-// Return whether the proof sends a command now. *live: whether this command has enable set.
+// Return true if the watchdog test (proof) sends a command now. *live: true if this command has the flag enable.
 static bool prove(kn_paddle *p, bool *live)
 {
     int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
-    // If this thread was late with its last command, the proof proves nothing. Begin the proof again.
+    // If this thread was late with its last command, the result of the test would mean nothing, so begin the test
+    // again.
     if (age_ns <= SILENT_NS && now_ns - p->given_ns > LATE_NS) begin_proof(p), age_ns = 0;
     p->given_ns = now_ns;
     *live = age_ns > ENABLED_NS;
     return age_ns <= SILENT_NS;
 }
 
-// Hand a state frame to the bridge as a pose, and describe the paddle for the operator.
+// Pass a state frame to the bridge as a pose, and describe the state of the paddle in words for the user.
 static void take(kn_paddle *p, const kn_frame *f)
 {
     judge_watchdog(p, f);
@@ -96,7 +98,7 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     kn_paddle *p = watcher->data;
     uint8_t bytes[256];
     kn_frame frame, newest = {0};
-    // Read whatever bytes wait. An error or the end of the file means that the line is gone.
+    // Read waiting bytes, at most 256 at a time. An error or the end of the file means that the serial line is gone.
     ssize_t size = read(p->fd, bytes, sizeof bytes);
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (size <= 0) {
@@ -107,15 +109,17 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     kn_deframer *d = &p->deframer;
     int64_t skipped = d->skipped;
     for (ssize_t i = 0; i < size; i++)
-        if (kn_deframer_push(d, bytes[i], &frame)) newest = frame; // after a stall, older frames are out of date
+        // Keep the newest frame only, because older frames are out of date after a stall.
+        if (kn_deframer_push(d, bytes[i], &frame)) newest = frame;
     if (d->skipped != skipped)
-        kn_tactile_bad(&p->base, "%lld bytes that are no frame, %lld wrong checksums so far", (long long)d->skipped,
-                       (long long)d->bad);
+        kn_tactile_bad(&p->base, "%lld bytes that are not part of a frame, %lld wrong checksums so far",
+                       (long long)d->skipped, (long long)d->bad);
     p->base.lost = d->lost;
     if (newest.kind) take(p, &newest);
 }
 
-// Set the line to raw 8N1 without flow control, with low latency. False: errno says why.
+// Set the line to raw 8N1 without flow control, with low latency. Return false if this fails; errno then has the
+// reason.
 static bool setup(int fd, int baud)
 {
     struct termios t;
@@ -125,8 +129,8 @@ static bool setup(int fd, int baud)
     t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
     t.c_cflag |= CS8 | CLOCAL | CREAD;
     if (cfsetspeed(&t, speed_of(baud)) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
-    // USB adapters collect bytes for up to 16 ms unless told otherwise. Adapters that reject the request do not
-    // collect.
+    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. Adapters that reject the
+    // request do not collect bytes.
     struct serial_struct line;
     if (ioctl(fd, TIOCGSERIAL, &line) == 0) {
         line.flags = (int)((unsigned)line.flags | ASYNC_LOW_LATENCY);
@@ -148,7 +152,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
         if (p->fd >= 0) close(p->fd);
         return false;
     }
-    // Each opening starts with a fresh frame and a new proof of the watchdog.
+    // After each opening, the decoder starts with an empty frame and the watchdog test starts from its beginning.
     p->deframer.count = 0;
     p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     p->proofs = 0;
@@ -166,18 +170,19 @@ static void close_paddle(kn_tactile *device)
     close(p->fd);
 }
 
-// Send a force command, or the next command of the watchdog's proof.
+// Send a force command, or the next command of the watchdog test (proof).
 static void give(kn_tactile *device, const double force_n[3], bool live)
 {
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_FRAME_SIZE];
     int waiting = 0;
-    // After the proof, hold enable back until the trip is cleared. During the proof, send only what the proof asks for,
-    // at 0 N.
+    // After the watchdog test (proof), send no enable until the trip is cleared. During the test, send only the
+    // commands of the test, with 0 N.
     if (p->base.watchdog != KN_OWN_UNPROVED) live &= !p->armed;
     else if (!prove(p, &live)) return;
     else force_n = (double[3]){0};
-    // Skip this command if the line is congested. Queued commands would reach the motor late.
+    // Skip this command if too many bytes wait in the serial line, because a waiting command would reach the motor
+    // late.
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
         return;

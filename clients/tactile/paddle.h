@@ -24,9 +24,11 @@ typedef struct kn_paddle {
     // the proof. armed, during the proof: the motor has been on. armed, after the proof: the watchdog has tripped, and
     // a command without enable has still to rearm it.
     bool unwatched, armed;
-    int proofs;                 // number of proofs begun since the line was opened
-    int64_t begun_ns, given_ns; // start of the present proof; time of the last command of this proof
-    int64_t held_back;          // commands not sent because older ones still waited in the line
+    int proofs; // number of watchdog tests (proofs) begun since the line was opened
+    // begun_ns: start of the present watchdog test (proof); given_ns: time of its last command.
+    int64_t begun_ns, given_ns;
+    // Number of force commands that were not sent, because older commands still waited in the serial line.
+    int64_t held_back;
 } kn_paddle;
 
 // Return true if `baud` is an accepted rate. An accepted rate can carry 1000 frames per second in both directions.

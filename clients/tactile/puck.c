@@ -14,7 +14,7 @@ void kn_puck_init(kn_puck *p, const kn_puck_def *def)
     p->def.floor_m = fmin(fmax(p->def.floor_m, -p->def.reach_m), p->def.reach_m);
 }
 
-// Return the deflection as a share of full deflection, -1 .. 1, and 0 inside the dead zone.
+// Return the deflection as a fraction of full deflection, -1 .. 1. Return 0 inside the dead zone.
 static double share(const kn_puck *p, int counts)
 {
     double beyond = fabs((double)counts) - p->def.dead;
@@ -22,8 +22,8 @@ static double share(const kn_puck *p, int counts)
     return copysign(fmin(1.0, beyond / (KN_PUCK_FULL - p->def.dead)), counts);
 }
 
-// Rotate the orientation q by the angle w dt about the axes of the frame. Normalise q afterwards, because rounding
-// errors add up.
+// Rotate the orientation q by the angles w dt about the device's axes. Normalise q afterwards, because rounding errors
+// add up.
 static void turn(double q[4], const double w[3])
 {
     double speed = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * speed * dt_s;
@@ -38,13 +38,15 @@ static void turn(double q[4], const double w[3])
 static void step(kn_puck *p, const int counts[6])
 {
     double *x = p->pose.position_m, *v = p->pose.velocity_m_s, gain = dt_s / lag_s;
-    // Filter the wanted speed and twist with the lag, then move and clamp each axis to its walls.
+    // Smooth the wanted speed and twist with the first-order lag. Then move the tool and keep each coordinate within
+    // its limits.
     for (int i = 0; i < 3; i++) {
         double low = i == 2 ? p->def.floor_m : -p->def.reach_m, high = p->def.reach_m;
         v[i] += gain * (p->def.speed_m_s * share(p, counts[i]) - v[i]);
         p->turning_rad_s[i] += gain * (p->def.turn_rad_s * share(p, counts[3 + i]) - p->turning_rad_s[i]);
         double to = fmin(fmax(x[i] + v[i] * dt_s, low), high);
-        v[i] = (to - x[i]) / dt_s; // at a wall: the actual velocity
+        // The actual velocity, which is smaller than the wanted one if the tool has reached a limit.
+        v[i] = (to - x[i]) / dt_s;
         x[i] = to;
     }
     turn(p->pose.orientation_wxyz, p->turning_rad_s);
@@ -52,6 +54,6 @@ static void step(kn_puck *p, const int counts[6])
 
 void kn_puck_tick(kn_puck *p, const int counts[6], int elapsed_ms)
 {
-    // Do not make up for a stall of this process beyond 5 ms: the tool would jump.
+    // After a stall of this process, move the tool for 5 ms at most, because a longer movement would be a jump.
     for (int ms = 0; ms < (elapsed_ms < 5 ? elapsed_ms : 5); ms++) step(p, counts);
 }

@@ -9,8 +9,9 @@
 #include <unistd.h>
 
 static const size_t event_bytes = 8 * sizeof(int32_t); // size of one event in spacenavd's protocol
-static const int events_most = 64;                     // events read per wake
-static const int buttons_most = 30;                    // button 30 would be KN_BUTTON_LEAVING
+static const int events_most = 64;                     // largest number of events read at each wake-up
+// Number of buttons that are passed on; button 30 would be KN_BUTTON_LEAVING.
+static const int buttons_most = 30;
 
 const char *kn_spacenav_socket(void)
 {
@@ -32,7 +33,7 @@ bool kn_spacenav_reach(void)
     return ok;
 }
 
-// Store one event of spacenavd: counts, buttons, or the arrival or loss of a puck.
+// Store one event of spacenavd: deflection of the puck, a button, or the arrival or loss of a puck.
 static void take(kn_spacenav *s, const spnav_event *event)
 {
     const struct spnav_event_motion *m = &event->motion;
@@ -45,14 +46,15 @@ static void take(kn_spacenav *s, const spnav_event *event)
         s->base.messages++;
         break;
     case SPNAV_EVENT_BUTTON:
-        if (b->bnum < 0 || b->bnum >= buttons_most) kn_tactile_bad(&s->base, "a button of number %d", b->bnum);
+        if (b->bnum < 0 || b->bnum >= buttons_most) kn_tactile_bad(&s->base, "an unknown button, number %d", b->bnum);
         else if (b->press) *buttons |= 1 << b->bnum;
         else *buttons &= ~(1 << b->bnum);
         s->base.messages++;
         break;
     case SPNAV_EVENT_DEV:
-        memset(s->counts, 0, sizeof s->counts); // a puck that was pulled out sends no zero
-        snprintf(s->base.state, sizeof s->base.state, event->dev.op == SPNAV_DEV_RM ? "puck pulled out" : "puck there");
+        memset(s->counts, 0, sizeof s->counts); // a puck that was unplugged sends no zero, so clear the deflection here
+        snprintf(s->base.state, sizeof s->base.state,
+                 event->dev.op == SPNAV_DEV_RM ? "puck unplugged" : "puck plugged in");
         break;
     }
 }
@@ -65,7 +67,7 @@ static int waiting(kn_spacenav *s)
     ssize_t size = recv(spnav_fd(), bytes, sizeof bytes, MSG_PEEK | MSG_DONTWAIT);
     if (size == (ssize_t)event_bytes) return 1;
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) return 0;
-    kn_bridge_lost(s->bridge, "spacenavd: %s", size > 0 ? "half an event" : size ? strerror(errno) : "hung up");
+    kn_bridge_lost(s->bridge, "spacenavd: %s", size > 0 ? "an incomplete event" : size ? strerror(errno) : "hung up");
     return 0;
 }
 
@@ -73,12 +75,12 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)events;
     kn_spacenav *s = watcher->data;
-    // Bound the events of one wake, so that a flood cannot starve the timer.
+    // Limit the number of events per wake-up, so that a flood of events cannot delay the timer.
     int n = 0;
     for (; n < events_most && waiting(s); n++) {
         spnav_event event = {0};
         if (spnav_poll_event(&event) > 0) take(s, &event);
-        else kn_tactile_bad(&s->base, "an event of no known kind");
+        else kn_tactile_bad(&s->base, "an event of unknown kind");
     }
     if (s->bridge->lost) ev_io_stop(ev, watcher);
 }
@@ -90,9 +92,9 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
     // Try spnav_open only when it may succeed: libspnav leaks a little in every failed attempt, and there are two
     // attempts a second. /etc/spnavrc may name another socket that libspnav knows.
     bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
-    errno = 0; // libspnav reads the errno of an earlier call
+    errno = 0; // clear errno, because libspnav would read the errno of an earlier call
     if (!worth || spnav_open() != 0) {
-        snprintf(error, error_size, "spacenavd does not answer at %s: is it running? knead devices tells more",
+        snprintf(error, error_size, "spacenavd does not answer at %s: is it running? see knead devices",
                  kn_spacenav_socket());
         return false;
     }

@@ -13,13 +13,14 @@ typedef struct kn_spacenav {
     // private
     kn_bridge *bridge;
     ev_io readable;
-    int counts[6]; // newest deflection and twist, in the device's frame
+    int counts[6]; // newest deflection and twist of the puck, in the device's axes
 } kn_spacenav;
 
 void kn_spacenav_init(kn_spacenav *spacenav, const kn_puck_def *def);
 
 // Return the socket path that libspnav tries first: $SPNAV_SOCKET, else /var/run/spnav.sock.
 const char *kn_spacenav_socket(void);
-bool kn_spacenav_reach(void); // return whether a connection to the socket succeeds; if not, errno says why
+// Returns true if a connection to spacenavd's socket succeeds; on failure, errno has the reason.
+bool kn_spacenav_reach(void);
 
 #endif

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-static const int silence_ms = 1200; // a session ends after 1 s without poses
+static const int silence_ms = 1200; // duration of the mode SILENT; kneadd ends a session after 1 s without poses
 
 void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 {
@@ -17,7 +17,8 @@ void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
 
 static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// The link is live when the mode is HELD, forces keep coming and no stop has faded the force to zero.
+// The link is live if the mode is HELD, the forces have not stopped, and no stop of the output stage has faded the
+// force to zero.
 bool kn_tether_live(const kn_tether *t)
 {
     bool stopped = t->render.stop && t->render.gain == 0.0;
@@ -26,7 +27,7 @@ bool kn_tether_live(const kn_tether *t)
 
 void kn_tether_give(kn_tether *t, double now_s)
 {
-    // Both watchdogs scale the force, so that the silence of either end fades it.
+    // Both watchdogs scale the force, so the force fades if either the device or kneadd is silent.
     double share = kn_tether_live(t) ? t->forces.factor * t->poses.factor : 0.0;
     kn_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
     t->given_s = now_s;
@@ -35,7 +36,7 @@ void kn_tether_give(kn_tether *t, double now_s)
 
 bool kn_tether_pose(kn_tether *t, const double position_m[3], const double velocity_m_s[3])
 {
-    // Refuse a pose that is not finite. It does not reset the watchdog.
+    // Refuse a pose that is not finite. A refused pose does not reset the watchdog.
     if (!sane(position_m) || !sane(velocity_m_s)) {
         t->refused++;
         return false;
@@ -43,7 +44,7 @@ bool kn_tether_pose(kn_tether *t, const double position_m[3], const double veloc
     t->fresh_pose = true;
     memcpy(t->position_m, position_m, sizeof t->position_m);
     memcpy(t->velocity_m_s, velocity_m_s, sizeof t->velocity_m_s);
-    // While SILENT the pose is kept for later, but not sent: kneadd must see the session end.
+    // While the mode is SILENT, the pose is kept but not sent, so that kneadd ends the session.
     if (t->mode == KN_TETHER_SILENT) return false;
     t->seq++;
     t->sent++;
@@ -53,12 +54,13 @@ bool kn_tether_pose(kn_tether *t, const double position_m[3], const double veloc
 
 bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
 {
-    // Refuse a force of another session, and every force while SILENT.
+    // Refuse a force of another session. While the mode is SILENT, refuse every force.
     if (force->session != t->session || t->mode == KN_TETHER_SILENT) {
         t->foreign += force->session != t->session;
         return false;
     }
-    // Refuse a force whose tick is not newer. A recorded or repeated message must not keep the watchdog quiet.
+    // Refuse a force whose tick is not newer than that of the last force. A recorded or repeated message must not reset
+    // the watchdog.
     if (force->tick <= t->tick) {
         t->late++;
         return false;
@@ -66,7 +68,7 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
     // Only the first answer to a pose measures the round trip. Later answers are older by the ticks in between.
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
-        t->refused++; // the watchdog keeps counting
+        t->refused++; // a refused force does not reset the watchdog
         return false;
     }
     if (first) t->answered = force->seq;
@@ -103,7 +105,7 @@ static void begin_anew(kn_tether *t)
 static bool wants_anew(kn_tether *t)
 {
     const kn_render *r = &t->render;
-    // Lifting the tool does not clear this fault.
+    // Lifting the tool does not clear this fault of kneadd, so only a new session helps.
     bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED);
     bool near = r->stop == KN_RENDER_FAR && r->round_trip_s < KN_RENDER_NEAR_S;
     t->faults += fault;
@@ -124,7 +126,7 @@ void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
             fall_silent(t);
         }
     } else {
-        // Wait out the silence. A new session begins only when the device has just given a pose.
+        // Wait until the silence has ended. The new session then begins with the next pose of the device.
         t->silent_ms = t->silent_ms > elapsed_ms ? t->silent_ms - elapsed_ms : 0;
         if (t->silent_ms == 0 && pose) begin_anew(t);
     }

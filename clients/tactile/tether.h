@@ -22,47 +22,52 @@
 // HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
 typedef enum kn_tether_mode { KN_TETHER_HELD, KN_TETHER_SILENT } kn_tether_mode;
 
-typedef struct kn_tether { // read only for the caller
+typedef struct kn_tether { // link between one device and kneadd; read-only for the caller
     kn_tether_mode mode;
-    int64_t session, seq;                  // session, and number of its last pose
-    double position_m[3], velocity_m_s[3]; // newest pose of the device, in the device's frame
-    kn_render render;                      // render.given_n: force that the motors must give now, in the device's frame
-    int32_t flags, fault;                  // flags and fault of the newest force message
-    int silent_ms;                         // SILENT: time until the silence ends
+    // Number of the present session, and number of the last pose sent in this session.
+    int64_t session, seq;
+    double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
+    // Output stage; render.given_n is the force that the motors must give now, in the device's axes.
+    kn_render render;
+    int32_t flags, fault; // flags and fault of the newest force message
+    int silent_ms;        // in mode SILENT, time until the silence ends
     // Length of the tick in which the mode last became SILENT, ms. A value far above 1 means that this process itself
     // did not run for that time.
     int stalled_ms;
     kn_watchdog forces, poses;
-    bool fresh_force, fresh_pose; // a force, a pose has arrived since the last tick
-    bool given;                   // kn_tether_give has run since the last tick
-    double given_s;               // time of the last kn_tether_give, s
-    int64_t answered;             // newest pose of the session that a force has answered
-    int64_t tick;                 // tick of the newest force of the session; -1: no force yet
-    int64_t sent, heard;          // poses sent, forces accepted, over all sessions of this device
-    int64_t foreign;              // forces of another client's session: the other client holds the tool
-    // Forces whose tick is not newer than that of the last accepted force: repeated or overtaken. They do not feed the
-    // watchdog.
+    // fresh_force: a force has arrived since the last tick; fresh_pose: a pose has arrived since then.
+    bool fresh_force, fresh_pose;
+    bool given;          // kn_tether_give has run since the last tick
+    double given_s;      // time of the last kn_tether_give, s
+    int64_t answered;    // number of the newest pose of this session that a force has answered
+    int64_t tick;        // kneadd's tick of the newest force of this session; -1: no force yet
+    int64_t sent, heard; // number of poses sent, and of forces accepted, in all sessions of this device
+    // Number of forces that belong to another client's session, so that client holds the tool.
+    int64_t foreign;
+    // Number of repeated or overtaken forces: their tick is not newer than that of the last accepted force. Such forces
+    // do not reset the watchdog.
     int64_t late;
-    int64_t refused; // poses and forces with a number that is not finite
-    int64_t faults;  // sessions given up because of a fault of kneadd's impulse guard
+    int64_t refused; // number of poses and forces that contain a number that is not finite
+    int64_t faults;  // number of sessions that ended because kneadd's impulse guard tripped
 } kn_tether;
 
 // Start a tether for the given session, in mode HELD, with no force yet.
 void kn_tether_init(kn_tether *tether, int64_t session, const kn_render_def *render);
 
 // Take a new pose of the device, in the device's own frame. Return true if the caller must send the pose, with the
-// number tether->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; it
-// then does not feed the watchdog.
+// number tether->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; an
+// ignored pose does not reset the watchdog.
 bool kn_tether_pose(kn_tether *tether, const double position_m[3], const double velocity_m_s[3]);
 
-typedef struct kn_tether_force { // fields of a contact_force_t message
+typedef struct kn_tether_force { // force message of kneadd (fields of a contact_force_t)
     int64_t session, seq, tick;
-    double force_n[3], age_s; // force in the scene's axes; time since the answered pose was sent
+    // force_n: force in the scene's axes. age_s: time since the pose that this force answers was sent.
+    double force_n[3], age_s;
     int32_t flags, fault;
 } kn_tether_force;
 
 // Take a force message. Return true if the force belongs to this session and has a newer tick. Only accepted forces
-// feed the watchdog.
+// reset the watchdog over kneadd's forces.
 bool kn_tether_take(kn_tether *tether, const kn_tether_force *force);
 
 // Compute render.given_n. now_s: present time of any steady clock, s. Call this after every force; with the local

@@ -10,7 +10,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 {
     struct stat there;
     *b = (kn_beside){.path = path};
-    // lstat, not stat: a link must be refused, not followed.
+    // Call lstat, not stat, so that a symbolic link is refused and not followed.
     if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) {
         snprintf(error, error_size, "%s: is no regular file, expected a file that may be replaced", path);
         return false;
@@ -25,7 +25,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
     if (b->file) {
         mode_t mask = umask(0);
         umask(mask);
-        fchmod(fd, 0666 & ~mask); // mkostemp sets 0600, which is meant for secrets; follow the umask instead
+        fchmod(fd, 0666 & ~mask); // set the usual permissions by the umask, because mkostemp created the file with 0600
         return true;
     }
     snprintf(error, error_size, "%s: %s", path, strerror(errno));
@@ -38,7 +38,7 @@ bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_si
 
 bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
 {
-    // Check both the writes and the close: a full disk may show only at the close.
+    // Check both the writes and the close, because a full disk may cause an error only at the close.
     const bool written = !ferror(b->file), closed = fclose(b->file) == 0;
     b->file = NULL;
     if (written && closed && rename(b->tmp, b->path) == 0) return true;

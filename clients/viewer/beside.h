@@ -18,8 +18,9 @@ typedef struct kn_beside {
 // would replace a device or a link by a file. On failure return false and put one sentence in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// kn_beside_keep puts the new file in place, kn_beside_drop removes it. Every use must end with one of the two calls.
-// If the file could not be written completely, kn_beside_keep removes it, returns false and puts one sentence in error.
+// kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with
+// one of the two calls. If the file could not be written completely, kn_beside_keep removes it, returns false and puts
+// one sentence in error.
 bool kn_beside_keep(kn_beside *beside, char *error, size_t error_size);
 void kn_beside_drop(kn_beside *beside);
 

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#define FILL 0.86f     // share of the picture's height or width that the box fills
-#define HEADROOM 0.45f // space above the object for a lifted probe and its arrow, as a share of the object's height
+#define FILL 0.86f     // fraction of the picture's height or width that the box fills
+#define HEADROOM 0.45f // space above the object for a lifted probe and its arrow, as a fraction of the object's height
 
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
 {

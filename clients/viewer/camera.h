@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_CAMERA_H
 #define KN_CLIENTS_VIEWER_CAMERA_H
-// Camera that looks at a box from a distance at which all of the box is visible, with some space above. All functions
-// are pure.
+// Camera that looks at a box from a distance at which all of the box is visible, with some empty space above the box.
+// All functions are pure.
 #include <stdbool.h>
 
 #define KN_CAMERA_TAN_HALF                                                                                             \
@@ -9,8 +9,9 @@
 
 typedef struct kn_camera_view { // direction and lens for looking at a box
     double azimuth_deg;         // 0: from the front (-y), 90: from the right
-    double elevation_deg;       // 0: level, 90: from above
-    double zoom;                // magnification of the lens at the same eye point; 2 shows half as much; 0 means 1
+    double elevation_deg;       // 0: horizontal line of sight, 90: from above
+    // Magnification of the lens at an unchanged eye point; 2: the picture shows half the width and height; 0 means 1.
+    double zoom;
     bool turns;   // use a distance that fits every azimuth, so that the object keeps its size while the camera turns
     float aspect; // width / height of the picture
 } kn_camera_view;
@@ -29,7 +30,7 @@ void kn_camera_look(kn_camera *camera, const float low[3], const float high[3], 
 // left corner. Return false if the intersection is not in front of the eye.
 bool kn_camera_pick(const kn_camera *camera, double u, double v, double z_m, double at_m[2]);
 
-// Get the axes of a camera that looks from this direction.
+// Compute the unit axes of a camera that looks from the direction azimuth_deg, elevation_deg.
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3]);
 
 #endif

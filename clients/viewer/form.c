@@ -10,7 +10,7 @@ kn_form kn_form_create(const kn_gl *gl)
     gl->BindVertexArray(s.array);
     gl->GenBuffers(1, &s.buffer);
     gl->BindBuffer(GL_ARRAY_BUFFER, s.buffer);
-    // Attributes 0 and 1: position and normal, interleaved.
+    // Define vertex attributes 0 and 1: position and normal, interleaved in one buffer.
     for (GLuint i = 0; i < 2; i++) {
         gl->VertexAttribPointer(i, 3, GL_FLOAT, GL_FALSE, 6 * sizeof(float), (const void *)(i * 3 * sizeof(float)));
         gl->EnableVertexAttribArray(i);
@@ -50,11 +50,11 @@ kn_form kn_form_turn(const kn_gl *gl, int count, const float (*profile)[2], int 
     kn_form s = kn_form_create(gl);
     s.low = profile[0][1];
     s.high = profile[count - 1][1];
-    // Extent of the solid, for the region that it covers in a picture.
+    // Store the extent of the solid, from which the region of a picture that it covers is computed.
     for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
-    // The skin gives smooth normals, and sharp ones at creases.
+    // Let kn_skin compute the normals: smooth ones, but sharp ones at creases.
     kn_skin *skin = kn_skin_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
-    if (!skin) return s; // out of memory: the form stays empty
+    if (!skin) return s; // memory is short, so return an empty form
     kn_skin_corners(skin, (const float(*)[3])xyz, corners);
     kn_skin_destroy(skin);
     kn_form_corners(gl, &s, 3 * triangles, corners, GL_STATIC_DRAW);

@@ -6,10 +6,11 @@
 #include "clients/viewer/gl.h"
 
 typedef struct kn_form {
-    // Buffers: position and normal; distances from drawn sides; values on the colour scale.
+    // OpenGL names: `array`: vertex array; `buffer`: positions and normals; `sides`: distances of each corner from the
+    // triangle sides that are drawn as lines; `values`: values on the colour scale.
     GLuint array, buffer, sides, values;
     int corners;
-    float half, low, high; // extent of a solid of revolution along x and y, and along z
+    float half, low, high; // extent of a solid of revolution: -half .. half along x and y, low .. high along z
 } kn_form;
 
 kn_form kn_form_create(const kn_gl *gl); // create a form without triangles

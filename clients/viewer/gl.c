@@ -36,7 +36,7 @@ bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *t, int width, int height
     gl->GenRenderbuffers(4, t->buffer);
     bool ok = create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
               create_frame(gl, t, &t->picture, t->buffer[3], samples > 1 ? 0 : t->buffer[2], 0);
-    // With one sample, the solids are drawn into the picture itself, and the picture needs the depth buffer.
+    // With one sample per pixel, the solids are drawn into the picture itself, so the picture needs the depth buffer.
     t->solids = t->picture;
     if (samples > 1) ok = ok && create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples);
     return ok && gl->GetError() == GL_NO_ERROR;
@@ -65,7 +65,7 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region re
     if (before_backdrop) copy(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
     else {
         gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
-        // With one sample the table covers the whole picture, so its colour need not be cleared.
+        // With one sample per pixel the table covers the whole picture, so the picture's colour need not be cleared.
         gl->Clear(direct ? GL_DEPTH_BUFFER_BIT : GL_COLOR_BUFFER_BIT);
     }
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
@@ -113,15 +113,15 @@ GLuint kn_gl_program(const kn_gl *gl, const char *vertex, const char *fragment, 
         gl->ShaderSource(shader, 1, &source[i], NULL);
         gl->CompileShader(shader);
         gl->AttachShader(program, shader);
-        gl->DeleteShader(shader); // deleted together with the program
+        gl->DeleteShader(shader); // OpenGL deletes the shader together with the program
     }
-    gl->LinkProgram(program); // fails with the log of a shader that did not compile
+    gl->LinkProgram(program); // if a shader did not compile, linking fails and the log contains the shader's error
     GLint linked = 0;
     gl->GetProgramiv(program, GL_LINK_STATUS, &linked);
     if (linked) return program;
     char log[256] = "";
     gl->GetProgramInfoLog(program, sizeof log, NULL, log);
-    snprintf(error, error_size, "the picture's shaders do not build on this OpenGL: %s", log);
+    snprintf(error, error_size, "the shaders do not compile on this OpenGL: %s", log);
     gl->DeleteProgram(program);
     return 0;
 }

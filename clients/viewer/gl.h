@@ -73,7 +73,8 @@ typedef struct kn_gl {
 #undef KN_GL_MEMBER
 } kn_gl;
 
-// Fill in the table from the current context. Return NULL, or the name of the first missing function.
+// Look up all functions in the current context and fill in the table. Return NULL, or the name of the first missing
+// function.
 const char *kn_gl_load(kn_gl *gl, kn_gl_get_proc get_proc);
 
 // Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The solids
@@ -86,21 +87,23 @@ typedef struct kn_gl_target {
     GLuint buffer[4]; // render buffers: backdrop, colour and depth of the solids, picture
 } kn_gl_target;
 
-typedef struct kn_gl_region { // pixels, from the lower left corner of the picture
+typedef struct kn_gl_region { // rectangle of the picture, pixels from its lower left corner
     int x, y, width, height;
 } kn_gl_region;
 
 // Create the frame buffers. Return false if the context refuses them.
 bool kn_gl_target_create(const kn_gl *gl, kn_gl_target *target, int width, int height, int samples);
-void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // direct drawing to the backdrop
-// Begin the solids and direct drawing to them. Clear only their region, because buffers with several samples take most
-// of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop; otherwise it starts empty.
+void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make the backdrop the target of all drawing
+// Begin to draw the solids: make their buffer the target of all drawing. Clear only their region, because buffers with
+// several samples take most of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop;
+// otherwise it starts empty.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
-// Resolve the solids into the picture, and direct drawing to this region of the picture, behind the solids. Alpha is
-// the share of a pixel that solids cover, and drawing fills the remaining share. With one sample per pixel, the depth
-// buffer decides.
+// Resolve the solids into the picture. From then on, drawing goes to this region of the picture, behind the solids.
+// Alpha is the fraction of a pixel that solids cover, and drawing fills the remaining fraction. With one sample per
+// pixel, the depth buffer decides.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
-void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba); // [height][width][4], top row first
+// Copy the picture to rgba[height][width][4], top row first.
+void kn_gl_target_read(const kn_gl *gl, const kn_gl_target *target, uint8_t *rgba);
 
 // Compile and link a program. If a shader is wrong or the context is not OpenGL 3.3, return 0 and put the compiler's
 // message in error.

@@ -21,7 +21,7 @@ bool kn_image_write_png(const char *path, int width, int height, const uint8_t *
     return false;
 }
 
-// State of one use of libpng, which may fail: the place to jump to, and the message.
+// State of one use of libpng: the place to jump to if libpng fails, and the error message.
 typedef struct complaint {
     jmp_buf leave;
     char words[200];
@@ -35,12 +35,13 @@ static void give_up(png_structp png, png_const_charp words)
     longjmp(c->leave, 1);
 }
 
-static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void)words; } // warnings are ignored
+// callback that ignores libpng's warnings
+static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void)words; }
 
 static void write_gray16(png_structp png, png_infop info, FILE *file, int width, int height, const uint16_t *level,
                          double pixel_m, int text_count, const kn_image_text *text)
 {
-    // Pixels per metre, for programs that measure in the picture.
+    // Store the number of pixels per metre, for programs that measure in the picture.
     const png_uint_32 per_m = pixel_m > 0 && 1 / pixel_m < 1e9 ? (png_uint_32)lround(1 / pixel_m) : 0;
     png_init_io(png, file);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
@@ -54,7 +55,7 @@ static void write_gray16(png_structp png, png_infop info, FILE *file, int width,
                      1);
     png_write_info(png, info);
 #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-    png_set_swap(png); // PNG is big-endian
+    png_set_swap(png); // swap the bytes, because PNG is big-endian
 #endif
     for (int y = 0; y < height; y++) png_write_row(png, (png_const_bytep)(level + (size_t)y * (size_t)width));
     png_write_end(png, info);
@@ -128,7 +129,7 @@ static void find_texts(png_structp png, png_infop info, int count, kn_image_foun
     }
 }
 
-// Read the picture. After a longjmp only *level is needed, and the caller frees it.
+// Read the picture. After a longjmp only *level is needed, so that the caller can free it.
 static bool read_gray16(png_structp png, png_infop info, FILE *file, int most, int *width, int *height,
                         uint16_t **level, char *words, size_t size)
 {
@@ -162,7 +163,7 @@ bool kn_image_read_gray16(const char *path, int most, int *width, int *height, u
     errno = file ? 0 : errno;
     const bool whole = file && fread(head, 1, sizeof head, file) == sizeof head;
     if (!whole || png_sig_cmp(head, 0, sizeof head) != 0) {
-        snprintf(error, error_size, "%s: %s", path, errno ? strerror(errno) : "is no PNG, expected a range image");
+        snprintf(error, error_size, "%s: %s", path, errno ? strerror(errno) : "is not a PNG, expected a range image");
         if (file) fclose(file);
         return false;
     }

@@ -13,23 +13,23 @@ bool kn_image_write_png(const char *path, int width, int height, const uint8_t *
 
 // Text in a PNG, which programs can show or look up.
 typedef struct kn_image_text {
-    const char *key, *text; // Latin-1; key of 1..79 letters
+    const char *key, *text; // Latin-1; a key has 1..79 letters
 } kn_image_text;
 
-// Write 16-bit grey levels as PNG, in the same way. `pixel_m`: side of a pixel, m, for measuring in the picture; 0:
-// unknown.
+// Write 16-bit grey levels as PNG, in the same way as kn_image_write_png. `pixel_m`: side of a pixel, m, for measuring
+// in the picture; 0: unknown.
 bool kn_image_write_gray16(const char *path, int width, int height, const uint16_t *level, double pixel_m,
                            int text_count, const kn_image_text *text, char *error, size_t error_size);
 
-// Text to look up in a PNG; "" when the file has no text with this key.
+// Text to look up in a PNG. `text` becomes "" if the file has no text with this key.
 typedef struct kn_image_found {
     const char *key;
     char text[64];
 } kn_image_found;
 
-// Read a PNG of 16-bit grey, of at most `most` pixels on a side. The texts of the given keys are copied. The caller
-// frees *level, [height][width]. *pixel_m is 0 if the file does not give it. Return false and put one sentence in error
-// if the file is missing, is not a PNG, is damaged, or is not 16-bit grey.
+// Read a PNG with 16-bit grey levels and at most `most` pixels on a side. The texts of the given keys are copied. The
+// caller frees *level, which is [height][width]. *pixel_m is 0 if the file does not give the size of a pixel. Return
+// false and put one sentence in error if the file is missing, is not a PNG, is damaged, or is not 16-bit grey.
 bool kn_image_read_gray16(const char *path, int most, int *width, int *height, uint16_t **level, double *pixel_m,
                           int text_count, kn_image_found *text, char *error, size_t error_size);
 

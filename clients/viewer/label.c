@@ -6,7 +6,8 @@
 #include <string.h>
 
 #define INK 0.11, 0.12, 0.13
-#define HALO 1, 1, 1, 0.8 // edge around the letters, which keeps them legible on any background
+// colour (r, g, b, alpha) of the edge around the letters, which keeps the letters legible on any background
+#define HALO 1, 1, 1, 0.8
 
 // Functions of Cairo, loaded with the first label. Cairo brings a dozen libraries, and `knead probe` must neither wait
 // for them nor lock them into memory.
@@ -23,10 +24,11 @@ static struct {
 
 static bool load(char *error, size_t error_size)
 {
-    void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL); // never closed
+    // the library is loaded once and never closed
+    void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL);
     const char *missing = NULL;
     if (cairo.create) return true;
-    if (!library) snprintf(error, error_size, "nothing can be written on pictures: install the package libcairo2");
+    if (!library) snprintf(error, error_size, "no text on pictures: install the package libcairo2");
     if (!library) return false;
 #define LOAD(name)                                                                                                     \
     cairo.name = (__typeof__(cairo.name))dlsym(library, "cairo_" #name);                                               \
@@ -34,14 +36,14 @@ static bool load(char *error, size_t error_size)
     FUNCTIONS(LOAD)
     if (!missing) return true;
     cairo.create = NULL;
-    snprintf(error, error_size, "nothing can be written on pictures: this libcairo.so.2 has no %s", missing);
+    snprintf(error, error_size, "no text on pictures: this libcairo.so.2 has no %s", missing);
     return false;
 }
 
-// Drawing surface: its context, the letters' size and its own size.
+// Drawing surface: Cairo context, size of the letters, and size of the picture.
 typedef struct sheet {
     cairo_t *to;
-    double em, width, height; // pixels
+    double em, width, height; // size of the letters, and width and height of the picture, pixels
 } sheet;
 
 // Copy words as valid UTF-8, which Cairo needs. A file name may hold any bytes, and may be cut off within a letter.
@@ -51,7 +53,7 @@ static void legible(const char *words, char *out, size_t size)
     size_t n = 0;
     while (*words && n + 5 < size) {
         const unsigned char c = (unsigned char)*words;
-        // Length of the letter by its first byte; 0 if no letter begins with this byte.
+        // Determine the number of bytes of the letter by its first byte; 0 if no letter begins with this byte.
         size_t length = c < 0x80                ? 1
                         : c >= 0xc2 && c < 0xe0 ? 2
                         : c >= 0xe0 && c < 0xf0 ? 3
@@ -59,7 +61,7 @@ static void legible(const char *words, char *out, size_t size)
                                                 : 0;
         size_t k = 1;
         while (k < length && ((unsigned char)words[k] & 0xc0) == 0x80) k++;
-        // Overlong forms and surrogates are not valid either.
+        // Reject overlong forms and surrogates, which are invalid in UTF-8.
         bool whole = length > 0 && k == length && !(c == 0xe0 && (unsigned char)words[1] < 0xa0) &&
                      !(c == 0xed && (unsigned char)words[1] > 0x9f) && !(c == 0xf0 && (unsigned char)words[1] < 0x90) &&
                      !(c == 0xf4 && (unsigned char)words[1] > 0x8f) && c >= 0x20;
@@ -135,7 +137,8 @@ static void swap(uint8_t *rgba, size_t pixels)
 
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height)
 {
-    const bool mm = bar_m < 0.0099; // 1 cm in a float is slightly less than 0.01
+    // show mm below 1 cm; the limit is 0.0099 because 1 cm in a float is slightly less than 0.01
+    const bool mm = bar_m < 0.0099;
     const float *at = label->bar_at;
     snprintf(words, 32, "%.4g %s", bar_m * (mm ? 1e3 : 1e2), mm ? "mm" : "cm");
     if (at[0] > 0 && at[0] < (float)width && at[1] > 0 && at[1] < (float)height) label->bar = words;
@@ -149,7 +152,7 @@ bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, 
     sheet s = {cairo.create(surface), fmax(10, fmin(height / 34.0, width / 40.0)), width, height};
     cairo.select_font_face(s.to, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     cairo.set_font_size(s.to, s.em);
-    const bool room = width > 30 * s.em, high = height > 12 * s.em; // a small picture has no room for all texts
+    const bool room = width > 30 * s.em, high = height > 12 * s.em; // check for which texts the picture has room
     char caption[300];
     legible(label->caption ? label->caption : "", caption, sizeof caption);
     if (label->scale && high) legend(&s, label->scale);

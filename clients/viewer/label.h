@@ -9,11 +9,12 @@
 typedef struct kn_label {
     const char *caption;   // text at the upper left; NULL: none
     const kn_scale *scale; // scale of the legend at the right; NULL: none
-    const char *bar;       // "1 cm"; NULL: none
-    float bar_at[2];       // middle of the text's upper edge, pixels from the upper left corner
+    const char *bar;       // text of the bar on the table, for example "1 cm"; NULL: no bar
+    float bar_at[2];       // middle of the upper edge of the bar's text, pixels from the picture's upper left corner
 } kn_label;
 
-// Set the text of the bar, if bar_at is in the picture. `words` belongs to the caller, and must outlive the label.
+// Set the text of the bar on the table, if bar_at is in the picture. The text is written to `words`, which must outlive
+// the label.
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height);
 
 // Draw the label on rgba [height][width][4], top row first. Return false with one sentence in error if libcairo is

@@ -21,7 +21,7 @@ struct kn_offscreen {
 // Back ends in the order in which they are tried.
 static const kn_offscreen_backend *const backends[] = {&kn_offscreen_osmesa, &kn_offscreen_egl};
 enum { BACKENDS = sizeof backends / sizeof *backends };
-// Back end of the last open, for kn_offscreen_get_proc.
+// Back end that the last kn_offscreen_open used, for kn_offscreen_get_proc.
 static const kn_offscreen_backend *last;
 
 bool kn_offscreen_knows(const char *name)
@@ -37,7 +37,8 @@ static const kn_offscreen_backend *choose(char *error, size_t error_size)
 {
     const char *asked = getenv("KNEAD_GL");
     char later[300];
-    setenv("LP_NUM_THREADS", "1", 0); // read once by Mesa, when the first context is made
+    // set the number of rasteriser threads; Mesa reads it once, when the first context is created
+    setenv("LP_NUM_THREADS", "1", 0);
     for (int i = 0; asked && *asked && i < BACKENDS; i++)
         if (strcmp(backends[i]->name, asked) == 0) return backends[i]->load(error, error_size) ? backends[i] : NULL;
     if (asked && *asked) return snprintf(error, error_size, "KNEAD_GL=%s: expected osmesa or egl", asked), NULL;
@@ -54,7 +55,7 @@ static bool open_context(kn_offscreen *screen, int width, int height, int sample
     const char *name = screen->backend->name;
     screen->context = screen->backend->create();
     if (!screen->context) {
-        snprintf(error, error_size, "%s makes no OpenGL 3.3 core context here", name);
+        snprintf(error, error_size, "%s cannot create an OpenGL 3.3 core context here", name);
         return false;
     }
     const char *missing = kn_gl_load(&screen->gl, screen->backend->get_proc);
@@ -63,7 +64,8 @@ static bool open_context(kn_offscreen *screen, int width, int height, int sample
         return false;
     }
     if (kn_gl_target_create(&screen->gl, &screen->target, width, height, samples)) return true;
-    snprintf(error, error_size, "%s makes no frame buffer of %d x %d with %d samples", name, width, height, samples);
+    snprintf(error, error_size, "%s cannot create a frame buffer of %d x %d with %d samples", name, width, height,
+             samples);
     return false;
 }
 
@@ -71,7 +73,7 @@ kn_offscreen *kn_offscreen_open(int width, int height, int samples, char *error,
 {
     if (width < KN_OFFSCREEN_MIN || width > KN_OFFSCREEN_MAX || height < KN_OFFSCREEN_MIN ||
         height > KN_OFFSCREEN_MAX) {
-        snprintf(error, error_size, "a picture of %d x %d pixels, expected %d..%d on each side", width, height,
+        snprintf(error, error_size, "picture of %d x %d pixels, expected %d..%d on each side", width, height,
                  KN_OFFSCREEN_MIN, KN_OFFSCREEN_MAX);
         return NULL;
     }

@@ -5,17 +5,17 @@
 #include "clients/viewer/gl.h"
 
 typedef struct kn_offscreen_backend {
-    const char *name; // value of KNEAD_GL, like "osmesa"
+    const char *name; // value of the environment variable KNEAD_GL that chooses this back end, for example "osmesa"
     // Load the library, once. Return false if the library is missing, with one sentence in error that names the
     // package.
     bool (*load)(char *error, size_t error_size);
-    void *(*create)(void);      // returns a current OpenGL 3.3 core context, or NULL
-    void (*use)(void *context); // makes the context current
+    void *(*create)(void);      // creates an OpenGL 3.3 core context and makes it current; returns NULL on failure
+    void (*use)(void *context); // makes a context current
     void (*destroy)(void *context);
     kn_gl_proc (*get_proc)(const char *name);
 } kn_offscreen_backend;
 
-extern const kn_offscreen_backend kn_offscreen_osmesa; // Mesa's software rasteriser as a library of its own
+extern const kn_offscreen_backend kn_offscreen_osmesa; // Mesa's software rasteriser OSMesa, a library of its own
 extern const kn_offscreen_backend kn_offscreen_egl;    // EGL without a surface, also in software
 
 #endif

@@ -38,7 +38,7 @@ static bool load(char *error, size_t error_size)
     static bool ready;
     if (ready) return true;
     setenv("LIBGL_ALWAYS_SOFTWARE", "1", 0);
-    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed, like OSMesa
+    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // the library is never closed, like OSMesa's
     if (!library) {
         snprintf(error, error_size,
                  "no pictures without " LIBRARY " (%s): install the packages libegl1 and "
@@ -54,19 +54,20 @@ static bool load(char *error, size_t error_size)
     if (missing) snprintf(error, error_size, LIBRARY " has no %s", missing);
     ready = !missing && open_display();
     if (!missing && !ready)
-        snprintf(error, error_size, LIBRARY " draws nothing without a screen: install the package libgl1-mesa-dri");
+        snprintf(error, error_size, LIBRARY " cannot draw without a screen: install the package libgl1-mesa-dri");
     return ready;
 }
 
 static void use(void *context)
 {
-    egl.BindAPI(EGL_OPENGL_API); // this setting belongs to the thread
+    egl.BindAPI(EGL_OPENGL_API); // choose OpenGL; this setting applies to the calling thread only
     egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context);
 }
 
 static void destroy(void *context)
 {
-    egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); // EGL would keep a current context
+    // release the context first, because EGL does not destroy a current context
+    egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     egl.DestroyContext(display, context);
 }
 

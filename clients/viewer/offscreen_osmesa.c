@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define LIBRARY "libOSMesa.so.8" // the ABI of <GL/osmesa.h> since Mesa 9
+#define LIBRARY "libOSMesa.so.8" // library with the ABI of <GL/osmesa.h>, unchanged since Mesa 9
 
 // Side of the default frame buffer that OSMesa demands. Nothing is drawn into it.
 enum { SIDE = 16 };
@@ -25,7 +25,8 @@ static struct {
 static bool load(char *error, size_t error_size)
 {
     if (mesa.create) return true;
-    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed: exit handlers of LLVM point into it
+    // the library is never closed, because exit handlers of LLVM point into it
+    void *library = dlopen(LIBRARY, RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         snprintf(error, error_size, "no pictures without " LIBRARY " (%s): install the package libosmesa6", dlerror());
         return false;
@@ -35,7 +36,7 @@ static bool load(char *error, size_t error_size)
     mesa.get_proc = (__typeof__(mesa.get_proc))dlsym(library, "OSMesaGetProcAddress");
     mesa.create = (__typeof__(mesa.create))dlsym(library, "OSMesaCreateContextAttribs");
     if (mesa.create && mesa.make_current && mesa.destroy && mesa.get_proc) return true;
-    snprintf(error, error_size, LIBRARY " is older than Mesa 12: it makes no core contexts");
+    snprintf(error, error_size, LIBRARY " is older than Mesa 12 and cannot create core contexts");
     mesa.create = NULL;
     return false;
 }
@@ -47,7 +48,7 @@ static void use(void *self) { make_current(self); }
 static void destroy(void *self)
 {
     context *c = self;
-    if (c->mesa) mesa.destroy(c->mesa); // this also frees everything that was created in the context
+    if (c->mesa) mesa.destroy(c->mesa); // destroying the context also frees everything that was created in it
     free(c);
 }
 

@@ -3,13 +3,15 @@
 #include <math.h>
 #include <string.h>
 
-#define AIR 1.04     // size of the frame, as a multiple of the surface's sides
-#define LEVELS 65534 // levels for heights; level 0 means that nothing is there
-#define ROOM 1.25    // top level, as a multiple of the surface's height at rest, since pressed dough bulges
+#define AIR 1.04     // size of the image's frame, as a multiple of the surface's sides
+#define LEVELS 65534 // number of grey levels for heights; level 0 means that there is no surface
+// height of the highest grey level, as a multiple of the surface's height at rest; above 1, because pressed dough
+// bulges
+#define ROOM 1.25
 
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3])
 {
-    // Box around the surface at rest and now, and the lowest point at rest, which is on the table.
+    // Find the box around the surface at rest and the present surface. The lowest point at rest lies on the table.
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, table = INFINITY;
     for (int v = 0; v < vertex_count; v++) {
         table = fmin(table, rest[v][2]);
@@ -39,7 +41,7 @@ static int pixel(double at, int count) { return (int)fmin(fmax(at, 0), count - 1
 // Draw the height of the triangle's plane at every pixel whose middle is inside the triangle.
 static void draw_triangle(const kn_range *r, const float *const corner[3], uint16_t *level)
 {
-    double at[3][2], z[3]; // columns and rows; heights in levels
+    double at[3][2], z[3]; // at: positions of the corners in columns and rows; z: heights of the corners in grey levels
     for (int i = 0; i < 3; i++) {
         at[i][0] = (corner[i][0] - r->left_m) / r->pixel_m;
         at[i][1] = (r->top_m - corner[i][1]) / r->pixel_m;
@@ -47,19 +49,20 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
     }
     const double area = cross(at[0], at[1], at[2][0], at[2][1]);
     if (!isfinite(area + z[0] + z[1] + z[2]) || area == 0) return;
-    // Box of pixels around the triangle, within the picture.
+    // Find the box of pixels around the triangle, within the picture.
     const int first[2] = {pixel(ceil(fmin(at[0][0], fmin(at[1][0], at[2][0]))), r->width),
                           pixel(ceil(fmin(at[0][1], fmin(at[1][1], at[2][1]))), r->height)};
     const int last[2] = {pixel(floor(fmax(at[0][0], fmax(at[1][0], at[2][0]))), r->width),
                          pixel(floor(fmax(at[0][1], fmax(at[1][1], at[2][1]))), r->height)};
     for (int y = first[1]; y <= last[1]; y++) {
         for (int x = first[0]; x <= last[0]; x++) {
-            // Barycentric coordinates of the pixel's middle; all are positive inside the triangle.
+            // Compute the barycentric coordinates of the pixel's middle. All are positive inside the triangle.
             const double a = cross(at[1], at[2], x, y) / area, b = cross(at[2], at[0], x, y) / area, c = 1 - a - b;
-            if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue; // a pixel on a shared side belongs to both triangles
+            // skip a pixel outside the triangle; a pixel on a shared side belongs to both triangles
+            if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue;
             const double here = fmin(fmax(1 + a * z[0] + b * z[1] + c * z[2], 1), 1 + LEVELS);
             uint16_t *out = &level[(size_t)y * (size_t)r->width + (size_t)x];
-            // A range finder sees the uppermost surface.
+            // Keep the highest level, because a range finder sees the uppermost surface.
             if (lround(here) > *out) *out = (uint16_t)lround(here);
         }
     }

@@ -9,15 +9,16 @@
 
 typedef struct kn_range {
     int width, height;
-    double pixel_m;             // side of a pixel: 1, 2 or 5 times a power of ten
-    double left_m, top_m;       // x of the middle of the first column, y of the middle of the first row
-    double step_m;              // height of one grey level: 1, 2 or 5 times a power of ten, at least 1 um
-    double table_m;             // z of the table
-    double lowest_m, highest_m; // lowest and highest visible point above the table; 0 if nothing is visible
+    double pixel_m;       // side of a pixel: 1, 2 or 5 times a power of ten
+    double left_m, top_m; // left_m: x of the middle of the left column; top_m: y of the middle of the top row
+    double step_m;        // height of one grey level: 1, 2 or 5 times a power of ten, at least 1 um
+    double table_m;       // z of the table
+    // Heights of the lowest and the highest visible point above the table; 0 if nothing is visible.
+    double lowest_m, highest_m;
 } kn_range;
 
 // Choose the frame of the image, with some margin around the surface at rest and the present surface. So the image of a
-// pressed object usually has the same frame as the image at rest.
+// pressed object usually has the same frame as the image of the object at rest.
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3]);
 
 // Fill in `level` [height][width], top row first. A level is 0 where there is no surface, else 1 + height/step_m,

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// The four numbers, then three texts for people.
+// Keys of the PNG's texts: first the four numbers, then three texts for human readers.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};
@@ -17,7 +17,7 @@ bool kn_range_save(const char *path, const kn_range *r, const char *title, const
     kn_image_text text[TEXTS] = {
         {"Software", "knead " KN_VERSION},
         {"Title", title},
-        {"Description", "Range image from above: 0 is nothing there, else height_mm = step_mm * (value - 1)"}};
+        {"Description", "Range image from above: 0 means nothing there, else height_mm = step_mm * (value - 1)"}};
     for (int i = 0; i < NUMBERS; i++) {
         snprintf(words[i], sizeof words[i], "%.9g", 1e3 * value[i]);
         text[3 + i] = (kn_image_text){name[i], words[i]};
@@ -76,7 +76,7 @@ bool kn_range_load(const char *path, const kn_range_given *given, kn_range *r, u
     // An image without any surface is useless to every caller.
     const bool told = take_numbers(path, found, given, r, error, error_size);
     if (told && kn_range_look(r, *level)) return true;
-    if (told) snprintf(error, error_size, "%s: every pixel is 0, expected to see something", path);
+    if (told) snprintf(error, error_size, "%s: every pixel is 0, expected an object", path);
     free(*level);
     *level = NULL;
     return false;

@@ -6,14 +6,14 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_RANGE_MOST 8192 // largest side of an image that is read, pixels
+#define KN_RANGE_MOST 8192 // largest width or height of an image that can be read, pixels
 
 // Write a range image. `title`: text that says which object is shown. On failure return false and put one sentence in
 // error.
 bool kn_range_save(const char *path, const kn_range *range, const char *title, const uint16_t *level, char *error,
                    size_t error_size);
 
-typedef struct kn_range_given { // numbers that replace the texts of the file; NAN: not given
+typedef struct kn_range_given { // numbers that replace those in the file's texts; NAN: use the number in the file
     double step_m, pixel_m, left_m, top_m;
 } kn_range_given;
 

@@ -2,10 +2,11 @@
 #include <math.h>
 
 typedef struct extent {
-    float low[2], high[2]; // -1..1 across the picture
+    float low[2], high[2]; // low and high corner of a rectangle in the picture, -1..1 from edge to edge
 } extent;
 
-typedef struct parts { // extents of everything on the table, and of the part where the table itself differs
+// extents of all things drawn on the table, and of the part where the table itself differs from the empty table
+typedef struct parts {
     extent all, table;
 } parts;
 
@@ -16,7 +17,7 @@ static void cover(const kn_region_def *d, extent *e, const float p[3])
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        bool known = w > 0; // a point behind the camera may be anywhere in the picture
+        bool known = w > 0; // true if the point is in front of the camera; otherwise it may be anywhere in the picture
         e->low[i] = fminf(e->low[i], known ? at : -1);
         e->high[i] = fmaxf(e->high[i], known ? at : 1);
     }
@@ -51,7 +52,7 @@ static void cover_probe(const kn_region_def *d, const kn_tools *tools, parts *e,
     for (int i = 0, n = kn_tool_solids(tools, p, s); i < n; i++) cover_solid(d, e, &s[i]);
     const kn_tool_arrow a = kn_tool_arrow_of(p, d->square_m);
     if (!(a.length > 0)) return;
-    float wide = 0.2f * d->square_m; // wider than the arrow's head
+    float wide = 0.2f * d->square_m; // half width of a box around the arrow, wider than the arrow's head
     for (int end = 0; end < 2; end++) {
         float at[3];
         for (int i = 0; i < 3; i++) at[i] = a.tail[i] + (end ? a.length : 0) * a.direction[i];
@@ -60,7 +61,7 @@ static void cover_probe(const kn_region_def *d, const kn_tools *tools, parts *e,
     }
 }
 
-// Convert -1..1 to a pixel with a margin, within the picture.
+// Convert a coordinate -1..1 to a pixel, add a margin, and limit the result to the picture.
 static int pixel(float at, int size, int margin)
 {
     float p = 0.5f * (at + 1) * (float)size + (float)margin;
@@ -81,7 +82,7 @@ void kn_region_find(const kn_region_def *d, const kn_tools *tools, const kn_view
 {
     static const extent nothing = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
     parts e = {nothing, nothing};
-    // The object, the probes and the hands, each with its shadow.
+    // Include the object, the probes and the hands, each with its shadow.
     for (int v = 0; v < vertex_count; v++) {
         const float *p = scene->xyz[v];
         if (isfinite(p[0] + p[1] + p[2])) cover_point(d, &e, p);
@@ -91,7 +92,7 @@ void kn_region_find(const kn_region_def *d, const kn_tools *tools, const kn_view
     kn_view_probe hand;
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (kn_tool_hand(scene, &scene->probe[i], &hand)) cover_probe(d, tools, &e, &hand);
-    // The table around the object's footprint is darker.
+    // Include the table around the object's footprint, where the table is darker.
     const float dim = d->dim_m;
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,

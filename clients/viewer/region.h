@@ -7,10 +7,10 @@
 
 typedef struct kn_region_def {
     const kn_camera *camera;
-    const float *key; // unit vector towards the light
+    const float *key; // unit vector towards the light that casts the shadows
     int width, height;
-    float level_m, square_m; // height of the table; side of its squares
-    float dim_m;             // distance from the object within which the table is darkened
+    float level_m, square_m; // level_m: height (z) of the table, m; square_m: side of the squares drawn on the table, m
+    float dim_m;             // distance from the object within which the table is darkened, m
 } kn_region_def;
 
 // Find two regions. `foot`: low x, low y, high x, high y of the object's footprint. `all`: everything that differs from

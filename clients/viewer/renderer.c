@@ -12,12 +12,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512) // texels on a side: 0.16 mm each on a 5 cm block, or twice that
-#define LIT_RADIUS 1.6f  // radius around the object within which shadows are drawn, in longest sides of the object
-#define SHADOW_BIAS 3.0f // offset from the surface, in half texels: 1.5 texels
-#define HAND_LINE 0.008f // width of a hand's outline, as a share of half the picture's height
+// side of the shadow map, texels; a texel is 0.16 mm (or 0.32 mm with one sample per pixel) on a 5 cm block
+#define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512)
+// radius around the object within which shadows are drawn, as a multiple of the object's longest side
+#define LIT_RADIUS 1.6f
+// offset of the shaded points from the surface, half texels of the shadow map: 3 halves are 1.5 texels
+#define SHADOW_BIAS 3.0f
+#define HAND_LINE 0.008f // width of a hand's outline, as a fraction of half the picture's height
 
-static const float table_color[3] = {0.925f, 0.93f, 0.935f}; // also the background, into which the table fades
+// colour of the table and of the background, into which the table fades
+static const float table_color[3] = {0.925f, 0.93f, 0.935f};
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
 static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
 static const float hand_color[3] = {0.42f, 0.58f, 0.88f};
@@ -26,18 +30,18 @@ static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
-    GLuint depth, solid, table, bare, edge; // shader programs; `bare`: the table where nothing casts a shadow
+    GLuint depth, solid, table, bare, edge; // shader programs; `bare`: for the part of the table where no shadow falls
     GLuint shadow_frame, shadow_map;
     kn_tools tools;
     kn_form square, object, edges;
     kn_skin *skin;
-    float *corners; // [triangle_count][3][6]
+    float *corners; // [triangle_count][3][6] position and normal of each corner
     int width, height, samples;
     kn_camera camera;
-    int side; // side of the object at the left of the picture: 0 front, 1 right, 2 back, 3 left
+    int side; // side of the object that is at the left of the picture: 0 front, 1 right, 2 back, 3 left
     float key[3], light[16];
-    float backdrop_camera[16]; // camera of the current backdrop; zero: none yet
-    float last_camera[16];     // camera of the last picture
+    float backdrop_camera[16]; // camera matrix with which the backdrop was drawn; all zero: no backdrop yet
+    float last_camera[16];     // camera matrix of the last picture
     float square_m;
 };
 
@@ -56,7 +60,7 @@ static void create_shapes(kn_renderer *r)
     r->square = kn_form_create(r->gl);
     kn_form_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
     r->object = kn_form_create(r->gl);
-    r->gl->GenVertexArrays(1, &r->edges.array); // positions only, without normals
+    r->gl->GenVertexArrays(1, &r->edges.array); // the array for edges has positions only, without normals
     r->gl->BindVertexArray(r->edges.array);
     r->gl->GenBuffers(1, &r->edges.buffer);
     r->gl->GenBuffers(1, &r->edges.values);
@@ -71,7 +75,7 @@ static float scale_of(const kn_skin *s)
     return longest;
 }
 
-// A depth texture that compares in the sampler, drawn through a frame buffer without colour.
+// Create the shadow map: a depth texture whose sampler compares depths, drawn through a frame buffer without colour.
 static bool create_shadow_map(kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
@@ -105,7 +109,7 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
     if (!r->depth || !r->solid || !r->table || !r->bare || !r->edge) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
-    snprintf(error, error_size, "OpenGL makes no shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
+    snprintf(error, error_size, "OpenGL cannot create a shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
     return false;
 }
 
@@ -148,9 +152,10 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     size_t corners = 3 * (size_t)triangle_count;
     r->corners = calloc(corners, 6 * sizeof *r->corners);
     if (!r->corners) return false;
-    // The side of a square is the power of ten that gives 2 to 20 squares along the object.
+    // Choose the side of the table's squares: the power of ten that gives 2 to 20 squares along the object.
     r->square_m = powf(10, floorf(log10f(scale_of(r->skin) / 2)));
-    // Barycentric distance from each side. A side that is not a line counts as far away everywhere.
+    // Compute the barycentric distance of each corner from each side. A side that is not a line gets a large distance
+    // everywhere.
     for (size_t i = 0; i < corners; i++)
         for (size_t side = 0; side < 3; side++)
             r->corners[3 * i + side] = i % 3 == side || !r->skin->line[i - i % 3 + side];
@@ -248,7 +253,8 @@ static void place(float m[16], const float at[3], const float direction[3], floa
     m[15] = 1;
 }
 
-// Draw a shape with either program. The depth program of the shadow map needs only the shape's place.
+// Draw a shape with the depth program or the lit program. The depth program, for the shadow map, needs only the shape's
+// position.
 static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, const float model[16],
                        const float color[3], float gloss, float lines)
 {
@@ -311,7 +317,7 @@ static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
         if (kn_tool_hand(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
 }
 
-// Draw a probe with its arrow. A probe outside the model is pale and casts no shadow.
+// Draw a probe with its arrow. A probe that does not act on the object is pale and casts no shadow.
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
     if (p->outside && program == r->depth) return;
@@ -349,7 +355,7 @@ static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scen
     }
     place(m, here, up, 1, 1, 1);
     if (seen && scene->value) set_scale(r, program), set_number(gl, program, "u_scaled", 1);
-    // In the wire style, the far side is visible through the skin, so back faces are drawn, too.
+    // In the wire style, the far side is visible through the skin, so draw back faces as well.
     if (seen && wire) set_number(gl, program, "u_wire", 0.5f), gl->Disable(GL_CULL_FACE);
     draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->style == KN_VIEW_LINED ? 0.30f : 0);
     if (seen && wire) gl->Enable(GL_CULL_FACE);
@@ -363,7 +369,7 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
         if (kn_tool_somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
 }
 
-// Clear the shadow map and direct drawing to it.
+// Clear the shadow map and make it the target of all drawing.
 static void clear_shadow_map(const kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
@@ -380,7 +386,7 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->depth);
     set_matrix(gl, r->depth, "u_light", r->light);
     gl->Enable(GL_POLYGON_OFFSET_FILL);
-    gl->PolygonOffset(3, 4); // away from the light, so that no surface shades itself
+    gl->PolygonOffset(3, 4); // shift the depths away from the light, so that no surface shades itself
     draw_solids(r, r->depth, scene);
     gl->Disable(GL_POLYGON_OFFSET_FILL);
 }
@@ -388,7 +394,8 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
 // Set the uniforms that both lit programs need: eye, light, shadow map.
 static void use_lit(const kn_renderer *r, GLuint program)
 {
-    static const float half[16] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0.5f, 0.5f, 1}; // -1..1 to 0..1
+    // matrix that maps -1..1 to 0..1
+    static const float half[16] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0.5f, 0.5f, 1};
     const kn_gl *gl = r->gl;
     float shadow[16];
     kn_mat_mul(shadow, half, r->light);
@@ -427,8 +434,8 @@ static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 // Return the height of the table, slightly below the object, so that table and underside do not flicker.
 static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); }
 
-// Put the place of the bar on the table into `bar`: low x, low y, high x, high y. The bar lies in front of the object's
-// side that is at the left of the picture.
+// Put the rectangle of the bar on the table into `bar`: low x, low y, high x, high y. The bar lies in front of the
+// object's side that is at the left of the picture.
 static void bar_of(const kn_renderer *r, float bar[4])
 {
     const float *low = r->skin->rest_low, *high = r->skin->rest_high, s = r->square_m;
@@ -447,11 +454,11 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     const float *m = r->camera.matrix;
     float bar[4];
     bar_of(r, bar);
-    // Middle of the edge that is farther from the object and so nearer to the camera.
+    // Find the middle of the bar's edge that is farther from the object and so nearer to the camera.
     float p[3] = {0.5f * (bar[0] + bar[2]), 0.5f * (bar[1] + bar[3]), level_of(r)};
-    const int across = r->side % 2 == 0; // y
+    const int across = r->side % 2 == 0; // axis across the edge: 0 is x, 1 is y
     p[across] = bar[across + (r->side == 1 || r->side == 2 ? 2 : 0)];
-    // Project the middle into the picture.
+    // Project the edge's middle into the picture.
     const float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) at[i] = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
     at[0] = 0.5f * (1 + at[0]) * (float)r->width;
@@ -491,7 +498,7 @@ static void draw_table(const kn_renderer *r, GLuint program, const float foot[4]
 static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_region near, const float foot[4],
                              float corner)
 {
-    if (near.width == 0) near.x = part.x, near.y = part.y; // `near` is empty
+    if (near.width == 0) near.x = part.x, near.y = part.y; // if `near` is empty, place it at the corner of `part`
     // Split the rest around `near` into four strips.
     const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
     const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
@@ -573,7 +580,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
-    // Prepare: tools, camera, light, and the region that needs drawing.
+    // Prepare the tools, the camera, the light, and the region that needs drawing.
     kn_tools_load(&r->tools, scene);
     aim(r, scene);
     light_up(r, scene);
@@ -598,7 +605,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     use_lit(r, r->solid);
     set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
     draw_solids(r, r->solid, scene);
-    const bool soft = r->samples > 1; // edge pixels of the solids are partly covered
+    const bool soft = r->samples > 1; // with several samples per pixel, the solids cover edge pixels only partly
     if (soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);
 
@@ -607,12 +614,14 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl_region all = {0, 0, r->width, r->height};
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
-    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE); // draws behind the solids, by their alpha
+    // let the table fill the fraction of each pixel that the solids leave free, according to their alpha
+    gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
     // Outside the part that is drawn now, the backdrop is already in the picture.
     draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner);
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);
-    // With one sample, the hands come after the table, because they clear the depth that the table needs.
+    // With one sample per pixel, draw the hands after the table, because the hands clear the depth buffer that the
+    // table needs.
     gl->Scissor(region.x, region.y, region.width, region.height);
     if (!soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// Viridis at nine equal steps.
+// Colours of the viridis scale at nine equal steps.
 #define HEX(rgb)                                                                                                       \
     {                                                                                                                  \
         (float)((rgb) >> 16) / 255.0f, (float)((rgb) >> 8 & 255) / 255.0f, (float)((rgb)&255) / 255.0f                 \
@@ -18,7 +18,7 @@ static double step_above(double most, int count, const double *steps)
 {
     if (!(most > 1e-9)) return 1e-9;
     double ten = pow(10, floor(log10(most))), top = 0;
-    // The margin covers rounding errors: 3 * 0.1 is a little more than 0.3.
+    // The small margin allows for rounding errors, because 3 * 0.1 is slightly more than 0.3.
     for (int i = 0; i < count && top < most; i++) top = steps[i] * ten * (1 + 1e-12);
     return top;
 }
@@ -42,7 +42,7 @@ static double prefix(const kn_scale *s, char text[16])
 {
     static const char *const name[] = {"n", "\u00b5", "m", "", "k", "M", "G"};
     if (!*s->unit) return strcpy(text, "%"), 100;
-    // The factor makes 1e-3 m read 1 mm in spite of rounding errors.
+    // The factor slightly above 1 makes 1e-3 m read as 1 mm in spite of rounding errors.
     int third = (int)fmin(fmax(floor(log10(s->top * 1.000001) / 3), -3), 3);
     snprintf(text, 16, "%s%s", name[third + 3], s->unit);
     return pow(10, -3 * third);
@@ -58,10 +58,11 @@ void kn_scale_title(const kn_scale *scale, char *text, size_t size)
 double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
 {
     char unit[16];
-    // Choose the number of intervals by the first digits of the top, so that ticks are round numbers.
+    // Choose the number of intervals by the first digits of the scale's top, so that the tick marks are round numbers.
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
     const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
-    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4; // tops of 1, 5 and 7.5 have five intervals
+    // number of intervals; a scale whose top begins with 1, 5 or 7.5 has five
+    const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4;
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);
     return (double)i / ticks;

@@ -22,8 +22,8 @@ static const char *const kn_shader_depth_vertex =
 
 static const char *const kn_shader_depth_fragment = KN_GLSL "void main() {}\n";
 
-// u_light maps the world to the shadow map's 0..1. The place is moved off the surface by u_bias, so that no surface is
-// speckled with its own shadow.
+// u_light maps the world to the shadow map's 0..1. The shaded point is moved off the surface by u_bias, so that
+// rounding errors do not cover a surface with specks of its own shadow.
 static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) in vec3 a_position;\n"
                                                           "layout(location = 1) in vec3 a_normal;\n"
                                                           "layout(location = 2) in vec3 a_side;\n"
@@ -40,12 +40,12 @@ static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) 
                                                           "    v_normal = normalize(mat3(u_model) * a_normal);\n"
                                                           "    v_side = a_side;\n"
                                                           "    v_shadow = (u_light * vec4(p.xyz + u_bias * v_normal, "
-                                                          "1.0)).xyz;\n" // off the surface
+                                                          "1.0)).xyz;\n" // u_bias moves the point off the surface
                                                           "    gl_Position = u_camera * (p + vec4(u_grow * v_normal, "
                                                           "0.0));\n"
                                                           "}\n";
 
-// Colour of a value, 0..1: interpolated linearly between the scale's colours, in linear light.
+// Colour of a value (0..1) on the colour scale: interpolated linearly between the scale's colours, in linear light.
 #define KN_GLSL_SCALE                                                                                                  \
     "uniform vec3 u_scale[9], u_color;\n"                                                                              \
     "uniform float u_scaled;\n"                                                                                        \
@@ -57,8 +57,8 @@ static const char *const kn_shader_solid_vertex = KN_GLSL "layout(location = 0) 
     "    return mix(u_scale[i], u_scale[i + 1], x - float(i));\n"                                                      \
     "}\n"
 
-// v_side is the distance from each drawn side of the triangle in barycentric units. Divided by its derivative, it is in
-// pixels.
+// v_side holds the distances from the sides of the triangle that are drawn as lines, in barycentric units. Division by
+// their screen derivatives gives the distances in pixels.
 static const char *const kn_shader_solid_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_SCALE
     "in vec3 v_position, v_normal, v_side, v_shadow;\n"
     "in float v_value;\n"
@@ -95,7 +95,7 @@ static const char *const kn_shader_edge_fragment =
 
 // The table fills the pixels that the solids left free. Each pixel shows the point where its line of sight meets the
 // height u_level. The table is drawn behind the resolved solids with one sample per pixel: its lines have their own
-// soft edges, and four samples cost 20 ms more.
+// soft edges, and four samples per pixel cost 20 ms more.
 static const char *const kn_shader_table_vertex =
     KN_GLSL "layout(location = 0) in vec3 a_position;\n"
             "uniform vec3 u_right, u_up, u_forward;\n" // line of sight through a corner of the picture
@@ -103,11 +103,12 @@ static const char *const kn_shader_table_vertex =
             "void main()\n"
             "{\n"
             "    v_sight = u_forward + a_position.x * u_right + a_position.y * u_up;\n"
-            "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n" // behind everything
+            // Depth just below 1: behind everything else in the picture.
+            "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n"
             "}\n";
 
 // Squares of u_square metres, with every fifth line stronger, and a bar as long as one square. All fade into the
-// background. dim(): share of the light that remains beside the object.
+// background. dim(): fraction of the light that the object beside leaves on the table.
 #define KN_GLSL_TABLE                                                                                                  \
     "in vec3 v_sight;\n"                                                                                               \
     "uniform vec3 u_color, u_eye;\n"                                                                                   \
@@ -147,7 +148,7 @@ static const char *const kn_shader_table_fragment = KN_GLSL KN_GLSL_SHADOW KN_GL
     "    return (1.0 - 0.45 * near * near * near) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "}\n";
 
-// The same colours for a table where the object does not matter and nothing casts a shadow.
+// Table with the same colours, for the part of the picture that the object does not darken and where no shadow falls.
 static const char *const kn_shader_bare_fragment = KN_GLSL KN_GLSL_TABLE "float dim(vec3 p) { return 1.0; }\n";
 
 #endif

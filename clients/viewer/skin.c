@@ -3,12 +3,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CREASE_COS 0.766f    // cosine of 40 degrees; edges of a block have 90, facets of a 16-sided cylinder 22
-#define COPLANAR_COS 0.9999f // cosine of 0.8 degrees
+// cosine of 40 degrees, the smallest angle of a crease; a block's edges have 90 degrees, the facets of a 16-sided
+// cylinder 22
+#define CREASE_COS 0.766f
+#define COPLANAR_COS 0.9999f // cosine of 0.8 degrees, the largest angle between two triangles that count as coplanar
 
 typedef struct half_edge { // one side of one triangle
-    int low, high;         // vertices of the side in ascending order, so that neighbours compare equal
-    int triangle, corner;  // corner opposite the side
+    // vertices of the side in ascending order, so that the half edges of two neighbours compare equal
+    int low, high;
+    int triangle, corner; // number of the triangle, and of its corner opposite the side
 } half_edge;
 
 // Sort by vertices to make neighbours adjacent. The triangle's number makes the order unique.
@@ -44,7 +47,7 @@ static bool longest(const int t[3], const float (*xyz)[3], int corner)
     return own > side_squared(t, xyz, (corner + 1) % 3) && own > side_squared(t, xyz, (corner + 2) % 3);
 }
 
-// Union-find with path halving: return the representative of i.
+// Return the representative of the set that contains `i` (union-find with path halving).
 static int root(int *parent, int i)
 {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
@@ -107,7 +110,7 @@ static bool find_neighbours(kn_skin *s, const float (*rest)[3])
         s->line[i] = true;
     }
     qsort(edge, (size_t)count, sizeof *edge, compare);
-    // Equal sides are adjacent after sorting.
+    // After sorting, the half edges of a shared side are adjacent.
     for (int i = 0; i + 1 < count; i++)
         if (edge[i].low == edge[i + 1].low && edge[i].high == edge[i + 1].high) meet(s, rest, &edge[i], &edge[i + 1]);
     free(edge);
@@ -175,7 +178,8 @@ static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 static bool whole(const int t[3], const float (*xyz)[3])
 {
     float sum = 0;
-    for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3]; // 0 unless a coordinate is infinite or NaN
+    // the sum stays 0 unless a coordinate is infinite or NaN
+    for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3];
     return sum == 0;
 }
 

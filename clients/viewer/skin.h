@@ -10,24 +10,26 @@
 // Angles are measured on the rest shape given to kn_skin_create, normals on the present shape.
 #include <stdbool.h>
 
-#define KN_SKIN_VERTICES_MAX (1 << 20) // limit, because a mesh from the bus may claim any size
+// Largest number of vertices; a limit is needed because a mesh received from the bus may claim any size.
+#define KN_SKIN_VERTICES_MAX (1 << 20)
 
 typedef struct kn_skin {
     int vertex_count;
     int triangle_count;
-    int group_count;   // number of normals
-    int *triangle;     // [triangle_count][3] vertex numbers
-    int *group;        // [triangle_count][3] normal of each corner
-    bool *line;        // [triangle_count][3] true: the side opposite the corner is a line
-    float *normal;     // [group_count][3] scratch of kn_skin_corners
-    float rest_low[3]; // box around the rest shape, m
+    int group_count; // number of normals; corners of triangles that share a normal form a group
+    int *triangle;   // [triangle_count][3] numbers of the vertices of each triangle
+    int *group;      // [triangle_count][3] number of the normal of each corner
+    // [triangle_count][3] true: the triangle's side opposite the corner is drawn as a line of the lattice.
+    bool *line;
+    float *normal;     // [group_count][3] normals, scratch memory of kn_skin_corners
+    float rest_low[3]; // low corner of the box around the rest shape, m
     float rest_high[3];
 } kn_skin;
 
 // Create a skin from copies of the arrays. Return NULL if memory is short, if there are more than KN_SKIN_VERTICES_MAX
 // vertices or twice as many triangles, or if a triangle names a vertex that does not exist.
 kn_skin *kn_skin_create(int vertex_count, const float (*rest)[3], int triangle_count, const int (*triangle)[3]);
-void kn_skin_destroy(kn_skin *skin); // NULL is allowed
+void kn_skin_destroy(kn_skin *skin); // `skin` may be NULL
 
 // Compute position and unit normal of every corner, out[triangle_count][3][6]. A normal is the mean of the face
 // normals, weighted by the corner's angle, so the direction of a quad's diagonal leaves no pattern. Degenerate

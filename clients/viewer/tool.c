@@ -8,15 +8,15 @@
 #include <string.h>
 
 #define PLATE_THICKNESS_M 0.002
-// Thickness of tools, as a share of a flat object's thickness. With 1, sides of tool and object would lie in one plane
-// and flicker.
+// Thickness of tools, as a fraction of a flat object's thickness. At 1, the sides of tool and object would lie in one
+// plane and flicker.
 #define FLAT_SHARE 0.99
-#define ARROW_SQUARES_PER_N 0.2f // length of the force arrow, squares of the table per N
-#define ARROW_LEAST_N 0.05f      // smallest force that is drawn
+#define ARROW_SQUARES_PER_N 0.2f // length of the force arrow per force, squares of the table per N
+#define ARROW_LEAST_N 0.05f      // smallest force that is drawn as an arrow, N
 #define HAND_AWAY_M 0.0005       // distance of a hand from its tool above which its outline is drawn
 #define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees: turn of a hand above which its outline is drawn
 
-// Unit solids: z from 0 to 1, or -1 to 1 for the ball; radius 1. The box has sides of 1.
+// Profiles of the unit solids: z from 0 to 1, or -1 to 1 for the ball; radius 1. The box has sides of 1.
 kn_tools kn_tools_create(const kn_gl *gl)
 {
     static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
@@ -40,7 +40,7 @@ typedef struct frame { // axes and origin of a tool
 
 static frame frame_of(const kn_view_probe *p)
 {
-    static const double level[4] = {1}; // plates ignore the orientation
+    static const double level[4] = {1}; // orientation of a plate, which ignores the orientation of its probe
     frame f;
     double unit[4], r[3][3];
     kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
@@ -76,7 +76,7 @@ static frame frame_within(const frame *tool, const kn_solid *part)
     return f;
 }
 
-// Upload a mesh tool when it is first seen. If memory is short, the tool is not drawn.
+// Upload a mesh tool when it is first seen. If memory is short, the tool has no form and is not drawn.
 static void load_mesh(kn_tools *t, int probe, const kn_field *f)
 {
     float(*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
@@ -207,7 +207,7 @@ bool kn_tool_hand(const kn_view_scene *scene, const kn_view_probe *p, kn_view_pr
     memset(hand->force_n, 0, sizeof hand->force_n);
     if (!kn_tool_somewhere(hand)) return false;
     const frame tool = frame_of(p), held = frame_of(hand);
-    float least = 1; // cosine of the largest turn of an axis
+    float least = 1; // cosine of the largest angle between an axis of the hand and that of the tool
     for (int i = 0; i < 3; i++) least = fminf(least, kn_dot(tool.axis[i], held.axis[i]));
     return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]) > HAND_AWAY_M || least < HAND_TURNED_COS;
 }

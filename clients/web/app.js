@@ -29,7 +29,7 @@ function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
 
 // Send a request as JSON. The promise always resolves, to {ok, words}.
 function ask(what, fields = {}) {
-    if (socket?.readyState !== WebSocket.OPEN) return Promise.resolve({ ok: false, words: 'knead web is not there' });
+    if (socket?.readyState !== WebSocket.OPEN) return Promise.resolve({ ok: false, words: 'knead web is not connected' });
     const id = ++asked;
     socket.send(JSON.stringify({ id, do: what, ...fields }));
     return new Promise((answer) => answers.set(id, answer));
@@ -76,7 +76,7 @@ function connect() {
         socket = null; // a picture that is still being decoded belongs to the old connection
         waiting = [];
         picture.classList.add('stale');
-        for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web has gone before it answered' });
+        for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web disconnected before it answered' });
         showAbout(null);
         const again = code < 4401; // a wrong token stays wrong, and a replaced page would replace another
         say(again ? 'wait' : 'fault', (reason || 'knead web has ended') + (again ? ': trying again every 2 s' : ''));

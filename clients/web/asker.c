@@ -6,10 +6,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define PATIENCE_S 12        // longest wait, s: kneadd answers within 2 s, except for a large scene
+// Longest wait for an answer, s; kneadd answers within 2 s, except when it loads a large scene.
+#define PATIENCE_S 12
 #define ANSWER_MAX (1 << 18) // largest answer, bytes
 
-// End a call: close it, then deliver its answer. If `why` is not NULL, deliver this error instead.
+// End a request: close its connection, then deliver its answer. If `why` is not NULL, deliver this error instead of the
+// answer.
 static void end(kn_asker_call *c, const char *why)
 {
     kn_asker *a = c->asker;
@@ -18,11 +20,11 @@ static void end(kn_asker_call *c, const char *why)
     ev_io_stop(a->ev, &c->readable);
     ev_timer_stop(a->ev, &c->patience);
     close(c->readable.fd);
-    // Free the call before the callback, which may ask again.
+    // Free the request's place before the callback, because the callback may make a new request.
     c->text = NULL;
     if (!json_is_object(answer)) {
         json_decref(answer);
-        answer = json_pack("{s:b, s:s}", "ok", 0, "error", why ? why : "what answers there is no kneadd");
+        answer = json_pack("{s:b, s:s}", "ok", 0, "error", why ? why : "the program that answers there is not kneadd");
     }
     if (answer) a->answered(a->arg, c->tag, answer);
     json_decref(answer);
@@ -38,8 +40,8 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (got > 0) c->size += (size_t)got;
     // An answer ends with a newline. Anything larger than ANSWER_MAX is not from kneadd.
     if (c->size > 0 && c->text[c->size - 1] == '\n') end(c, NULL);
-    else if (got <= 0) end(c, "kneadd hung up without an answer");
-    else if (c->size == ANSWER_MAX) end(c, "what answers there is no kneadd");
+    else if (got <= 0) end(c, "kneadd closed the connection without an answer");
+    else if (c->size == ANSWER_MAX) end(c, "the program that answers there is not kneadd");
 }
 
 static void on_late(struct ev_loop *ev, ev_timer *w, int events)
@@ -53,10 +55,11 @@ void kn_asker_open(kn_asker *a, struct ev_loop *ev) { a->ev = ev; }
 bool kn_asker_ask(kn_asker *a, int tag, const json_t *request, bool urgent, char *error, size_t error_size)
 {
     kn_asker_call *c = NULL;
-    // Call 0 is reserved for urgent requests.
+    // Place 0 is reserved for urgent requests.
     for (int i = urgent ? 0 : 1; !c && i < KN_ASKER_CALLS; i++)
         if (!a->call[i].text) c = &a->call[i];
-    snprintf(error, error_size, "%s", !a->path ? "knead web has no --control" : "kneadd is busy with what was asked");
+    snprintf(error, error_size, "%s",
+             !a->path ? "knead web has no --control" : "kneadd is still busy with earlier requests");
     if (!a->path || !c) return false;
     int fd = kn_ask_begin(a->path, request, error, error_size);
     if (fd < 0) return false;

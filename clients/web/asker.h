@@ -9,14 +9,15 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#define KN_ASKER_CALLS 5 // most requests at once, one of them reserved for urgent requests; kneadd accepts eight
+// Most requests that wait for answers at once, one of them reserved for urgent requests; kneadd accepts 8.
+#define KN_ASKER_CALLS 5
 
 typedef struct kn_asker_call {
     ev_io readable;
     ev_timer patience;
     struct kn_asker *asker;
     int tag;
-    char *text; // part of the answer received so far; NULL: this call is free
+    char *text; // part of the answer received so far; NULL: this place for a request is free
     size_t size;
 } kn_asker_call;
 
@@ -27,15 +28,15 @@ typedef struct kn_asker {
     // object. If no answer came, it is {"ok": false, "error": "..."}.
     void (*answered)(void *arg, int tag, const json_t *answer);
     void *arg;
-    kn_asker_call call[KN_ASKER_CALLS]; // private
+    kn_asker_call call[KN_ASKER_CALLS]; // the requests that wait for answers (private)
 } kn_asker;
 
 // Prepare an asker. It must be zeroed except for path, answered and arg, and must not move afterwards.
 void kn_asker_open(kn_asker *asker, struct ev_loop *ev);
 
 // Send a request. If it cannot be sent, return false and one line in `error`; `answered` is then not called for this
-// request. The caller keeps `request`. urgent: the request may use the reserved call.
+// request. The caller keeps `request`. urgent: the request may use the place that is reserved for urgent requests.
 bool kn_asker_ask(kn_asker *asker, int tag, const json_t *request, bool urgent, char *error, size_t error_size);
-void kn_asker_close(kn_asker *asker); // does not wait for pending answers
+void kn_asker_close(kn_asker *asker); // closes all connections without waiting for pending answers
 
 #endif

@@ -17,13 +17,13 @@ static size_t block_of(const char *text, const char *head, const char **begin)
         ++*begin;
     }
     const char *end = strchr(*begin, '\n');
-    // Indented lines and comment lines belong to the block.
+    // Indented lines and comment lines that follow belong to the block.
     while (end && (end[1] == ' ' || end[1] == '#')) end = strchr(end + 1, '\n');
     return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
 }
 
-// Make a name safe for a YAML comment. The name came over the bus. A line break in it, also one that is not ASCII,
-// would end the comment.
+// Make a name safe for a YAML comment. The name came over the bus. Any line break in the name, ASCII or not, would end
+// the comment.
 static void plain(const char *name, char *to, size_t size)
 {
     snprintf(to, size, "%s", name);
@@ -39,8 +39,8 @@ static bool material(const kn_web *w, kn_web_file *file)
     if (size == 0 || more == 0) return false;
     char head[256], name[128];
     plain(w->live.scene->name, name, sizeof name);
-    int n =
-        snprintf(head, sizeof head, "# As it was served in %s. In a scene: `material: FILE.yaml`, beside it.\n", name);
+    int n = snprintf(head, sizeof head,
+                     "# As served in %s. In a scene: `material: FILE.yaml`, with this file beside it.\n", name);
     file->type = "application/yaml; charset=utf-8";
     file->size = (size_t)n + size + more;
     file->bytes = malloc(file->size);
@@ -59,7 +59,7 @@ static bool scene(const kn_web *w, kn_web_file *file)
     return file->bytes;
 }
 
-// Find a file of a recording. The CSV exists only after a verification.
+// Find the path of a recording's file. The CSV file exists only after the recording was verified.
 static bool recording(kn_web *w, int number, const char *kind, kn_web_file *file)
 {
     const kn_take *one = kn_takes_find(&w->takes, number);
@@ -79,7 +79,7 @@ bool kn_web_fetch(void *self, const char *name, kn_web_file *file)
         kn_web_png_path(w, file->path);
         return true;
     }
-    // Only a number and a kind are taken from the name.
+    // Take only the number of a recording and the kind of a file from the name that the page sent.
     int number;
     char kind[8], end;
     if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2) return recording(w, number, kind, file);

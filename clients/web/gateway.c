@@ -11,17 +11,19 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-#define GUEST_S 2    // longest stay without the token, s: a page shows its token within a few round trips
-#define EXPIRY_S 0.2 // interval of looking for guests that have stayed too long, s
-// Interval of closing guests while more connections come than there are places, s. Each of the 16 guests then has at
-// least 64 ms to show its token.
+// Longest time that a connection may stay without the token, s; a page shows its token within a few round trips.
+#define GUEST_S 2
+#define EXPIRY_S 0.2 // interval between two searches for guests that have stayed too long, s
+// Time between two closings of guests while more connections arrive than there are places, s. With this interval, each
+// of the 16 guests has at least 64 ms to show its token.
 #define CLOSE_EVERY_S 0.004
-// Connections with the token that are not pages. With more, the descriptors would not all fit into 64.
+// Largest number of connections with the token that are not pages (downloads). With more, the program could need more
+// than 64 descriptors.
 #define DOWNLOADS 8
 // Timeout of libwebsockets for a request and for an idle connection, s.
 #define PATIENCE_S 5
-// Bytes given to the kernel at once. The default is the size of the receive buffer, which would send a picture in 500
-// pieces.
+// Number of bytes passed to the kernel at once. The default of libwebsockets, the size of the receive buffer, would
+// send a picture in 500 pieces.
 #define AT_ONCE (1 << 24)
 // WebSocket close codes. Codes from 4000 on are private to this protocol.
 enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, OUSTED = 4429 };
@@ -46,12 +48,13 @@ static const struct {
              {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
 
 typedef struct session { // libwebsockets keeps one session per connection
-    bool socket;         // it is a WebSocket
-    bool admitted;       // the token was shown and a place given
-    int page;            // -1: the token was not shown yet, or a newer page took the place
+    bool socket;         // true: the connection is a WebSocket
+    bool admitted;       // true: the page has shown the token and got a place
+    // Index of the page; -1: the page has not shown the token yet, or a newer page has taken its place.
+    int page;
     size_t length;
     uint8_t message[KN_REQUEST_MAX];
-    // A close reason was set. Writing anything more would end the connection before the reason is sent.
+    // True: a reason for closing was set. Writing anything more would end the connection before the reason is sent.
     bool closing;
 } session;
 
@@ -88,12 +91,12 @@ static void close_oldest(kn_gateway *g)
 {
     struct lws *oldest = g->guest[0];
     forget_guest(g, oldest);
-    // Without the shutdown, libwebsockets would wait until its answer is read.
+    // Shut the socket down, because libwebsockets would otherwise wait until the guest has read the answer.
     shutdown(lws_get_socket_fd(oldest), SHUT_RDWR);
     lws_set_timeout(oldest, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_SYNC);
 }
 
-// Stop accepting for a while. The kernel queues or refuses connections meanwhile.
+// Stop accepting connections until the timer `pause` ends. The kernel queues or refuses connections meanwhile.
 static void pause_accepting(kn_gateway *g, double seconds, const char *why)
 {
     tell_refusal(g, why);
@@ -171,10 +174,10 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
         return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
     // Downloads have their own places, so that they never take those of pages or guests.
     if (is_guest(g, wsi) && g->connections - g->guests - kn_gateway_pages(g) >= DOWNLOADS)
-        return refuse(g, wsi, 503, "eight downloads are under way already");
+        return refuse(g, wsi, 503, "too many downloads at once, expected at most eight");
     forget_guest(g, wsi);
     if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
-    // Sent in pieces, without another call of this callback.
+    // libwebsockets sends the file in pieces without calling this callback again.
     if (file.path[0]) {
         int sent = lws_serve_http_file(wsi, file.path, file.type, NULL, 0);
         return sent < 0 || (sent > 0 && lws_http_transaction_completed(wsi)) ? -1 : 0;
@@ -205,7 +208,7 @@ static int confirm(kn_gateway *g, struct lws *wsi)
     if (!header_is(wsi, WSI_TOKEN_PROTOCOL, "knead")) why = "wrong subprotocol: expected knead";
     if (!header_is(wsi, WSI_TOKEN_ORIGIN, g->origin)) why = "wrong Origin: open the address that knead web printed";
     if (!header_is(wsi, WSI_TOKEN_HOST, g->site)) why = "wrong Host: open the address that knead web printed";
-    // HTTP/2 would carry many requests over one place.
+    // Refuse HTTP/2, because an HTTP/2 connection would carry many requests but use one place.
     if (!header_is(wsi, WSI_TOKEN_UPGRADE, "websocket")) why = "wrong upgrade: expected websocket";
     if (!why) return 0;
     return refuse(g, wsi, 403, why) ? -1 : 1;
@@ -241,7 +244,7 @@ static int oust(kn_gateway *g)
 // Handle the first message of a connection, which must be the token.
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
-    // The page has lost its place and is about to be told.
+    // Ignore messages of a page that has lost its place and is about to be told so.
     if (s->admitted) return 0;
     if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
         return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
@@ -276,7 +279,7 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
     if (s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, or JSON as text");
     if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_SEEN)
-        return hang_up(g, wsi, PROTOCOL, "malformed message: no such kind");
+        return hang_up(g, wsi, PROTOCOL, "malformed message: unknown kind");
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
@@ -290,7 +293,7 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
 // Handle a request in JSON.
 static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 {
-    char why[120]; // a close reason holds at most 123 bytes
+    char why[120]; // reason for closing; a WebSocket close reason has at most 123 bytes
     kn_request request;
     if (!kn_request_parse(&request, (const char *)s->message, s->length, why, sizeof why))
         return hang_up(g, wsi, PROTOCOL, why);
@@ -304,7 +307,7 @@ static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes
     if (lws_is_first_fragment(wsi)) s->length = 0;
     size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_REQUEST_MAX : KN_GATEWAY_TOKEN;
     if (size > most - s->length)
-        return hang_up(g, wsi, TOO_BIG, "too large a message: expected 20 bytes, or 256 of JSON as text");
+        return hang_up(g, wsi, TOO_BIG, "message too large: expected 20 bytes, or at most 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;
@@ -320,7 +323,7 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
     if (s->page < 0 && s->admitted && !s->closing)
-        return hang_up(g, wsi, OUSTED, "a newer page has taken this one's place: reload to have it back");
+        return hang_up(g, wsi, OUSTED, "a newer page has taken over: reload to take it back");
     if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
@@ -344,8 +347,10 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     const bool ok =
         x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
         ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
-        X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&     // one day back: a tablet's clock may be behind
-        X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) && // the longest validity that browsers accept
+        // Valid from one day ago, because a tablet's clock may be slow.
+        X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&
+        // Valid for 397 days, the longest validity that browsers accept.
+        X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) &&
         X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
         X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&
         X509_sign(x, key, EVP_sha256()) && X509_digest(x, EVP_sha256(), digest, NULL) &&
@@ -404,7 +409,8 @@ bool kn_gateway_host(const char *text, struct in_addr *host)
 {
     if (inet_pton(AF_INET, text, host) != 1) return false;
     const uint32_t address = ntohl(host->s_addr);
-    return address >> 24 != 0 && !IN_MULTICAST(address) && !IN_BADCLASS(address); // not "any", multicast or broadcast
+    // Refuse the address "any", multicast and broadcast.
+    return address >> 24 != 0 && !IN_MULTICAST(address) && !IN_BADCLASS(address);
 }
 
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size)
@@ -416,27 +422,28 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
         !bind(fd, (struct sockaddr *)&at, sizeof at) && !listen(fd, SOMAXCONN))
         return fd;
     snprintf(error, error_size, "%s:%d: %s%s", host, port, strerror(errno),
-             errno == EADDRINUSE && port ? "; --port 0 takes a free one"
+             errno == EADDRINUSE && port ? "; --port 0 chooses a free one"
              : errno == EADDRNOTAVAIL    ? "; expected an address of this machine"
                                          : "");
     if (fd >= 0) close(fd);
     return -1;
 }
 
-// Accept a connection. The gateway accepts itself, because it limits guests and chooses the moment.
+// Accept a connection. The gateway calls accept itself instead of libwebsockets, because it limits the number of guests
+// and may delay new connections.
 static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
 {
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
-    // Without a pause, the pending connection would trigger this callback again at once, in a busy loop.
+    // Pause, because the pending connection would otherwise trigger this callback again and again in a busy loop.
     if (fd < 0 && (errno == EMFILE || errno == ENFILE)) {
         pause_accepting(g, g->guests ? CLOSE_EVERY_S : 0.1, "too many descriptors are open");
         if (g->guests) close_oldest(g);
     }
     if (fd < 0) return;
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    struct lws *wsi = lws_adopt_socket(g->context, fd); // closes the descriptor on failure
+    struct lws *wsi = lws_adopt_socket(g->context, fd); // on failure, this call closes the descriptor
     if (wsi) add_guest(g, wsi);
 }
 
@@ -460,11 +467,12 @@ static bool make_address(kn_gateway *g, const char *host)
         !kn_gateway_host(host, &expected) || at.sin_addr.s_addr != expected.s_addr ||
         getrandom(random, sizeof random, 0) != sizeof random)
         return false;
-    // A new random token for each run.
+    // Make a new random token for each run of the program.
     for (size_t i = 0; i < sizeof random; i++) sprintf(g->token + 2 * i, "%02x", random[i]);
     const bool here = ntohl(at.sin_addr.s_addr) >> 24 == IN_LOOPBACKNET;
     int n = snprintf(g->origin, sizeof g->origin, "%s://%s", here ? "http" : "https", inet_ntoa(at.sin_addr));
-    if (ntohs(at.sin_port) != (here ? 80 : 443)) // browsers leave the default port out
+    // Leave out the default port, as browsers do in the headers Origin and Host.
+    if (ntohs(at.sin_port) != (here ? 80 : 443))
         snprintf(g->origin + n, sizeof g->origin - (size_t)n, ":%d", ntohs(at.sin_port));
     g->site = strchr(g->origin, '/') + 2;
     snprintf(g->address, sizeof g->address, "%s/#%s", g->origin, g->token);
@@ -486,13 +494,14 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
         .foreign_loops = loops,
         .timeout_secs = PATIENCE_S,
         .keepalive_timeout = PATIENCE_S,
-        .alpn = "http/1.1", // one request at a time per connection: HTTP/2 streams would share one place
+        // Allow only HTTP/1.1, which has one request at a time per connection; HTTP/2 streams would share one place.
+        .alpn = "http/1.1",
         .options = LWS_SERVER_OPTION_LIBEV | LWS_SERVER_OPTION_DISABLE_IPV6 |
                    LWS_SERVER_OPTION_HTTP_HEADERS_SECURITY_BEST_PRACTICES_ENFORCE};
     g->ev = ev;
     g->fd = fd >= 0 ? fd : kn_gateway_listen(host, port, error, error_size);
     if (g->fd < 0) return false;
-    // Each message is written before its step, so that a failing step leaves its own reason.
+    // Write each error message before the step that may fail. If the step fails, `error` has the reason.
     snprintf(error, error_size, "--listen-fd %d: expected a socket that listens on %s", fd, host);
     if (!make_address(g, host)) return false;
     // Encrypt if the address is not loopback.

@@ -24,48 +24,50 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_GATEWAY_PAGES 4   // places for pages
-#define KN_GATEWAY_GUESTS 16 // places for connections without the token
-#define KN_GATEWAY_TOKEN 32  // hex digits of the token
-// Most messages that a page may have not acknowledged. With more, old pictures would wait in a buffer.
+#define KN_GATEWAY_PAGES 4   // most pages connected at once
+#define KN_GATEWAY_GUESTS 16 // most connections at once that have not shown the token
+#define KN_GATEWAY_TOKEN 32  // number of hex digits of the token
+// Largest number of messages sent to a page and not acknowledged by the page. With more, outdated pictures would wait
+// in a buffer.
 #define KN_GATEWAY_IN_FLIGHT 2
 
 // POINTER: place of the pointer and state of its button. SEEN: the page has drawn a message of the gateway.
 typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
 
-typedef struct kn_web_message { // checked: finite, u and v 0..1, depth_m 0..0.1
+// Checked message of a page: numbers are finite, u and v within 0..1, depth_m within 0..0.1.
+typedef struct kn_web_message {
     kn_web_kind kind;
     uint32_t number; // POINTER: number of the event; SEEN: number of the message that was drawn
     bool pressed;
     float u, v, depth_m;
 } kn_web_message;
 
-typedef struct kn_web_page { // a page that has shown the token
-    uint32_t sent, seen;     // messages sent and acknowledged; sent - seen are in flight
-    bool news;               // something waits to be written
-    int64_t came;            // sequence number of this page's admission
-    uint32_t picture;        // number of the last picture that was sent; set by the caller
-    uint32_t event;          // number of the last pointer event
-    int64_t pointed_ms;      // time of the last pointer event; CLOCK_MONOTONIC
+typedef struct kn_web_page { // browser page that has shown the token
+    uint32_t sent, seen;     // number of messages sent to the page, and of messages that the page has acknowledged
+    bool news;               // true: a message waits to be written to the page
+    int64_t came;            // sequence number of the page's admission; a newer page has a larger number
+    uint32_t picture;        // number of the last picture sent to the page; set by the caller
+    uint32_t event;          // number of the last pointer event received from the page
+    int64_t pointed_ms;      // time (CLOCK_MONOTONIC) of the last pointer event received from the page
     uint64_t told;           // count of force samples sent to the page or dropped
     int about;               // version of kn_web.about that the page has; set by the caller
-    struct lws *wsi;         // NULL: the place is free
+    struct lws *wsi;         // connection to the page; NULL: this place for a page is free
 } kn_web_page;
 
-typedef struct kn_web_file { // a download
-    const char *type;        // MIME type
+typedef struct kn_web_file { // contents of one download
+    const char *type;        // MIME type of the download
     char path[128];          // file to send; "": send `bytes` instead
-    char *bytes;             // from malloc; the gateway frees it after fetch
+    char *bytes;             // contents if `path` is empty; allocated with malloc by `fetch`, freed by the gateway
     size_t size;
 } kn_web_file;
 
 typedef struct kn_gateway {
-    char address[96];     // http://HOST:PORT/#TOKEN; https if HOST is not loopback
-    char fingerprint[96]; // SHA-256 of the certificate, AB:CD:..; "" without encryption
+    char address[96];     // address of the page, http://HOST:PORT/#TOKEN; with https if HOST is not loopback
+    char fingerprint[96]; // SHA-256 fingerprint of the certificate, as AB:CD:..; "" without encryption
     kn_web_page page[KN_GATEWAY_PAGES];
-    int64_t refused; // connections and requests refused so far
+    int64_t refused; // number of connections and requests refused so far
     // Callbacks, set by the caller.
-    void (*on_message)(void *arg, int page, const kn_web_message *message); // for POINTER messages
+    void (*on_message)(void *arg, int page, const kn_web_message *message); // called for each POINTER message
     void (*on_request)(void *arg, int page, const kn_request *request);
     void (*on_gone)(void *arg, int page);
     // Return true if the page keeps its place when a newer page comes. At most KN_GATEWAY_PAGES - 1 pages may keep
@@ -73,22 +75,23 @@ typedef struct kn_gateway {
     bool (*stays)(void *arg, int page);
     // Get the download of the path "/get/NAME". Return false if there is no download of this name.
     bool (*fetch)(void *arg, const char *name, kn_web_file *file);
-    // Write the next message of a page, at most `size` bytes. Return the length of the message.
+    // Write the next message for a page to `bytes`, at most `size` bytes. Return the length of the message.
     size_t (*write)(void *arg, int page, uint8_t *bytes, size_t size);
     void *arg;
     // private
     struct lws_context *context;
     struct ev_loop *ev;
     ev_io acceptable;
-    ev_timer pause;  // while it runs, no connection is accepted
-    ev_timer expiry; // closes guests that have stayed too long
+    ev_timer pause;  // while this timer runs, no connection is accepted
+    ev_timer expiry; // timer that closes guests which have stayed too long
     struct lws *guest[KN_GATEWAY_GUESTS];
-    double guest_s[KN_GATEWAY_GUESTS]; // time of each guest's arrival
-    int64_t admitted;                  // pages admitted so far
+    double guest_s[KN_GATEWAY_GUESTS]; // arrival times of the guests
+    int64_t admitted;                  // number of pages admitted so far
     int fd, connections, guests;
-    int64_t told_ms;                              // time of the last reported refusal
-    char token[KN_GATEWAY_TOKEN + 1], origin[40]; // http://HOST:PORT
-    const char *site;                             // HOST:PORT, a part of origin
+    int64_t told_ms; // time when a refusal was last reported
+    // token: random secret of this run, hex digits; origin: the Origin that a page must send, http://HOST:PORT.
+    char token[KN_GATEWAY_TOKEN + 1], origin[40];
+    const char *site; // the part HOST:PORT of `origin`
     uint8_t *buffer;
     size_t buffer_size;
 } kn_gateway;
@@ -100,11 +103,13 @@ bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, 
                      char *error, size_t error_size);
 // Return a listening socket, or -1 and one line in `error`.
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size);
-bool kn_gateway_host(const char *text, struct in_addr *host); // return true if text is the IPv4 address of one machine
+// Returns true if `text` is the IPv4 address of one machine.
+bool kn_gateway_host(const char *text, struct in_addr *host);
 // Return the number of pages that are connected.
 int kn_gateway_pages(const kn_gateway *gateway);
-bool kn_gateway_wants(const kn_gateway *gateway); // return true if at least one page can take a picture now
-void kn_gateway_news(kn_gateway *gateway);        // writes to each page as soon as the page can take a message
+bool kn_gateway_wants(const kn_gateway *gateway); // returns true if at least one page can take a picture now
+// Lets the gateway call `write` for each page as soon as that page can take a message.
+void kn_gateway_news(kn_gateway *gateway);
 void kn_gateway_close(kn_gateway *gateway);
 
 #endif

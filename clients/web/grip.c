@@ -10,13 +10,14 @@
 #define IDLE_MS 2000 // after this time without pointer events another page may take the tool
 #define HELD_MS 5000 // after this time without pointer events another program may take the tool
 
-// Compute the next pose from the newest wish. Runs every ms in the device's thread.
+// Compute the next pose of the tool from the newest wish. This function runs every ms in the device's thread.
 static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_web *w = self;
     bool fresh;
     kn_pointer_wish wish = *(const kn_pointer_wish *)kn_mailbox_latest(&w->wishes, &fresh);
-    // A wish comes every 100 ms, unless the main thread stands still.
+    // The main thread posts a wish at least every 100 ms. If no wish comes for KN_WEB_LET_GO_MS, the main thread stands
+    // still, so the wish counts as stale.
     w->stale_ms = fresh ? 0 : w->stale_ms + elapsed_ms;
     wish.stale = w->stale_ms > KN_WEB_LET_GO_MS;
     kn_hand_out out = kn_pointer_tick(&w->pointer, &wish, force, elapsed_ms);
@@ -25,7 +26,7 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
         sample.work_mj = (float)(1e3 * force->energy_j);
         sample.round_trip_ms = (float)(1e-6 * (double)(kn_now_ns() - force->sent_ns));
     }
-    kn_ring_push(&w->samples, &sample); // a full ring loses samples of the trace, nothing else
+    kn_ring_push(&w->samples, &sample); // if the ring is full, only this sample of the trace is lost
     return out;
 }
 
@@ -62,8 +63,8 @@ static const kn_probe_def *choose_tool(const kn_web *w)
     return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
 }
 
-// Return whether the hand can go on: same tool, object and lattice of the same size. Then only the material has
-// changed.
+// Return true if the hand can continue in the new scene. This is the case if the tool, the size of the object and the
+// spacing of the nodes are unchanged, so that only the material differs.
 static bool goes_on(const kn_web *w, const kn_probe_def *tool)
 {
     double extent_m[3];
@@ -73,7 +74,7 @@ static bool goes_on(const kn_web *w, const kn_probe_def *tool)
            memcmp(extent_m, w->reach.extent_m, sizeof extent_m) == 0 && def->spacing_m == w->held_spacing_m;
 }
 
-// Stop the hand, for another scene or another program.
+// Stop the hand, because the scene changes or another program takes the tool.
 void kn_web_let_go(kn_web *w)
 {
     if (w->moving) kn_device_stop(&w->device);
@@ -85,7 +86,7 @@ void kn_web_let_go(kn_web *w)
     kn_web_post_wish(w);
 }
 
-// Start a new hand with a random session number. 7 bytes keep the number positive.
+// Start a new hand with a random session number. Only 7 random bytes are used, so that the number is positive.
 void kn_web_take_up(kn_web *w)
 {
     int64_t session = 0;
@@ -104,7 +105,7 @@ kn_camera_view kn_web_camera(const kn_web *w)
                             .aspect = (float)w->width / (float)w->height};
 }
 
-// Adapt to a new scene: choose the tool, and restart the hand unless it can go on.
+// Adapt to a new scene: choose the tool, and restart the hand unless it can continue.
 void kn_web_take_scene(kn_web *w)
 {
     if (!w->live.scene || (w->live.scene == w->scene && w->live.scene->text_hash == w->scene_hash)) return;
@@ -128,7 +129,7 @@ void kn_web_take_scene(kn_web *w)
     }
     w->held = *tool;
     w->held_spacing_m = w->live.scene->model.spacing_m;
-    // While a recording has the tool, the hand stays stopped.
+    // While a recording that is played moves the tool, the hand stays stopped.
     if (!on && !w->lent) kn_web_take_up(w);
 }
 
@@ -153,9 +154,10 @@ static void point(kn_web *w, int page, const kn_web_message *m)
         return;
     }
     kn_web_take_samples(w);
-    // True once the tool has met the surface that was visible when the press began.
+    // True if the tool has reached the object's surface that was visible when the press began.
     const bool met = w->button == KN_BUTTON_PRESSES && w->news.depth_m > 0;
-    // Aim while the button is up or during a stroke. A press that has not met the surface yet keeps its place.
+    // Move the goal of the tool to the pointer while the button is up, or during a stroke. A press that has not reached
+    // the surface yet keeps its place.
     if (w->button == KN_BUTTON_UP || (met && !w->turned)) kn_reach_aim(&w->reach, m->u, m->v, &w->wish);
     // A press starts where the object is; a press beside the object does nothing until the button is up.
     if (!m->pressed) {
@@ -191,7 +193,7 @@ void kn_web_on_gone(void *self, int page)
         if (w->asked[i].page == page) w->asked[i].page = -1;
     w->waiting[page].count = 0;
     if (w->ordered_by == page) w->ordered_by = -1;
-    // The owner is gone: lift the tool.
+    // The page that had the tool is gone, so lift the tool.
     if (w->owner != page) return;
     w->owner = -1;
     w->button = KN_BUTTON_UP;

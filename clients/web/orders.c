@@ -8,16 +8,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Tags of requests by this program itself: status, and a snapshot for a recording.
+// Tags of requests that this program makes by itself: kneadd's status, and a snapshot for a recording.
 #define STATUS_TAG KN_ASKER_CALLS
 #define SAVE_TAG (KN_ASKER_CALLS + 1)
-#define PICTURE_MS 5000 // longest wait for a requested picture
-#define LEAVING_MS 300  // time for kneadd to end the page's session, before another hand takes the tool
+#define PICTURE_MS 5000 // longest wait for a requested PNG of the next picture
+#define LEAVING_MS 300  // time in which kneadd ends the session of the page's hand, before another hand takes the tool
 
-// Queue an answer for a page.
+// Append an answer to the list of answers that wait for a page.
 void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *format, ...)
 {
-    if (page < 0 || w->waiting[page].count == KN_WEB_ANSWERS) return; // no page, or a page that never reads its answers
+    // drop the answer: there is no page, or the page does not read its answers.
+    if (page < 0 || w->waiting[page].count == KN_WEB_ANSWERS) return;
     kn_web_answer *a = &w->waiting[page].answer[w->waiting[page].count++];
     va_list args;
     va_start(args, format);
@@ -32,7 +33,7 @@ void kn_web_answer_page(kn_web *w, int page, uint32_t id, bool ok, const char *f
 
 static int by_name(const struct dirent **a, const struct dirent **b) { return strcmp((*a)->d_name, (*b)->d_name); }
 
-// Accept files *.yaml that are not hidden.
+// Return true for a file name *.yaml that is not hidden.
 static int is_scene(const struct dirent *e)
 {
     const size_t size = strlen(e->d_name);
@@ -118,7 +119,7 @@ static json_t *restore_request(const kn_web *w)
     return json_pack("{s:s, s:I}", "command", "restore", "generation", (json_int_t)w->snapshot);
 }
 
-// Return the request for kneadd, or NULL if the name is unknown.
+// Return kneadd's form of a page's request, or NULL if the request contains an unknown name.
 static json_t *request_of(const kn_web *w, const kn_request *r)
 {
     switch (r->verb) {
@@ -134,7 +135,8 @@ static json_t *request_of(const kn_web *w, const kn_request *r)
     }
 }
 
-// Send an order to kneadd and remember the page that asked. The stop is urgent, so it has a call of its own.
+// Send an order to kneadd and store the page that gave it. An emergency stop is urgent, so it may use the reserved
+// place of the asker.
 static void order(kn_web *w, int page, const kn_request *r)
 {
     char error[300];
@@ -142,14 +144,15 @@ static void order(kn_web *w, int page, const kn_request *r)
     while (tag < KN_ASKER_CALLS && w->asked[tag].id) tag++;
     json_t *request = request_of(w, r);
     if (!request) {
-        kn_web_answer_page(w, page, r->id, false, "%s %s: there is no such name", kn_verb_word(r->verb), r->name);
+        kn_web_answer_page(w, page, r->id, false, "%s %s: unknown name", kn_verb_word(r->verb), r->name);
         return;
     }
     if (tag < KN_ASKER_CALLS && kn_asker_ask(&w->asker, tag, request, r->verb == KN_VERB_ESTOP, error, sizeof error)) {
         w->asked[tag].page = page;
         w->asked[tag].id = r->id;
         w->asked[tag].verb = r->verb;
-    } else kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too much is being asked");
+    } else
+        kn_web_answer_page(w, page, r->id, false, "%s", tag < KN_ASKER_CALLS ? error : "too many requests are waiting");
     json_decref(request);
 }
 
@@ -174,10 +177,10 @@ static void tell_done(kn_web *w, int page, uint32_t id, kn_verb verb, const json
     case KN_VERB_ESTOP: DONE("Stopped: every force is zero until Recover."); break;
     case KN_VERB_RECOVER: DONE("Recovered: the tool engages once it is clear of the object."); break;
     case KN_VERB_SCENE: DONE("Loading."); break;
-    case KN_VERB_QUALITY: DONE("Quality taken."); break;
+    case KN_VERB_QUALITY: DONE("Quality set."); break;
     default:
         if (after)
-            DONE("Taken: the object stores %.3g mJ, %.3g before.", 1e3 * json_number_value(after),
+            DONE("Set: the object stores %.3g mJ, %.3g mJ before.", 1e3 * json_number_value(after),
                  1e3 * json_number_value(before));
         else DONE("Taken.");
     }
@@ -198,9 +201,9 @@ void kn_web_on_answered(void *self, int tag, const json_t *answer)
 {
     kn_web *w = self;
     if (tag == STATUS_TAG) take_status(w, answer);
-    // kneadd refused the snapshot: request it again later.
+    // kneadd refused the snapshot for the recording, so request the snapshot once more later.
     if (tag == SAVE_TAG && !json_is_true(json_object_get(answer, "ok"))) w->saved_of = 0;
-    // The program's own requests have no page that waits.
+    // No page waits for the answer to a request of the program itself.
     if (tag >= STATUS_TAG) return;
     const int page = w->asked[tag].page;
     const uint32_t id = w->asked[tag].id;
@@ -208,7 +211,7 @@ void kn_web_on_answered(void *self, int tag, const json_t *answer)
     w->asked[tag].id = 0;
     if (error) kn_web_answer_page(w, page, id, false, "%s", error);
     else tell_done(w, page, id, w->asked[tag].verb, answer);
-    // The order has changed kneadd's status, so ask again at once.
+    // The order has changed kneadd's status, so request the status at once.
     w->status_ms = 0;
     kn_web_ask_status(w);
 }
@@ -249,10 +252,11 @@ static void look(kn_web *w, const kn_request *r)
     w->look.zoom = r->zoom;
     w->turned = true;
     const kn_camera_view view = kn_web_camera(w);
-    if (w->reach.top) kn_reach_look(&w->reach, &view); // also while a recording has the tool
+    // Turn the view of the pointer as well, even while a recording moves the tool.
+    if (w->reach.top) kn_reach_look(&w->reach, &view);
 }
 
-// Colour the object by a measure, if the meshes contain it. The scale starts again from 0.
+// Colour the object by a measure, if the mesh messages contain the measure. Reset the top of the colour scale to 0.
 static void take_measure(kn_web *w, int page, const kn_request *r)
 {
     int measure = strcmp(r->name, "none") == 0 ? -1 : KN_MEASURES;
@@ -260,7 +264,8 @@ static void take_measure(kn_web *w, int page, const kn_request *r)
         if (strcmp(r->name, kn_measure_names[i].name) == 0) measure = i;
     const bool is = measure < 0 || kn_web_measured(w, measure);
     if (is) w->measure = measure, w->top = 0;
-    kn_web_answer_page(w, page, r->id, is, is ? "Coloured." : "The meshes do not tell it: the scene's mesh.measures.");
+    kn_web_answer_page(w, page, r->id, is,
+                       is ? "Coloured." : "The meshes do not contain it: see the scene's mesh.measures.");
 }
 
 // Request a PNG of the next picture. The answer comes when the PNG is ready.
@@ -269,7 +274,7 @@ static void take_picture(kn_web *w, int page, const kn_request *r)
     const bool now = w->png_page < 0 && w->folder[0];
     if (!now)
         kn_web_answer_page(w, page, r->id, false, "%s",
-                           w->folder[0] ? "Another one is being made." : "There is no folder to write it to.");
+                           w->folder[0] ? "Another picture is being saved." : "There is no folder to save it in.");
     if (!now) return;
     w->png_page = page;
     w->png_id = r->id;
@@ -291,7 +296,7 @@ static void record(kn_web *w, int page, const kn_request *r)
     if (!w->tool || w->lent) kn_web_answer_page(w, page, r->id, false, "There is no tool in hand.");
     else if (!kn_takes_begin(&w->takes, w->tool->name, error, sizeof error))
         kn_web_answer_page(w, page, r->id, false, "%s", error);
-    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which is told every second.");
+    else kn_web_answer_page(w, page, r->id, true, "It begins with the scene, which comes every second.");
 }
 
 static void verify(kn_web *w, int page, const kn_request *r)
@@ -321,7 +326,7 @@ static void play(kn_web *w, int page, const kn_request *r)
     w->replayed.page = page, w->replayed.id = r->id;
 }
 
-// Answer the page that asked for the replay, once.
+// Answer the page that requested the replay of the recording, once.
 static void tell_replayed(kn_web *w, bool ok, const char *words)
 {
     kn_web_answer_page(w, w->replayed.page, w->replayed.id, ok, "%s", words);
@@ -349,23 +354,23 @@ static void end_take(kn_web *w, int page, const kn_request *r)
 {
     const int number = (int)r->value;
     bool any = kn_takes_end(&w->takes, number);
-    if (w->lent == number && w->lent_ms) { // the child has not started yet
+    if (w->lent == number && w->lent_ms) { // the child process that plays the recording has not started yet
         give_back(w);
         tell_replayed(w, false, "Stopped.");
         any = true;
     }
-    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "Nothing of that recording goes on.");
+    kn_web_answer_page(w, page, r->id, any, any ? "Stopped." : "That recording is neither running nor replayed.");
 }
 
-// Give up a requested picture that was not drawn in time: there is no mesh, or no page that takes a picture.
+// Give up a requested PNG that was not drawn in time, because no mesh arrives or no page can take a picture.
 static void give_up_picture(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || w->drawing || kn_live_now_ms() - w->png_ms < PICTURE_MS) return;
-    kn_web_answer_page(w, w->png_page, w->png_id, false, "No picture has been drawn for 5 s: is anything served?");
+    kn_web_answer_page(w, w->png_page, w->png_id, false, "No picture has been drawn for 5 s: is kneadd serving?");
     w->png_page = -1;
 }
 
-// Continue all work that waits for time to pass. Called ten times a second.
+// Continue all work that waits until a time has passed. This function is called ten times a second.
 void kn_web_turn(kn_web *w)
 {
     char error[200];
@@ -381,7 +386,7 @@ void kn_web_turn(kn_web *w)
         w->saved_ms = kn_live_now_ms();
         json_decref(request);
     }
-    // Start the child once kneadd has ended the session of the page's hand.
+    // Start the child process that plays the recording, once kneadd has ended the session of the page's hand.
     if (!w->lent || !w->lent_ms || kn_live_now_ms() - w->lent_ms < LEAVING_MS) return;
     w->lent_ms = 0;
     if (w->tool && kn_takes_play(&w->takes, w->lent, w->tool->name, error, sizeof error)) return;
@@ -396,7 +401,7 @@ void kn_web_on_request(void *self, int page, const kn_request *r)
     switch (r->verb) {
     case KN_VERB_VIEW:
         look(w, r);
-        kn_web_answer_page(w, page, r->id, true, "Looked at from there.");
+        kn_web_answer_page(w, page, r->id, true, "View changed.");
         break;
     case KN_VERB_STYLE: kn_web_answer_page(w, page, r->id, take_style(w, r->name), "%s", r->name); break;
     case KN_VERB_MEASURE: take_measure(w, page, r); break;

@@ -12,7 +12,7 @@
 
 size_t kn_painter_largest(int width, int height) { return tjBufSize(width, height, TJSAMP_420); }
 
-// Write the lossless copy with its label. png_error stays empty on success.
+// Write the PNG copy of the picture with its label. On success png_error stays empty.
 static void write_png(kn_painter *p, uint8_t *rgba)
 {
     char bar[32];
@@ -29,7 +29,7 @@ static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     unsigned long size = 0;
     bool ready = !p->fresh || kn_renderer_mesh(r, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
                                                (const int(*)[3])s->triangle);
-    // A mesh that cannot be loaded is tried again with the next picture. Until then pictures are empty.
+    // If the mesh cannot be loaded, this picture is empty, and loading is tried again for the next picture.
     p->fresh = !ready;
     if (ready) {
         s->view.xyz = (const float(*)[3])s->now;
@@ -43,13 +43,16 @@ static void draw(kn_painter *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     p->size = size;
 }
 
-// The thread: open OpenGL, report the outcome through opened, then draw each still that wake announces.
+// Run the painter's thread: open OpenGL, post the semaphore `opened`, then draw a still each time that the semaphore
+// `wake` is posted.
 static void *run(void *self)
 {
     kn_painter *p = self;
-    // On Linux this sets the priority of this thread, and of Mesa's threads, which it starts.
+    // On Linux this call sets the priority of the calling thread only. Threads that Mesa starts from this thread
+    // inherit the priority.
     setpriority(PRIO_PROCESS, (id_t)gettid(), 5);
-    // Let llvmpipe use two threads. Beside a browser that draws in software, a picture is 5 ms faster than with one.
+    // Let llvmpipe (OpenGL in software) use two threads. While a browser on this machine also draws in software, a
+    // picture takes 5 ms less than with one thread.
     setenv("LP_NUM_THREADS", "2", 0);
     kn_renderer *r = kn_renderer_open(p->width, p->height, 1, p->error, p->error_size);
     tjhandle packer = tjInitCompress();
@@ -109,7 +112,7 @@ bool kn_painter_drawn(const kn_painter *p) { return atomic_load(&p->drawn); }
 
 void kn_painter_close(kn_painter *p)
 {
-    if (!p->width) return; // never opened
+    if (!p->width) return; // the painter was never opened
     atomic_store(&p->stop, true);
     sem_post(&p->wake);
     pthread_join(p->thread, NULL);

@@ -48,7 +48,7 @@ function showOperator({ why, orders, saves, snapshot, stopped }) {
     }
     by('snapshot').disabled = Boolean(why) || !saves;
     by('restore').disabled = Boolean(why) || !saves || snapshot === 0;
-    explain('why', why && `${orders ? 'No orders but the stop' : 'No orders'}: ${why}.`);
+    explain('why', why && `${orders ? 'Only the emergency stop works' : 'Controls are off'}: ${why}.`);
     explain('why-saves', why ? null : !saves ? 'Nothing is saved: kneadd was started without --state-dir.'
         : snapshot === 0 ? 'Nothing has been saved yet.' : null);
 }
@@ -121,7 +121,7 @@ function showMaterial(material, scene) {
         for (const key of keys) addSlider(key, material[key] || 1);
     }
     for (const [key, one] of sliders) if (!one.dragged) one.show(material[key]);
-    explain('why-zero', [...sliders.values()].some((one) => one.fixed) && 'A value of 0 is no place on a slider.');
+    explain('why-zero', [...sliders.values()].some((one) => one.fixed) && 'A value of 0 has no place on a logarithmic slider.');
 }
 
 // ---- lists
@@ -296,7 +296,7 @@ function showTouch(touch) {
         ctx.fillRect(20 * (i % 8) + 1, 20 * (7 - Math.floor(i / 8)) + 1, 18, 18);
     });
     writeTo(by('touch-words'), touch.area_mm2 > 0
-        ? `${round3(touch.area_mm2)} mm² touched, ${round3(touch.peak_kpa)} kPa at most` : 'nothing touches');
+        ? `${round3(touch.area_mm2)} mm² touched, ${round3(touch.peak_kpa)} kPa at most` : 'no contact');
 }
 
 // ---- everything
@@ -317,8 +317,8 @@ function showAble(why, there) {
 function showAbout(told) {
     about = told;
     if (!told) {
-        showOperator({ why: 'knead web has gone', orders: false, saves: false, snapshot: 0, stopped: false });
-        return showAble('knead web has gone', false);
+        showOperator({ why: 'knead web is not connected', orders: false, saves: false, snapshot: 0, stopped: false });
+        return showAble('knead web is not connected', false);
     }
     writeTo(by('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
     showOperator(told.control);
@@ -326,8 +326,9 @@ function showAbout(told) {
     fill('material', told.materials, '…', '…');
     fill('scene', told.scenes.includes(told.scene) ? told.scenes : [told.scene, ...told.scenes], told.scene);
     const { length } = told.scenes, more = told.unlisted;
-    explain('why-scenes', more > 0 ? `${more} more there: listed are 32 at most, named in letters, digits and . _ -`
-        : length === 0 ? 'Others are listed when knead web is told where: --scenes DIR' : null);
+    explain('why-scenes',
+        more > 0 ? `${more} more are not listed: at most 32 are, with names of letters, digits and . _ -`
+        : length === 0 ? 'To list other scenes, start knead web with --scenes DIR.' : null);
     fill('quality', told.points ?? [], told.control.quality ?? '');
     by('style').value = told.view.style;
     showMeasures(told.view);
@@ -347,7 +348,7 @@ function showAbout(told) {
 async function save(name, as) {
     const headers = { Authorization: `Bearer ${location.hash.slice(1)}` };
     const answer = await fetch(`/get/${name}`, { headers, cache: 'no-store' }).catch(() => null);
-    if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not there');
+    if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not connected');
     const link = document.createElement('a');
     Object.assign(link, { download: as, href: URL.createObjectURL(await answer.blob()) });
     link.click();

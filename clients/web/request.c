@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { NAME = 1, VALUE = 2, NUMBER = 4, VIEW = 8 }; // fields that a verb needs
+// Bit mask of the fields that a request with a given verb must contain.
+enum { NAME = 1, VALUE = 2, NUMBER = 4, VIEW = 8 };
 
 static const struct {
     const char *word;
@@ -52,7 +53,7 @@ static bool take_name(kn_request *r, const json_t *value)
 static bool take_number(double *to, const json_t *value, double least, double most)
 {
     *to = json_number_value(value);
-    return json_is_number(value) && *to >= least && *to <= most; // false for NaN, too
+    return json_is_number(value) && *to >= least && *to <= most; // the comparison is false for NaN
 }
 
 static bool take_id(kn_request *r, const json_t *value)
@@ -65,7 +66,7 @@ static bool take_id(kn_request *r, const json_t *value)
 // Read the fields of a request. Return NULL, or a text that says what was expected.
 static const char *take(kn_request *r, const json_t *object)
 {
-    // Count the expected fields. A different number in the object means an extra field.
+    // Count the expected fields. If the object has a different number of fields, it contains an extra field.
     size_t count = 2;
     if (!take_id(r, json_object_get(object, "id"))) return "\"id\", a whole number of 1 to 2^32 - 1";
     if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the README's verbs";
@@ -91,7 +92,7 @@ bool kn_request_parse(kn_request *r, const char *text, size_t size, char *error,
     *r = (kn_request){0};
     // The size is checked before the parser runs, so a large message costs nothing.
     json_t *object = size <= KN_REQUEST_MAX ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
-    const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of 256 bytes at most";
+    const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of at most 256 bytes";
     json_decref(object);
     if (expected) snprintf(error, error_size, "malformed request: expected %s", expected);
     return !expected;

@@ -17,10 +17,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_REQUEST_MAX 256 // largest message, bytes
-// Largest zoom of a view.
+#define KN_REQUEST_MAX 256 // largest size of a request message, bytes
+// Largest zoom factor of the camera that a request may set.
 #define KN_REQUEST_ZOOM 4
-#define KN_REQUEST_NAME 64 // bytes of a name, including NUL
+#define KN_REQUEST_NAME 64 // size of a name in a request, bytes including NUL
 
 typedef enum kn_verb {
     KN_VERB_RESET,
@@ -45,16 +45,16 @@ typedef enum kn_verb {
 } kn_verb;
 
 typedef struct kn_request {
-    uint32_t id; // chosen by the page
+    uint32_t id; // number chosen by the page; the answer has the same number
     kn_verb verb;
     char name[KN_REQUEST_NAME];
     double value;
-    double azimuth_deg, elevation_deg, zoom; // ranges -180..180, 2..90, 1..KN_REQUEST_ZOOM
+    double azimuth_deg, elevation_deg, zoom; // of the camera; ranges -180..180, 2..90, 1..KN_REQUEST_ZOOM
 } kn_request;
 
-// Return the word of a verb in a request.
+// Return the word that stands for a verb in the field "do" of a request, such as "undo".
 const char *kn_verb_word(kn_verb verb);
-bool kn_request_is_name(const char *text); // return true if a request may contain the name `text`
+bool kn_request_is_name(const char *text); // returns true if a request may contain the name `text`
 
 // Parse and check a request. `text` need not end in NUL. If the request is invalid, return false and write to `error`
 // what is wrong and what was expected.

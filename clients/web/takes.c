@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define HEED_MS 50 // interval at which a waiting thread checks whether it must end
+#define HEED_MS 50 // interval at which the waiting recording thread checks whether it must end
 
 void kn_takes_path(const kn_takes *t, int number, const char *kind, char path[128])
 {
@@ -90,7 +90,8 @@ static bool record(kn_takes *t, kn_take *one, const char *path)
     return ok;
 }
 
-// The thread: record, then write the path for playing. The state is stored last, since it publishes the other fields.
+// Run the recording thread: record, then write the path for playing. Store the state last, because other threads may
+// read the other fields once the state is set.
 static void *run(void *self)
 {
     kn_takes *t = self;
@@ -99,13 +100,13 @@ static void *run(void *self)
     kn_takes_path(t, one->number, "lcmlog", log);
     kn_takes_path(t, one->number, "path", path);
     bool ok = record(t, one, log);
-    // A recording that was ended before it ran leaves nothing.
+    // A recording that was ended before it began leaves no files.
     if (atomic_load(&t->end) && atomic_load(&one->ms) == 0) {
         atomic_store(&one->state, KN_TAKE_EMPTY);
         return NULL;
     }
     if (ok && !write_path(log, t->probe, path)) {
-        snprintf(one->words, sizeof one->words, "Its poses could not be written: is the folder for recordings full?");
+        snprintf(one->words, sizeof one->words, "Its poses cannot be written: is the folder for recordings full?");
         ok = false;
     }
     atomic_store(&one->state, ok ? KN_TAKE_WHOLE : KN_TAKE_FAILED);
@@ -124,8 +125,8 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
 {
     kn_take *one = &t->take[t->count % KN_TAKES];
     kn_takes_tidy(t);
-    const char *why = kn_takes_busy(t)                             ? "A recording runs already."
-                      : !*t->folder                                ? "There is no folder to record to."
+    const char *why = kn_takes_busy(t)                             ? "Another recording is running."
+                      : !*t->folder                                ? "There is no folder for recordings."
                       : t->child_pid && t->child_of == one->number ? "The oldest recording is in use."
                                                                    : NULL;
     if (why) {
@@ -143,7 +144,7 @@ bool kn_takes_begin(kn_takes *t, const char *probe, char *error, size_t error_si
     if (pthread_create(&t->thread, NULL, run, t) == 0) return true;
     t->now = NULL;
     one->number = 0;
-    snprintf(error, error_size, "There is no thread to record in.");
+    snprintf(error, error_size, "Cannot start a thread for the recording.");
     return false;
 }
 
@@ -173,7 +174,7 @@ kn_take *kn_takes_find(kn_takes *t, int number)
 
 // ---- child processes
 
-// Path of the file that collects a child's output.
+// Get the path of the file that collects the output of a child process.
 static void told_path(const kn_takes *t, char path[128]) { snprintf(path, 128, "%s/told", t->folder); }
 
 // Get the last line of the child's output. If a progress bar has written carriage returns into this line, get the text
@@ -200,7 +201,7 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     kn_take *one = kn_takes_find(t, t->child_of);
     const bool stopped = t->child_stopped;
     const bool ok = !stopped && WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
-    char words[200] = "It ended without a word.";
+    char words[200] = "It ended without a message.";
     ev_child_stop(ev, w);
     t->child_pid = 0;
     last_line(t, words, sizeof words);
@@ -209,7 +210,7 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     if (one && !t->child_plays) {
         char path[128];
         kn_takes_path(t, one->number, "csv", path);
-        if (stopped) unlink(path); // incomplete
+        if (stopped) unlink(path); // delete the CSV file, which is incomplete
         one->csv = access(path, R_OK) == 0;
         snprintf(one->words, sizeof one->words, "%s", words);
     }
@@ -222,10 +223,11 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
     char path[128];
     told_path(t, path);
     pid_t pid = fork();
-    // Only calls that are safe after a fork in a program with threads.
+    // In the child, use only calls that are safe after a fork in a program with threads.
     if (pid == 0) {
         int told = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600), nothing = open("/dev/null", O_RDONLY);
-        // A verification runs at nice 15. Playing must keep its 1 kHz.
+        // Run a verification at low priority (nice 15). Playing keeps its priority, because it must send poses at 1
+        // kHz.
         if (!plays) setpriority(PRIO_PROCESS, 0, 15);
         if (told < 0 || nothing < 0 || dup2(nothing, 0) < 0 || dup2(told, 1) < 0 || dup2(told, 2) < 0) _exit(3);
         close_range(3, ~0u, 0);
@@ -233,7 +235,7 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
         _exit(3);
     }
     if (pid < 0) {
-        snprintf(error, error_size, "There is no process for it.");
+        snprintf(error, error_size, "Cannot start a process for it.");
         return false;
     }
     t->child_pid = pid;
@@ -246,7 +248,7 @@ static bool start(kn_takes *t, int number, bool plays, char *const argv[], char 
     return true;
 }
 
-// Check that no other child runs and that the recording exists.
+// Check that no child process runs and that the recording exists.
 static bool may_start(kn_takes *t, int number, char *error, size_t error_size)
 {
     const char *why = t->child_pid                ? "Another recording is being replayed."

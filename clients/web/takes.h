@@ -13,24 +13,25 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_TAKES 6               // recordings kept; a new one replaces the oldest
-#define KN_TAKE_SECONDS 120      // longest recording
-#define KN_TAKE_BYTES (96 << 20) // largest recording, bytes of messages
-#define KN_TAKE_SCENE_MS 8000    // longest wait for a scene
+#define KN_TAKES 6               // most recordings kept; a further recording replaces the oldest one
+#define KN_TAKE_SECONDS 120      // longest duration of a recording, s
+#define KN_TAKE_BYTES (96 << 20) // largest size of a recording, bytes of messages
+#define KN_TAKE_SCENE_MS 8000    // longest wait for the scene message that begins a recording
 
 // WAITS: waiting for the scene, which kneadd sends every second. RUNS: recording. WHOLE: complete. EMPTY: ended before
 // recording began; kn_takes_tidy removes this recording.
 typedef enum kn_take_state { KN_TAKE_WAITS, KN_TAKE_RUNS, KN_TAKE_WHOLE, KN_TAKE_FAILED, KN_TAKE_EMPTY } kn_take_state;
 
 typedef struct kn_take {
-    int number; // number of the recording, from 1 on; 0: free
+    int number; // number of the recording, from 1 on; 0: this place for a recording is free
     // A kn_take_state. Once the state is WHOLE or FAILED, another thread may also read the fields that are not atomic.
     _Atomic int state;
-    _Atomic int ms; // length recorded so far
+    _Atomic int ms; // duration of the recording so far
     _Atomic int64_t bytes;
-    atomic_bool felt; // the log holds a force, so a replay can start from any snapshot taken from now on
-    bool csv;         // the CSV file of the forces exists
-    char words[200];  // outcome in words; "": none yet
+    // True: the log contains a force, so a replay can start from any snapshot that is saved from now on.
+    atomic_bool felt;
+    bool csv;        // true: the CSV file with the forces exists
+    char words[200]; // outcome of the recording or of its verification in words; "": none yet
 } kn_take;
 
 typedef struct kn_takes {
@@ -46,18 +47,19 @@ typedef struct kn_takes {
     pthread_t thread;
     char probe[64];
     ev_child child;
-    int child_pid, child_of; // process id, and number of its recording; 0: no child process
+    int child_pid, child_of; // id of the child process, and number of the recording that it uses; 0: no child process
     bool child_plays, child_stopped;
 } kn_takes;
 
 // Begin a recording of the probe's messages. On failure return false and one line in `error`.
 bool kn_takes_begin(kn_takes *takes, const char *probe, char *error, size_t error_size);
-// End recording number `number` if it waits or runs. Otherwise end the child process that verifies or plays it. Return
-// false if there is neither.
+// End the recording with this number if its state is WAITS or RUNS. Otherwise end the child process that verifies or
+// plays the recording. Return false if neither exists.
 bool kn_takes_end(kn_takes *takes, int number);
-bool kn_takes_tidy(kn_takes *takes);                 // removes an EMPTY recording; returns true if there was one
+// Removes a recording in state EMPTY; returns true if one was removed.
+bool kn_takes_tidy(kn_takes *takes);
 kn_take *kn_takes_find(kn_takes *takes, int number); // returns a recording that is WHOLE, or NULL
-bool kn_takes_busy(const kn_takes *takes);           // returns true if a recording waits or runs
+bool kn_takes_busy(const kn_takes *takes);           // returns true if a recording is in state WAITS or RUNS
 // Verify a recording in a child process, and write its forces as CSV. snapshots: kneadd's --state-dir; NULL: none. The
 // snapshots are needed if the recording began on a deformed object.
 bool kn_takes_verify(kn_takes *takes, int number, const char *snapshots, char *error, size_t error_size);
@@ -65,6 +67,6 @@ bool kn_takes_verify(kn_takes *takes, int number, const char *snapshots, char *e
 bool kn_takes_play(kn_takes *takes, int number, const char *probe, char *error, size_t error_size);
 // Get the path of a recording's file. kind: "lcmlog", "csv" (forces), "path" (poses, as knead probe --path takes them).
 void kn_takes_path(const kn_takes *takes, int number, const char *kind, char path[128]);
-void kn_takes_close(kn_takes *takes); // removes all recordings
+void kn_takes_close(kn_takes *takes); // ends all work and removes all recordings with their files
 
 #endif

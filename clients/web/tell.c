@@ -10,18 +10,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STALE_MS 3500 // age at which a message that comes once a second counts as missing
+#define STALE_MS 3500 // age in ms from which on a message that normally comes once a second counts as missing
 
 static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
 
-// Write the status in words. Return "ok", "wait" or "fault". The first condition that holds decides.
+// Write the status of the tool in words. Return the kind of the status: "ok", "wait" or "fault". The first condition
+// that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
     const kn_pointer_news *n = &w->news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
-    SAY("fault", "force taken to zero: %s. Way back: %s", kn_fault_name(fault), kn_fault_remedy(fault))
-    if (w->live.scene_error[0]) SAY("fault", "the scene that is served cannot be read: %s", w->live.scene_error);
+    SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
+    if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
     if (kn_live_now_ms() - w->mesh_ms > KN_WEB_UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
@@ -35,25 +36,25 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
     if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
     if (n->fault || n->mode == KN_POINTER_LET_GO)
-        SAY("fault", "force taken to zero: %s. The tool lifts; let go, then press again",
-            n->fault ? kn_fault_name((kn_fault)n->fault) : "none came for 20 ms");
+        SAY("fault", "force set to zero: %s. The tool lifts; let go, then press again",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
     if (n->mode == KN_POINTER_ABSENT && w->button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
     if (!n->heard && n->mode == KN_POINTER_FOLLOW)
         SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool->name);
     if (!n->released || w->button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
-        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "taking hold");
+        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "engaging");
     if (w->button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     if (n->contact) SAY("ok", "in contact");
     SAY("ok", w->button == KN_BUTTON_UP ? "ready: press on the object"
-              : n->depth_m > 0          ? "held: nothing pushes back"
-                                        : "coming down");
+              : n->depth_m > 0          ? "held still: no contact force"
+                                        : "moving down");
 #undef SAY_FAULT
 #undef SAY
 }
 
-// Writer of JSON text into a bounded buffer. Text beyond the end is cut off.
+// Writer of JSON text into a buffer of fixed size. Text beyond the end of the buffer is dropped.
 typedef struct json {
     char *at, *end;
 } json;
@@ -67,7 +68,7 @@ __attribute__((format(printf, 2, 3))) static void put(json *t, const char *forma
     t->at = n < t->end - t->at ? t->at + n : t->end - 1;
 }
 
-// Write a member with a string value, escaped for JSON.
+// Write a member of a JSON object with a string value, escaped for JSON.
 static void put_words(json *t, const char *name, const char *words)
 {
     put(t, ",\"%s\":\"", name);
@@ -94,7 +95,7 @@ static double traced(const kn_web_sample *s, int which)
 static void put_traces(kn_web *w, kn_web_page *p, json *t)
 {
     static const char *const names[TRACES] = {"force", "depth", "work", "trip"};
-    // A page that was away for longer gets only the samples that are still kept.
+    // A page that got no message for a long time gets only the samples that are still kept.
     if (w->traced - p->told > KN_WEB_TRACE) p->told = w->traced < KN_WEB_TRACE ? 0 : w->traced - KN_WEB_TRACE;
     put(t, ",\"trace\":{");
     for (int k = 0; k < TRACES; k++) {
@@ -123,12 +124,12 @@ static void put_answers(kn_web *w, int page, json *t)
     put(t, "]");
 }
 
-// Write the contact patch, if it is recent.
+// Write the contact patch of the tool, if the newest patch message is recent.
 static void put_touch(const kn_web *w, json *t)
 {
     const knead_touch_patch_t *p = &w->vitals.touch;
     if (!w->vitals.touch_ms || kn_live_now_ms() - w->vitals.touch_ms > 500 ||
-        !isfinite(p->area_m2 + p->peak_pressure_pa)) // JSON cannot express NaN
+        !isfinite(p->area_m2 + p->peak_pressure_pa)) // leave out a patch with NaN, because JSON cannot express NaN
         return;
     put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2, 1e-3 * p->peak_pressure_pa);
     for (int i = 0; i < 64; i++) {
@@ -168,7 +169,8 @@ size_t kn_web_write(void *self, int page, uint8_t *bytes, size_t size)
     }
     put(&t, "}");
     uint32_t length = (uint32_t)(t.at - begin);
-    memcpy(bytes, &length, 4); // little endian, as on all supported machines
+    // Length of the JSON in the machine's byte order, which is little-endian on all supported machines.
+    memcpy(bytes, &length, 4);
     size_t picture = p->picture == w->pictures ? 0 : w->jpeg_size;
     p->picture = w->pictures;
     memcpy(t.at, w->jpeg, picture);
@@ -191,7 +193,7 @@ void kn_web_count(kn_web *w)
     kn_model_destroy(model);
 }
 
-// Round to four digits, so that a change too small to see does not send `about` again.
+// Round to four digits, so that a change too small to see does not make the program send `about` once more.
 static json_t *rounded(double x)
 {
     char text[32];
@@ -247,7 +249,7 @@ static json_t *points(const kn_scene *scene)
     return names;
 }
 
-// Counters of the servo loop; null without a recent status.
+// Write the counters of the servo loop. Write null if no recent status exists.
 static json_t *loop(const kn_vitals *v)
 {
     const knead_status_t *s = &v->status;
@@ -259,7 +261,8 @@ static json_t *loop(const kn_vitals *v)
                      v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
 }
 
-// Energies of the last audit. The energy dissipated is the work of all tools minus the energy stored.
+// Write the energies of kneadd's last energy audit. The dissipated energy is the work of all tools minus the stored
+// energy.
 static json_t *energy(const kn_vitals *v)
 {
     if (stale(v->energy_ms)) return json_null();
@@ -275,7 +278,7 @@ static json_t *mesh(const kn_web *w)
                      rounded(round(w->meshes_hz)), "bytes", rounded(w->mesh_bytes));
 }
 
-// Return whether another tool than the page's has a fault.
+// Return true if a tool other than the page's tool has a fault.
 static bool fault_of_another(const kn_web *w)
 {
     const json_t *probes = json_object_get(w->status, "probes"), *one;
@@ -368,8 +371,8 @@ static json_t *about(const kn_web *w)
     return all;
 }
 
-// Return the text of about. If it is too long, leave out the parts that may be long one after the other, so that the
-// text is never cut off in the middle.
+// Return the text of `about`. If the text is too long, leave out its long parts one after the other, so that the text
+// is never cut off in the middle.
 static char *fitting(json_t *all)
 {
     static const char *const long_ones[] = {"scenes", "recordings", "scene", "tool"};

@@ -31,7 +31,7 @@ function record(samples) {
 
 function choose(name) {
     shown = name;
-    trace.setAttribute('aria-label', `${TRACES[name].label}, the last ten seconds of it`);
+    trace.setAttribute('aria-label', `${TRACES[name].label}, over the last ten seconds`);
     drawTrace();
 }
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// Each handler keeps the newest message of its channel.
+// Message handlers: each keeps the newest message of its channel.
 static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -50,7 +50,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     v->touch_ms = kn_live_now_ms();
 }
 
-// Count bytes of the meshes for their rate.
+// Count the bytes of the mesh messages, from which the page's data rate is computed.
 static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;

@@ -14,35 +14,35 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Bytes of a message besides the picture: `about`, 16 answers of 200 characters of at most 6 bytes each, and the
-// traces.
+// Largest size of a message without its picture, bytes: `about`, 16 answers of 200 characters of at most 6 bytes each,
+// and the traces.
 #define ROOM (KN_WEB_ABOUT + 40960)
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
-#define MOVES_MS 200 // a pointer event in this time means that the pointer is moving
+#define MOVES_MS 200 // the pointer counts as moving for this time after a pointer event
 
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serves a page that shows what a running kneadd serves, and on which the pointer presses. Prints its address, and "
-    "runs\n"
-    "until SIGINT or SIGTERM. Only this machine reaches it (another one: ssh -L N:127.0.0.1:N), and only with the "
-    "token in\n"
-    "the address. --address opens it to a network, encrypted: a browser there warns of an unknown certificate, whose\n"
-    "fingerprint is printed with the address.\n\n"
-    "  --probe NAME       the tool in hand (the scene's first round one, else its first probe)\n"
-    "  --address HOST     an IPv4 address of this machine, at which alone the page is served (127.0.0.1)\n"
-    "  --port N           0..65535; 0: a free one (0)\n"
-    "  --rate HZ          pictures per second, 5..60, at most the scene's mesh.rate (30)\n"
-    "  --size WxH         of a picture, 160..1920 pixels each (800x450)\n"
-    "  --control PATH     kneadd's --control, for all that an operator may say (none: nothing of that)\n"
-    "  --scenes DIR       whose *.yaml may be loaded from the page (none)\n"
-    "  --lcm-url URL      poses, forces, scene ($LCM_DEFAULT_URL, " KN_FORCE_URL ")\n"
-    "  --mesh-url URL     meshes (" KN_MESH_URL ")\n"
-    "  --bind COMMAND...  opens the page's socket as descriptor 3 and becomes COMMAND, whose knead web --listen-fd 3 "
-    "serves\n"
-    "                     it: from inside a network namespace, which no browser outside reaches\n"
-    "  --listen-fd N      see --bind\n\n"
+    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and "
+    "run\n"
+    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only "
+    "with\n"
+    "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
+    "certificate, whose fingerprint is printed with the address.\n\n"
+    "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
+    "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
+    "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
+    "  --rate HZ          pictures per second, 5 to 60, at most the scene's mesh.rate (default: 30)\n"
+    "  --size WxH         size of a picture, 160 to 1920 pixels each (default: 800x450)\n"
+    "  --control PATH     control socket of kneadd, its --control, for the buttons of an operator (default: none)\n"
+    "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
+    "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web "
+    "--listen-fd 3\n"
+    "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
+    "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
@@ -55,12 +55,12 @@ static bool fill_still(kn_web *w)
 {
     kn_still *s = &w->painter.still;
     char error[400];
-    // Same topology: only move the vertices.
+    // If the mesh has the same topology as the still, only move the vertices.
     if (w->mesh_id == w->live.mesh.mesh_id) return kn_still_update(s, &w->live), true;
     kn_view_scene view = s->view;
     kn_still_free(s);
     s->view = view;
-    s->view.value = NULL; // belongs to the old still
+    s->view.value = NULL; // clear the pointer to values of the old still
     w->mesh_id = 0;
     if (!kn_still_live(s, &w->live, error, sizeof error) || error[0]) return false;
     w->mesh_id = w->live.mesh.mesh_id;
@@ -78,20 +78,20 @@ bool kn_web_measured(const kn_web *w, int measure)
 // flicker.
 static void color(kn_web *w)
 {
-    // Smallest tops of the scale, SI. Values below them are rounding errors.
+    // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
     static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
     kn_still *s = &w->painter.still;
     s->view.value = NULL;
     if (w->measure < 0 || !kn_still_told(s, &w->live, (kn_measure)w->measure)) return;
     const double top = kn_scale_round(fmax(kn_still_most(s), least[w->measure]));
-    // Grow at once, and shrink only below 30 % of the scale.
+    // Raise the top of the scale at once, but lower it only if the largest value is below 30 % of the top.
     if (top > w->top || top < 0.3 * w->top) w->top = top;
     kn_still_scale(s, w->top);
 }
 
 void kn_web_png_path(const kn_web *w, char path[128]) { snprintf(path, 128, "%s/picture.png", w->folder); }
 
-// Prepare the label of a picture, and request a PNG of it if a page waits for one.
+// Prepare the label of a picture, and request a PNG copy of the picture if a page waits for one.
 static void label(kn_web *w)
 {
     static char path[128], caption[160];
@@ -110,7 +110,7 @@ static void label(kn_web *w)
 static void tell_png(kn_web *w)
 {
     if (w->png_page < 0 || w->png_there || !w->painter.png) return;
-    const char *why = w->painter.size > 0 ? w->painter.png_error : "it could not be drawn";
+    const char *why = w->painter.size > 0 ? w->painter.png_error : "The picture could not be drawn.";
     kn_web_answer_page(w, w->png_page, w->png_id, !*why, "%s", *why ? why : "The picture is ready.");
     w->png_there = !*why;
     w->png_page = -1;
@@ -145,7 +145,7 @@ static void paint(kn_web *w)
     color(w);
     label(w);
     w->frame_ms = now_ms;
-    // Make up for at most one period of lateness.
+    // Compensate for a late picture by at most one period.
     w->due_ms = fmax(w->due_ms, (double)now_ms - period_ms) + period_ms;
     w->painting = newest;
     w->drawing = true;
@@ -187,7 +187,7 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
     paint(w);
 }
 
-// Update the rates of meshes once a second, and the lists that change seldom.
+// Update the rate of mesh messages and the lists that change seldom. This function is called once a second.
 static void count(kn_web *w, int64_t now_ms)
 {
     const int64_t meshes = w->live.meshes - w->counted_meshes, bytes = w->vitals.mesh_bytes - w->counted_bytes;
@@ -200,7 +200,7 @@ static void count(kn_web *w, int64_t now_ms)
     kn_web_refresh(w);
 }
 
-// Run ten times a second, even when no message comes.
+// Do the periodic work of the main thread. This function is called ten times a second, even when no message arrives.
 static void on_due(struct ev_loop *ev, ev_timer *t, int events)
 {
     (void)ev, (void)events;
@@ -215,7 +215,7 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
     kn_web_ask_status(w);
     kn_web_turn(w);
     if (now_ms - w->counted_ms >= 1000) count(w, now_ms);
-    // Without new pictures, pages still get the status.
+    // Send the status to the pages, even if there is no new picture.
     if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
 }
 
@@ -249,20 +249,20 @@ static void make_folder(kn_web *w)
     const char *wanted = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
     const bool fits = strlen(wanted) < FOLDER_MAX;
     if (!fits)
-        fprintf(stderr, "knead web: TMPDIR %s: expected %d characters at most; /tmp it is\n", wanted, FOLDER_MAX - 1);
+        fprintf(stderr, "knead web: TMPDIR %s: expected at most %d characters; using /tmp\n", wanted, FOLDER_MAX - 1);
     snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", fits ? wanted : "/tmp");
     if (mkdtemp(w->folder)) return;
-    fprintf(stderr, "knead web: %s: %s: nothing can be recorded, no picture saved\n", w->folder, strerror(errno));
+    fprintf(stderr, "knead web: %s: %s: recordings and pictures cannot be saved\n", w->folder, strerror(errno));
     w->folder[0] = 0;
 }
 
-// A page keeps its place if it has the tool or gave the last order.
+// Return true if a page keeps its place, because it has the tool or gave the last order.
 static bool stays(void *self, int page)
 {
     return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->ordered_by;
 }
 
-// Open all parts. On failure, w->error has the reason and close_all cleans up.
+// Open all parts of `knead web`. On failure, w->error has the reason, and the caller calls close_all to free the parts.
 static bool open_all(kn_web *w)
 {
     size_t largest = kn_painter_largest(w->width, w->height);
@@ -300,11 +300,11 @@ static bool open_all(kn_web *w)
 
 static void close_all(kn_web *w)
 {
-    // This also ends all pages, so no page holds the tool any more.
+    // Closing the gateway ends all pages, so no page has the tool any more.
     kn_gateway_close(&w->gateway);
     kn_web_post_wish(w);
     for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++)
-        usleep(10000), kn_web_take_samples(w); // let the tool lift first
+        usleep(10000), kn_web_take_samples(w); // wait while the hand lifts the tool
     if (w->moving) kn_device_stop(&w->device);
     kn_asker_close(&w->asker);
     json_decref(w->status);
@@ -362,7 +362,7 @@ static bool is_directory(const char *path)
     return stat(path, &it) == 0 && S_ISDIR(it.st_mode);
 }
 
-// Store one option. Return NULL, or a text that says what was expected.
+// Store one option of the command line. Return NULL, or a text that says what was expected.
 static const char *take(kn_web *w, int option, const char *text)
 {
     struct in_addr host;
@@ -378,7 +378,7 @@ static const char *take(kn_web *w, int option, const char *text)
     case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
     case 'c': return (w->control = text), *text ? NULL : "a path";
     case 'S': return (w->scenes = text), is_directory(text) ? NULL : "a directory";
-    default: return listening(text, &w->listen_fd) ? NULL : "a socket that listens";
+    default: return listening(text, &w->listen_fd) ? NULL : "a listening socket";
     }
 }
 
@@ -433,7 +433,7 @@ int kn_web_main(int argc, char **argv)
                    w.gateway.fingerprint);
         // Nobody can open the page without the printed address, so the program ends if the print fails.
         if (fflush(stdout) != 0)
-            code = fail(KN_EXIT_DEVICE, "nobody can read the page's address: standard output is broken");
+            code = fail(KN_EXIT_DEVICE, "cannot print the page's address: standard output is broken");
     }
     if (code == KN_EXIT_OK) {
         watch(&w);

@@ -10,7 +10,7 @@
 // Limit of the number of nodes: 100 times more than any processor steps in a millisecond. Their memory (below 4 GiB in
 // f64) still fits a workstation. A larger number is likelier a typing error than intended.
 enum { NODES_MAX = 1 << 22 };
-#define BUDGET_S 0.8e-3 // share of the 1 ms tick for the step; the rest is for poses, surface and machine
+#define BUDGET_S 0.8e-3 // part of the 1 ms tick for the step; the rest is for poses, surface and operating system
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
 // Largest deviation of an extent from a whole number of spacings, in spacings: 5 cm / 3.3333333333333333 mm passes,
 // 5 cm / 3.333 mm does not.
@@ -48,20 +48,20 @@ const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
 {
     char what[512];
-    // the message, after the name of the quality point if one is checked
+    // print the message, preceded by the name of the quality point if a point is being checked
     int used = draft->point ? snprintf(what, sizeof what, "quality.%s: ", draft->point) : 0;
     va_list args;
     va_start(args, format);
     vsnprintf(what + used, sizeof what - (size_t)used, format, args);
     va_end(args);
-    // the place: a line of the file, or the key of a --set
+    // print the place of the error: a line of the file, or the key of a --set
     if (mark.source < 0) {
         snprintf(draft->error, draft->error_size, "%s:%d:%d: %s", draft->file, mark.line, mark.col, what);
     } else {
         const char *set = draft->sets[mark.source];
         int size = 0;
         bool point = strncmp(set, "quality=", 8) == 0 && set[8] && set[8 + strspn(set + 8, LETTERS)] == '\0';
-        if (point) { // show --quality NAME as the user gave it
+        if (point) { // name the option --quality NAME as the user wrote it
             snprintf(draft->error, draft->error_size, "--quality %.24s: %s", set + 8, what);
             return false;
         }
@@ -260,7 +260,7 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
     double *value = kn_draft_field(draft, 0, id);
     kn_mark at = draft->at[0][id];
     if (at.per_height && !given(draft, 0, KN_KEY_SPECIMEN_HEIGHT))
-        return kn_draft_complain(draft, at, "%s is per height of a specimen (%s/m), expected %s too, e.g. 1 cm",
+        return kn_draft_complain(draft, at, "%s is given per height of a specimen (%s/m), expected %s, too, e.g. 1 cm",
                                  key->path, key->unit, kn_keys[KN_KEY_SPECIMEN_HEIGHT].path);
     if (at.per_height) *value *= draft->specimen_height_m;
     if (*value >= key->least && *value <= key->most) return true;
@@ -284,7 +284,8 @@ static bool take_ends(kn_draft *draft)
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
                                      kn_keys[ends[!i]].path);
         if (given(draft, 0, curve[i]) && draft->at[0][curve[i]].source >= at.source)
-            return kn_draft_complain(draft, draft->at[0][curve[i]], "%s beside c_max and c_min, expected either pair",
+            return kn_draft_complain(draft, draft->at[0][curve[i]],
+                                     "%s is given beside c_max and c_min, expected only one of the pairs",
                                      kn_keys[curve[i]].path);
         if (!finish_modulus(draft, ends[i])) return false;
         draft->at[0][curve[i]] = at;
@@ -325,7 +326,7 @@ static bool finish_stroke(kn_draft *draft)
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;
-    // moduli in SI
+    // convert the moduli to SI
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
         if (kn_keys[id].type == KN_TYPE_MODULUS && relevant(draft, 0, id) && !finish_modulus(draft, id)) return false;
     if (relevant(draft, 0, KN_KEY_P0) && mat->p0_pa >= mat->p1_pa)
@@ -358,7 +359,7 @@ static bool finish_thickness(kn_draft *draft, bool flat)
                                  by == KN_KEY_MESH ? "object.mesh is flat" : "object.size has two values");
     draft->scene.model.thickness_m = 0;
     draft->at[0][KN_KEY_THICKNESS].source = KN_SOURCE_DEFAULT;
-    if (what.source > at.source) return true; // --set made it solid
+    if (what.source > at.source) return true; // a --set made the object solid, so its thickness has no effect
     return kn_draft_complain(draft, at, "object.thickness means nothing with %s, expected it left out",
                              by == KN_KEY_MESH ? "a mesh of tetrahedra" : "an object.size of three values");
 }
@@ -374,7 +375,7 @@ static bool finish_object(kn_draft *draft)
     if (!finish_thickness(draft, draft->size_m[1] == 0)) return false;
     for (int k = 0; k < 3; k++) {
         if (draft->size_m[k] == 0) {
-            def->nodes[k] = 1; // across a flat object
+            def->nodes[k] = 1; // a flat object has one layer of nodes along y
             continue;
         }
         // the extent must be a whole number of spacings
@@ -403,7 +404,7 @@ static bool finish_probe(kn_draft *draft, int slot)
     for (int other = 1; other < slot; other++)
         if (strcmp(def->probe[other - 1].name, probe->name) == 0)
             return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
-                                     "probe '%s' is there already, expected another name", probe->name);
+                                     "probe '%s' exists already, expected another name", probe->name);
     // a smaller ball would slip through between the sample points of the surface
     if (of_shape(KN_WHEN_ROUND, probe->shape) && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
@@ -492,7 +493,7 @@ bool kn_draft_finish(kn_draft *draft)
 typedef struct page {
     char text[32768];
     size_t used;
-    char group[KN_LINE_MAX]; // the open mapping, "quality.fast."
+    char group[KN_LINE_MAX]; // path of the mapping that is open in the text, e.g. "quality.fast."
 } page;
 
 static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));

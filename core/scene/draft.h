@@ -7,13 +7,14 @@
 #include "core/scene/scene.h"
 #include "core/shape.h"
 
-enum { KN_SOURCE_DEFAULT = -2, KN_SOURCE_FILE = -1 }; // 0, 1, ...: number of the --set option
+// Source of a value: default, file, or 0, 1, ...: number of the --set option that gave the value.
+enum { KN_SOURCE_DEFAULT = -2, KN_SOURCE_FILE = -1 };
 
 typedef struct kn_mark { // place where a value was written
     int source;          // KN_SOURCE_DEFAULT, KN_SOURCE_FILE or the number of the --set
-    int line, col;       // in the file, from 1
-    bool per_height;     // the value is per metre of specimen height
-    bool library;        // the value came with a named material or a device profile
+    int line, col;       // line and column in the file, from 1
+    bool per_height;     // the value as written is per metre of specimen height
+    bool library;        // the value was not written, but came with a named material or a device profile
 } kn_mark;
 
 // Slots: 0 holds the scene's keys, 1 + p the keys of probe p. Behind them are the keys of the parts of probe 0, 1, ...
@@ -23,16 +24,16 @@ typedef struct kn_mark { // place where a value was written
 static inline int kn_slot_of_part(int slot, int part) { return 1 + KN_PROBES_MAX + (slot - 1) * KN_PARTS_MAX + part; }
 
 typedef struct kn_draft_surface { // surface file of a tool that is a mesh
-    char path[KN_PATH_MAX];       // as written; absolute once the file has been read
-    int unit;                     // number of the word in the key's table
-    uint64_t hash;
-    double cell_m;
+    char path[KN_PATH_MAX];       // path as written in the scene; absolute after the file has been read
+    int unit;                     // unit of length in the file: index in the list of words of the key (keys.h)
+    uint64_t hash;                // hash of the file's contents
+    double cell_m;                // side of a cell of the grid of distances (core/field.h)
 } kn_draft_surface;
 
-typedef struct kn_draft_part { // part of a union
-    int kind;                  // number of the word in the key's table: kn_probe_shape without the plate
-    kn_probe_def as;           // size of the part
-    double at_m[3], turn_rad[3];
+typedef struct kn_draft_part {   // part of a union
+    int kind;                    // kn_probe_shape of the part, counted without the plate
+    kn_probe_def as;             // sizes of the part, in the fields of a probe
+    double at_m[3], turn_rad[3]; // position and rotation of the part in the tool
 } kn_draft_part;
 
 typedef struct kn_draft_point { // values of quality.NAME: see kn_quality
@@ -47,31 +48,33 @@ typedef struct kn_draft {
     double size_m[3];
     double specimen_height_m;
     double margin_m;
-    int variant;       // 0 rheological, 1 viscoelastic, 2 plastic
-    bool is_part;      // the file of a material or a device is read, not a scene
-    int profile;       // device profile: number of the word in the key's table
-    bool device_whole; // the canonical text contains the whole device, not only its name and limits
-    int chosen;        // kn_quality
+    int variant;       // variant of the material: 0 rheological, 1 viscoelastic, 2 plastic
+    bool is_part;      // the text is the file of a material or a device, not a scene
+    int profile;       // device profile: index in the list of words of the key (keys.h)
+    bool device_whole; // the canonical text contains all keys of the device, not only its name and limits
+    int chosen;        // kn_quality of the chosen quality point
     kn_draft_point fast, balanced, accurate;
-    kn_model_def built;          // scene.model with the values of the chosen point
-    const char *point;           // NULL, or the name of the point that is in scene.model
-    char mesh_path[KN_PATH_MAX]; // as written; absolute once the mesh has been read. "": a block
-    int mesh_unit;               // number of the word in the key's table
-    uint64_t mesh_hash;
-    kn_draft_part part[KN_PROBES_MAX * KN_PARTS_MAX]; // in the order of their slots
+    kn_model_def built; // scene.model with the values of the chosen quality point
+    const char *point;  // name of the quality point whose values are in scene.model, or NULL
+    // path as written; absolute after the mesh has been read. "": the object is a block
+    char mesh_path[KN_PATH_MAX];
+    // unit of length in the mesh: index in the list of words of the key (keys.h)
+    int mesh_unit;
+    uint64_t mesh_hash;                               // hash of the mesh file's contents
+    kn_draft_part part[KN_PROBES_MAX * KN_PARTS_MAX]; // parts of all unions, in the order of their slots
     int part_count[KN_PROBES_MAX];
     kn_draft_surface surface[KN_PROBES_MAX];
     kn_mark parts_at[KN_PROBES_MAX];       // place of each probe's list of parts
     kn_mark at[KN_SLOTS][KN_KEY_COUNT];    // place of each key's value
     kn_mark group[KN_SLOTS][KN_KEY_COUNT]; // place of the mapping that holds or should hold the key
-    const char *file;                      // for error messages; a mesh is looked for in its folder
+    const char *file;                      // name of the scene's file; a mesh is searched in the folder of this file
     const char *beside;                    // another file whose folder may hold the mesh; NULL: none
-    const char *const *sets;
-    char *error;
+    const char *const *sets;               // options --set, each "key=value"
+    char *error;                           // buffer for the error message
     size_t error_size;
 } kn_draft;
 
-// Set every key to its default, with nothing written.
+// Set every key to its default and mark it as not written in any file.
 void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, char *error, size_t error_size);
 
 // Return the member that holds the value of a key in a slot.
@@ -100,7 +103,7 @@ bool kn_draft_fine(kn_draft *draft);
 // (mark.library), copy only the keys that the draft does not have. Return false with an error if `from` has any other
 // key.
 bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark);
-bool kn_draft_of_device(kn_key_id id); // true if the key describes the device itself, not the limits
+bool kn_draft_of_device(kn_key_id id); // true if the key describes the device itself, not the safety limits
 
 // Compute the values that follow from the device's keys. Return false after an error.
 bool kn_draft_device(kn_draft *draft);
@@ -108,8 +111,8 @@ bool kn_draft_device(kn_draft *draft);
 // Return the shape of the probe or part in a slot.
 kn_probe_shape kn_draft_shape(const kn_draft *draft, int slot);
 
-// Make the tools that need more than the numbers of a probe (unions and meshes); the scene owns them (draft_tool.c).
-// Return false after an error.
+// Make the tools that need more than the numbers of a probe: unions and meshes (draft_tool.c). The scene owns the
+// tools. Return false after an error.
 bool kn_draft_tools(kn_draft *draft);
 
 // Check that a tool and its parts are wide enough for the present lattice. Return false after an error.
@@ -118,17 +121,17 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot);
 // Read the mesh that the draft names (draft_mesh.c). Return false after an error.
 bool kn_draft_mesh(kn_draft *draft);
 
-// A file that a key names and that may have moved. kn_draft_read loads it into the scene with `load`, compares its hash
-// with the hash in the text, and makes its path absolute (draft_mesh.c). load returns false with one line in
-// draft->error. It frees the data that it replaces.
+// A file that a key names and that may have moved since the text was written. kn_draft_read loads it into the scene
+// with `load`, compares its hash with the hash in the text, and makes its path absolute (draft_mesh.c). load returns
+// false with one line in draft->error. It frees the data that it replaces.
 typedef struct kn_draft_file {
-    int slot;
-    kn_key_id path, hash;
-    const char *kind; // "a Gmsh mesh"
+    int slot;             // slot of the object that has the keys
+    kn_key_id path, hash; // keys of the file's path and of the hash of its contents
+    const char *kind;     // description for error messages, e.g. "a Gmsh mesh"
     bool (*load)(kn_draft *draft, int slot, const char *path, uint64_t *hash);
 } kn_draft_file;
 bool kn_draft_read(kn_draft *draft, const kn_draft_file *file);
-extern const double kn_draft_units_per_m[4]; // by number of the word of a mesh's unit
+extern const double kn_draft_units_per_m[4]; // units per metre, indexed by the unit of a mesh (mesh_unit)
 
 // Return the canonical text of a finished draft, or NULL if memory is short.
 char *kn_draft_format(kn_draft *draft);

@@ -17,14 +17,14 @@ bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
 {
     const size_t prefix = strlen("device.");
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes stand in %s, expected device: alone", from->file);
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only device: there", from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) {
         const kn_key *key = &kn_keys[id];
         bool whole = key->type == KN_TYPE_CHOICE || key->type == KN_TYPE_INTEGER;
         if (!given(from, id)) continue;
         // a device's file may hold nothing else
         if (strncmp(key->path, "device.", prefix) != 0)
-            return kn_draft_complain(draft, mark, "%s stands in %s, expected device: alone", key->path, from->file);
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only device: there", key->path, from->file);
         // the scene's own value takes precedence over that of a profile
         if (mark.library && given(draft, id)) continue;
         memcpy((char *)draft + key->offset, (const char *)from + key->offset,
@@ -64,7 +64,7 @@ bool kn_draft_device(kn_draft *draft)
     kn_safety_limits *limits = &draft->scene.limits;
     char name[KN_LINE_MAX];
     snprintf(d->name, sizeof d->name, "%.15s", kn_key_print(&kn_keys[KN_KEY_PROFILE], &draft->profile, name));
-    // defaults that depend on other keys
+    // set the defaults that depend on other keys
     if (!given(draft, KN_KEY_TORQUE_CLAMP)) limits->torque_clamp_n_m = 0.05 * limits->clamp_n;
     for (int k = 0; k < 3 && !given(draft, KN_KEY_DEVICE_BASIS); k++) d->basis[k] = k + 1;
     if (!given(draft, KN_KEY_DEVICE_ROTATION)) d->rotation_wxyz[0] = 1.0;

@@ -8,7 +8,7 @@
 // sixth of the tool's width: the force is within 0.3 to 0.7 % of that of a uniform lattice. Half the margin costs 2.5
 // %.
 #define MARGIN_WIDTHS 0.7
-#define BELOW 1.5 // depth of the box in margins: if a tool is pressed in by its width, the box's floor is a width away
+#define BELOW 1.5 // depth of the box of fine cells, in margins: below a tool pressed in by its width, a width remains
 
 static bool given(const kn_draft *draft, int slot, kn_key_id id)
 {
@@ -25,7 +25,7 @@ static double width_of(const kn_probe_def *probe)
     return 1.5 * (probe->parts ? probe->parts->fine_m : probe->radius_m);
 }
 
-// Return how far a tool reaches from its centre along an axis, level or turned.
+// Return how far a tool reaches from its centre along an axis, whether the tool is level or turned.
 static double half_of(const kn_probe_def *probe, int k)
 {
     const double *size = probe->size_m;
@@ -98,9 +98,9 @@ bool kn_draft_fine(kn_draft *draft)
                                      "xyz"[k], def -> nodes[k] - 1);
     if (def->probe_count > 0 && is_off(def, low_m, high_m))
         return kn_draft_complain(draft, draft->at[1][KN_KEY_PROBE_REACH],
-                                 "probes.%s.reach and all others are beside the object, expected a reach on it",
+                                 "probes.%s.reach and all others lie outside the object, expected a reach on it",
                                  def->probe[0].name);
-    // the box: from the top down by BELOW margins, one of which kn_composite_box adds
+    // the box of fine cells reaches from the top down by BELOW margins; kn_composite_box adds one of these margins
     double margin = given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;
     high_m[2] = (def->nodes[2] - 1) * def->spacing_m;
     low_m[2] = high_m[2] - (BELOW - 1) * margin;

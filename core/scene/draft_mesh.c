@@ -8,7 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define EDGE_MIN_M 1e-5 // least mean edge; the same limit as for a block's spacing
+#define EDGE_MIN_M 1e-5 // smallest mean length of a mesh's edges; a block's spacing has the same limit
 
 typedef char path_text[2 * KN_PATH_MAX];
 
@@ -68,11 +68,11 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
     if (!file->load(draft, file->slot, path, &hash)) return false;
     if (hash_counts(draft, file) && hash != *said)
         return kn_draft_complain(draft, draft->at[file->slot][file->hash],
-                                 "%s is %016" PRIx64 ", but the mesh is %016" PRIx64
-                                 ": it was changed since, expected it as it was (there, or beside this file)",
+                                 "%s is %016" PRIx64 ", but the mesh has %016" PRIx64
+                                 ": the file has changed since, expected the old one (there, or beside this file)",
                                  kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
-    draft->at[file->slot][file->hash] = mark_of(draft, file); // so that the canonical text holds the hash
+    draft->at[file->slot][file->hash] = mark_of(draft, file); // mark the hash as given, so the canonical text holds it
     return true;
 }
 
@@ -84,7 +84,7 @@ static bool make_absolute(kn_draft *draft, const kn_draft_file *file, const char
     if (fits) memcpy(path_of(draft, file), absolute, strlen(absolute) + 1);
     free(absolute);
     return fits ||
-           kn_draft_complain(draft, mark_of(draft, file), "%s: its whole path is no UTF-8 text of less than %d bytes",
+           kn_draft_complain(draft, mark_of(draft, file), "%s: its full path is not UTF-8 text of less than %d bytes",
                              kn_draft_path(draft, file->slot, file->path, name), KN_PATH_MAX);
 }
 
@@ -134,7 +134,7 @@ static bool take_measures(kn_draft *draft)
     if (!kn_simplices_measure(scene->mesh, &m)) return kn_draft_complain(draft, at, "not enough memory for the mesh");
     if (m.edge_mean_m < EDGE_MIN_M)
         return kn_draft_complain(draft, at,
-                                 "object.mesh has edges of %.3g m in the mean, expected at least %g m: is "
+                                 "object.mesh has edges of %.3g m on average, expected at least %g m: is "
                                  "its unit right?",
                                  m.edge_mean_m, EDGE_MIN_M);
     kn_simplices_place(scene->mesh);

@@ -79,7 +79,7 @@ static bool complain_undefined(kn_draft *draft)
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (defined(draft, q)) snprintf(list + strlen(list), sizeof list - strlen(list), "%s, ", names[q]);
     kn_mark at = draft->at[0][KN_KEY_CHOSEN];
-    if (!*list) return kn_draft_complain(draft, at, "the scene names no point of quality, expected this left out");
+    if (!*list) return kn_draft_complain(draft, at, "the scene has no quality points, expected this left out");
     return kn_draft_complain(draft, at, "the scene has no quality.%s, expected %sor own", names[draft->chosen], list);
 }
 

@@ -46,8 +46,8 @@ static bool make_union(kn_draft *draft, int slot)
         of->as.shape = kn_draft_shape(draft, part);
         if (!add_part(tool, of))
             return kn_draft_complain(draft, draft->at[part][KN_KEY_PART_SHAPE],
-                                     "probes.%s.parts are more than %d, a cross being two, expected fewer", probe->name,
-                                     KN_PARTS_MAX);
+                                     "probes.%s.parts has more than %d parts, a cross counts twice, expected fewer",
+                                     probe->name, KN_PARTS_MAX);
     }
     probe->parts = tool;
     return true;
@@ -57,14 +57,14 @@ static bool make_union(kn_draft *draft, int slot)
 // the depth by which its contact's layer is pressed in.
 #define CELLS_FINE 8
 #define CELLS_COARSE 3
-#define FARTHEST_M 10.0 // largest coordinate of a corner, from the tool's position; the same limit as for a part's `at`
+#define FARTHEST_M 10.0 // largest coordinate of a corner in the tool frame; the key `at` of a part has the same limit
 
 // Choose the cell side of a surface's grid: as requested, else as fine as the memory allows.
 static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double *cell_m)
 {
     const kn_draft_surface *surface = &draft->surface[slot - 1];
     const double spacing_m = draft->scene.model.spacing_m, coarse_m = spacing_m / CELLS_COARSE;
-    // extent of the surface
+    // compute the extent of the surface along x, y, z
     double extent_m[3] = {0};
     for (int k = 0; k < 3; k++) {
         double low = INFINITY, high = -INFINITY;
@@ -117,8 +117,8 @@ static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
                                      (const int(*)[3])shell->triangle, cell_m);
     if (!field)
         return kn_draft_complain(draft, at,
-                                 "probes.%s.mesh: no memory for its grid, or rounding leaves it "
-                                 "open",
+                                 "probes.%s.mesh: not enough memory for its grid, or rounding leaves its "
+                                 "surface open",
                                  name);
     kn_shape_drop(tool); // drop the shape of a file that was loaded before
     *tool = (kn_shape){0};
@@ -187,7 +187,7 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],
                                  "probes.%s.mesh: %s (spacing %g m, half width %.3g m): is its unit right?",
                                  probe->name, wide, def->spacing_m, probe->parts->fine_m);
-    // a union: every part by itself
+    // in a union, check every part by itself
     for (int i = 0; i < draft->part_count[slot - 1]; i++) {
         const int part = kn_slot_of_part(slot, i);
         const char *unfit = kn_outside_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);

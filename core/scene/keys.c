@@ -29,7 +29,7 @@ static kn_unit unit_of(const kn_key *key)
     return unit;
 }
 
-// Return the number of a word in "a|b|c", or -1 if it is not there.
+// Return the index of a word in a list of words "a|b|c", or -1 if the list does not contain the word.
 static int choice_of(const char *words, const char *word)
 {
     size_t size = strlen(word);
@@ -216,7 +216,7 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
         for (int i = *(const int *)field; i > 0; i--) unit += strcspn(unit, "|") + 1;
         snprintf(text, KN_LINE_MAX, "%.*s", (int)strcspn(unit, "|"), unit);
     } else {
-        // one number or a list; the zero of a flat object's y is left out
+        // print one number or a list; a flat object's extent along y, which is 0, is left out
         const double *value = field;
         int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
         for (int i = 0; i < key->count; i++)
@@ -242,7 +242,7 @@ const kn_key *kn_key_find(const char *path, bool *is_group)
 // Return the number of edits that turn a into b (Levenshtein distance). One row is enough, because names are short.
 static int distance(const char *a, const char *b)
 {
-    // row[j]: edits from the part of a read so far to the first j characters of b
+    // row[j]: number of edits that turn the first characters of `a`, read so far, into the first j characters of `b`
     int row[64];
     int n = (int)strlen(b);
     if (n >= 64) return 64;

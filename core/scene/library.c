@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // numbers of the words of material.variant
+enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // values of the key material.variant, in the order of its words
 
 static const char *const suffixes[] = {"-rheological", "-viscoelastic", "-plastic"};
 
@@ -55,10 +55,10 @@ bool kn_library_take(kn_draft *draft, const kn_draft *from, int variant, kn_mark
     // refuse anything but material and density
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (given(from, id) && !of_material(id) && id != KN_KEY_DENSITY)
-            return kn_draft_complain(draft, mark, "%s stands in %s, expected a material and its density alone",
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only a material and its density there",
                                      kn_keys[id].path, from->file);
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes stand in %s, expected a material and its density alone",
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only a material and its density there",
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
@@ -88,7 +88,7 @@ bool kn_library_vary(kn_draft *draft)
         return kn_draft_complain(draft, at, "material.variant is plastic, expected a damper that can move");
     if (draft->variant == PLASTIC) make_plastic(mat);
     if (draft->variant != VISCOELASTIC) return true;
-    // stops at one place: the damper cannot move
+    // put both stops at one place, so the damper cannot move
     mat->ratio = mat->stroke[0] = mat->stroke[1] = 1;
     draft->at[0][KN_KEY_STROKE] = draft->at[0][KN_KEY_RATIO] = at;
     return true;

@@ -13,8 +13,8 @@
 #include "core/scene/draft.h"
 
 typedef struct kn_library_entry {
-    const char *name; // "dough"
-    const char *text; // text of its file
+    const char *name; // name of the material or device, e.g. "dough"
+    const char *text; // text of the file
 } kn_library_entry;
 
 extern const kn_library_entry kn_library[]; // in alphabetical order; the last entry has the name NULL
@@ -24,7 +24,7 @@ extern const kn_library_entry kn_devices[]; // the files of core/devices: one fo
 // the words of material.variant, or -1.
 const kn_library_entry *kn_library_find(const char *name, int *variant);
 
-// Print the names of all materials: "clay, dough, ...".
+// Print the names of all materials into `text` and return it: "clay, dough, ...".
 const char *kn_library_names(char text[KN_LINE_MAX]);
 
 // Copy material and density from the draft of a material's file. Every value is marked with the place where the scene

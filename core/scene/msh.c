@@ -16,12 +16,12 @@ typedef struct tagged { // a node's number in the file and its index in memory
 typedef struct found { // a triangle (node[3] is -1) or tetrahedron
     int node[4];
     long tag;
-    size_t at; // byte in the file
+    size_t at; // position of the element in the file [bytes]
 } found;
 
 typedef struct reader {
     kn_words words;
-    int version; // 2 or 4; 0 before $MeshFormat
+    int version; // version of the format, 2 or 4; 0 until $MeshFormat has been read
     int node_count, found_count, left_out;
     double (*x)[3];
     tagged *tag;
@@ -51,22 +51,22 @@ static bool read_format(reader *r)
     }
     int version = *text - '0';
     if (!integer(r, INT, 0, 1, &binary, "0 for text or 1 for binary") ||
-        !integer(r, INT, LONG_MIN, LONG_MAX, &bytes, "the bytes of a real"))
+        !integer(r, INT, LONG_MIN, LONG_MAX, &bytes, "the bytes of a number"))
         return false;
-    if (bytes != 8) return complain(r, r->words.begun, "reals of %ld bytes, expected 8", bytes);
+    if (bytes != 8) return complain(r, r->words.begun, "numbers of %ld bytes, expected 8", bytes);
     r->words.binary = binary == 1;
     if (r->words.binary &&
         (!kn_words_line_end(&r->words) || !integer(r, INT, LONG_MIN, LONG_MAX, &one, "the number 1")))
         return false;
     if (one != 1)
         return complain(r, r->words.begun,
-                        "the bytes are in another machine's order, expected little-endian: "
+                        "the bytes are in the order of another machine, expected little-endian: "
                         "gmsh -0 IN.msh -save -format msh41 -o OUT.msh there");
     r->version = version;
     return kn_words_section_end(&r->words);
 }
 
-// Order nodes by their number in the file.
+// Compare two nodes for qsort by their number in the file.
 static int by_tag(const void *a, const void *b)
 {
     const tagged *p = a, *q = b;
@@ -91,7 +91,7 @@ static bool take_place(reader *r, int node, int parameters)
     return true;
 }
 
-// Read the number of a node.
+// Read the number that the file gives to a node.
 static bool take_node_tag(reader *r, kn_width width, int node)
 {
     r->tag[node].index = node;
@@ -120,14 +120,14 @@ static bool read_nodes_4(reader *r)
     if (!kn_words_line_end(&r->words) || !integer(r, LONG, 0, LONG_MAX, &blocks, "the number of blocks") ||
         !integer(r, LONG, 1, KN_SIMPLICES_NODES_MAX, &count, "the number of nodes") ||
         !make_nodes(r, count, r->words.binary ? 32 : sizeof "1\n0 0 0\n" - 1) ||
-        !integer(r, LONG, 0, LONG_MAX, &least, "the least number of a node") ||
+        !integer(r, LONG, 0, LONG_MAX, &least, "the smallest number of a node") ||
         !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of a node"))
         return false;
     // a block cannot have more nodes than are left of the declared count
     while (blocks-- > 0) {
         if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
             !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
-            !integer(r, INT, 0, 1, &parametric, "whether there are parameters") ||
+            !integer(r, INT, 0, 1, &parametric, "0 or 1 for parameters") ||
             !integer(r, LONG, 0, count - r->node_count, &here, "the number of nodes in this block"))
             return false;
         for (int i = 0; i < here; i++)
@@ -244,7 +244,7 @@ static bool read_elements_4(reader *r)
     if (!kn_words_line_end(&r->words) || !integer(r, LONG, 0, LONG_MAX, &blocks, "the number of blocks") ||
         !integer(r, LONG, 1, KN_SIMPLICES_ELEMENTS_MAX, &total, "the number of elements") ||
         !make_elements(r, total, r->words.binary ? 16 : sizeof "1 1\n" - 1) ||
-        !integer(r, LONG, 0, LONG_MAX, &least, "the least number of an element") ||
+        !integer(r, LONG, 0, LONG_MAX, &least, "the smallest number of an element") ||
         !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of an element"))
         return false;
     while (blocks-- > 0) {
@@ -292,7 +292,7 @@ static bool read_sections(reader *r)
         bool format = strcmp(name, "$MeshFormat") == 0, good;
         if (r->version == 0 && !format)
             return complain(r, r->words.begun,
-                            "no Gmsh mesh, expected $MeshFormat (knead mesh makes one of a surface)");
+                            "not a Gmsh mesh, expected $MeshFormat (knead mesh makes one from a surface)");
         if (r->version != 0 && format) return complain(r, r->words.begun, "a second $MeshFormat, expected one");
         if (*name != '$') return complain(r, r->words.begun, "text between sections, expected $Nodes or $Elements");
         r->words.section = format ? "$MeshFormat" : strcmp(name, "$Nodes") == 0 ? "$Nodes" : "$Elements";
@@ -353,7 +353,7 @@ static bool lay_flat(reader *r, kn_simplices *s)
         return complain(r, r->found[0].at,
                         "triangles alone, and not in one plane: expected tetrahedra (knead mesh fills a "
                         "closed surface with them), or a plane z = const or y = const");
-    // a plane z = const: y becomes z
+    // if the mesh lies in a plane z = const, its y becomes the scene's z
     for (int i = 0; i < s->node_count; i++) {
         if (wide[2] <= thin) s->x_m[i][2] = s->x_m[i][1];
         s->x_m[i][1] = 0;

@@ -15,10 +15,10 @@
 #include <stdint.h>
 
 typedef struct kn_msh_facts {
-    const char *format; // "2.2 ASCII", "4.1 binary", ...
-    int left_out;       // elements of lower dimension
-    int loose;          // nodes without an element
-    uint64_t hash;      // kn_hash_bytes of the file
+    const char *format; // format of the file: "2.2 ASCII", "4.1 binary", ...
+    int left_out;       // number of elements that were left out because their dimension is lower
+    int loose;          // number of nodes that were left out because they belong to no element
+    uint64_t hash;      // hash of the file's contents (kn_hash_bytes)
 } kn_msh_facts;
 
 // Read a mesh from bytes. `units_per_m`: file units per metre, 1000 for millimetres. Coordinates are divided by

@@ -17,10 +17,10 @@ enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
 // key table, and an unknown key ends the reading: no input can make the reader slow or large.
 typedef struct reader {
     kn_draft *draft;
-    int source; // KN_SOURCE_FILE or number of the --set
-    int slot;   // slot of the scene, probe or part that is read
+    int source; // source of the text: KN_SOURCE_FILE or the number of the --set
+    int slot;   // slot of the scene, probe or part that is being read
     yaml_parser_t parser;
-    yaml_event_t event; // the current event
+    yaml_event_t event; // current event of libyaml
     const char *text;
     size_t size;
 } reader;
@@ -66,7 +66,7 @@ static kn_mark mark_of(const reader *r, yaml_mark_t m)
     return (kn_mark){.source = r->source, .line = (int)m.line + 1, .col = (int)m.column + 1};
 }
 
-// Return the place of the current event.
+// Return the place of libyaml's current event in the text.
 static kn_mark here(const reader *r) { return mark_of(r, r->event.start_mark); }
 
 // Return the place of a byte. For bytes that libyaml cannot decode, it gives only their offset, no mark.
@@ -110,7 +110,7 @@ static bool next(reader *r)
     yaml_event_delete(&r->event);
     if (!yaml_parser_parse(&r->parser, &r->event)) return complain_yaml(r);
     return plain(&r->event) ||
-           kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not read, expected a plain value");
+           kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not supported, expected a plain value");
 }
 
 // Name the kind of the current event for error messages.
@@ -160,7 +160,7 @@ static bool read_path(reader *r, const kn_key *key)
     if (size >= sizeof path) return complain_key(r, mark, key, "too long");
     memcpy(path, r->event.data.scalar.value, size + 1);
     kn_key_id id = (kn_key_id)(key - kn_keys);
-    if (strlen(path) != size) return complain_key(r, mark, key, "not text"); // a NUL within
+    if (strlen(path) != size) return complain_key(r, mark, key, "not text"); // the path contains a NUL
     if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), &text, 1, NULL, problem))
         return complain_key(r, mark, key, problem);
     r->draft->at[r->slot][id] = mark;
@@ -221,7 +221,7 @@ static bool read_mapping(reader *r, const char *path)
         // refuse a key that is there twice
         for (int i = 0; i < count; i++)
             if (strcmp(seen[i], name) == 0)
-                return kn_draft_complain(r->draft, mark, "'%s' is there already, in line %d, expected it once", name,
+                return kn_draft_complain(r->draft, mark, "'%s' is given already in line %d, expected it once", name,
                                          lines[i]);
         snprintf(below, sizeof below, "%s%s%s", path, *path ? "." : "", name);
         // refuse an unknown key, with a suggestion
@@ -315,7 +315,8 @@ static bool read_device(reader *r)
     size_t size;
     const char *name = scalar(r, VALUE_MAX_BYTES), *dot = name ? strrchr(name, '.') : NULL;
     if (!dot || strcmp(dot, ".yaml") != 0) return read_leaf(r, &kn_keys[KN_KEY_PROFILE]);
-    if (r->draft->is_part) return kn_draft_complain(r->draft, mark, "device: a file in a file, expected a mapping");
+    if (r->draft->is_part)
+        return kn_draft_complain(r->draft, mark, "device: a file of a device names another file, expected a mapping");
     char path[KN_PATH_MAX + VALUE_MAX_BYTES];
     char *text = load_part(r, name, "device", mark, path, &size);
     if (!text) return false;
@@ -389,7 +390,7 @@ static bool read_node(reader *r, const char *path)
 // Read a whole text: a scene, part of a scene, or the value of a --set at a path.
 static bool read_document(reader *r, const char *path)
 {
-    do // stream start, document start
+    do // skip the events "stream start" and "document start"
         if (!next(r)) return false;
     while (r->event.type == YAML_STREAM_START_EVENT || r->event.type == YAML_DOCUMENT_START_EVENT);
     if (r->event.type == YAML_STREAM_END_EVENT && *path)
@@ -402,7 +403,7 @@ static bool read_document(reader *r, const char *path)
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
     if (*path == '\0' && !mapping) return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
     if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
-    if (!next(r) || !next(r)) return false; // document end, stream end
+    if (!next(r) || !next(r)) return false; // skip the events "document end" and "stream end"
     return r->event.type == YAML_STREAM_END_EVENT ||
            kn_draft_complain(r->draft, here(r), "a second document, expected one scene per file");
 }

@@ -7,34 +7,35 @@
 #include "core/safety.h"
 #include <stdint.h>
 
-// Quality points: named settings between speed and accuracy, the cheapest first. OWN: the values of the scene's solver,
-// without a point.
+// Quality points: named settings between speed and accuracy, the fastest first. OWN stands for the values of the
+// scene's solver without a quality point.
 typedef enum kn_quality { KN_QUALITY_FAST, KN_QUALITY_BALANCED, KN_QUALITY_ACCURATE, KN_QUALITY_OWN } kn_quality;
 #define KN_QUALITIES 4
 
 typedef struct kn_point {
-    bool defined;     // the scene names the point; OWN is always defined
-    bool live;        // same lattice and precision as the chosen point: a server may switch to it while running
-    kn_effort effort; // effort of a step at this point
+    bool defined; // the scene defines this quality point; OWN is always defined
+    // The point has the lattice and precision of the chosen point, so a server may switch to it while running.
+    bool live;
+    kn_effort effort; // effort of a step at this quality point
 } kn_point;
 
-// Bits of mesh_measures. The words of mesh.measures have these numbers.
+// Bits of kn_scene.mesh_measures. The words of the key mesh.measures have these numbers.
 #define KN_MESH_STRESS 1
 #define KN_MESH_RESIDUAL 2
 
 typedef struct kn_scene {
-    char name[64]; // file name without folder
-    int version;   // version of the format, 1
+    char name[64]; // name of the scene's file without folder
+    int version;   // version of the scene format, 1
     kn_model_def model;
     kn_simplices *mesh;                   // target of model.mesh, owned; NULL: a block
     struct kn_shape *tool[KN_PROBES_MAX]; // target of a probe's parts, owned; NULL: the probe has none
     kn_point point[KN_QUALITIES];
-    kn_quality quality;   // the chosen point; model has its values
-    double budget_s;      // time budget of a tick, from read to publish: see servo.h
-    double accuracy;      // share of the force that coarse cells away from the tools may cost; 0: no coarse cells
-    kn_device_def device; // the hand's device: profile touch, falcon, omega, unknown; or bench, the virtual hand
+    kn_quality quality;   // chosen quality point; `model` has its values
+    double budget_s;      // time budget of a tick, from reading poses to publishing forces: see servo.h
+    double accuracy;      // relative force error that coarse cells away from the tools may cause; 0: no coarse cells
+    kn_device_def device; // haptic device: profile touch, falcon, omega, unknown, or bench for the virtual hand
     kn_safety_limits limits;
-    double mesh_hz;    // 30..60
+    double mesh_hz;    // rate of mesh messages, 30..60
     int mesh_measures; // KN_MESH_STRESS, KN_MESH_RESIDUAL: values that meshes carry beside positions (gauge.h)
     // Place in the file of the last of the keys kind, dt, isa and mass_scale of solver; 1, 1 if it has none of them. An
     // error of building or stepping the model points there.
@@ -55,13 +56,13 @@ kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const 
 // name in that file's folder. kn_scene_parse looks in the folder of `name`.
 kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
                                 const char *const *sets, int set_count, char *error, size_t error_size);
-void kn_scene_destroy(kn_scene *scene); // NULL is fine
+void kn_scene_destroy(kn_scene *scene); // does nothing if `scene` is NULL
 
 const char *kn_quality_name(kn_quality quality); // "fast", "balanced", "accurate", "own"
 // Return the setting that --quality NAME stands for, "quality=NAME", or NULL if the name is not one of
 // kn_quality_names.
 const char *kn_quality_set(const char *name);
-extern const char kn_quality_names[]; // "fast, balanced, accurate or own"
+extern const char kn_quality_names[]; // all names in one text: "fast, balanced, accurate or own"
 
 // Return the table of all keys for `knead check --keys` as NULL-terminated lines: path, unit, range, default, meaning.
 const char *const *kn_scene_keys(void);

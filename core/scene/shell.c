@@ -10,18 +10,18 @@
 
 typedef struct corner { // corner of a triangle in the file, before equal corners are merged
     double x[3];
-    int number; // 3 triangle + k
+    int number; // 3 * triangle + corner (0 to 2)
 } corner;
 
 typedef struct place { // place of a triangle in the file
     size_t at;
-    int number; // from 1
+    int number; // number of the triangle in the file, from 1
 } place;
 
 typedef struct reader {
     kn_words words;
     corner *corner;
-    place *place; // [triangles]
+    place *place; // [triangles] place of each triangle in the file
     int triangles, room;
 } reader;
 
@@ -42,8 +42,8 @@ bool kn_shell_named(const char *path) { return ends_in(path, ".obj") || ends_in(
 static bool add(reader *r, size_t at, const double x[3][3])
 {
     if (r->triangles == KN_SHELL_TRIANGLES_MAX)
-        return complain(r, at, "more triangles than %d, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
-    // double the room; both arrays grow together
+        return complain(r, at, "more than %d triangles, expected a coarser surface", KN_SHELL_TRIANGLES_MAX);
+    // double the size of both arrays when they are full
     if (r->triangles == r->room) {
         int room = r->room ? 2 * r->room : 1024;
         corner *more = realloc(r->corner, 3 * (size_t)room * sizeof *more);
@@ -102,7 +102,7 @@ static bool read_text_stl(reader *r)
     int corners = 0;
     r->words.section = "a facet";
     if (kn_words_next(&r->words, text) == 0 || strcmp(text, "solid") != 0)
-        return complain(r, r->words.begun, "no STL: neither binary nor text, expected 'solid'");
+        return complain(r, r->words.begun, "not an STL file: neither binary nor text, expected 'solid'");
     while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // skip the solid's name
     while (kn_words_next(&r->words, text) > 0) {
         if (strcmp(text, "facet") == 0) at = r->words.begun, corners = 0;
@@ -164,7 +164,7 @@ static bool take_face(reader *r, const points *p)
     size_t at = r->words.begun;
     double x[3][3];
     int corners = 0;
-    // x[0] is the first corner, x[1] the previous one, x[2] the new one
+    // x[0] is the first corner of the face, x[1] the previous corner, x[2] the new corner
     for (; more_on_line(&r->words); corners++) {
         if (!take_corner(r, p, x[corners < 2 ? corners : 2])) return false;
         if (corners < 2) continue;
@@ -197,7 +197,7 @@ static bool read_obj(reader *r)
 
 // ---- triangles to surface
 
-// Order corners by their coordinates, equal ones by their number.
+// Compare two corners for qsort by their coordinates, and equal corners by their number.
 static int by_place(const void *a, const void *b)
 {
     const corner *p = a, *q = b;
@@ -233,9 +233,9 @@ static kn_shell *weld(reader *r)
 }
 
 typedef struct edge { // a side of a triangle
-    int low, high;    // vertices
+    int low, high;    // vertices at the two ends, low < high
     int triangle;
-    bool forward; // the triangle runs along it from low to high
+    bool forward; // the triangle runs along the edge from `low` to `high`
 } edge;
 
 static int by_vertices(const void *a, const void *b)
@@ -272,7 +272,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
     int count = 3 * s->triangle_count, open = 0, first = -1;
     for (int t = 0; t < s->triangle_count; t++) parent[t] = t;
     for (int i = 0, n; i < count; i += n) {
-        // n triangles share this edge
+        // n: number of triangles that share this edge
         for (n = 1; i + n < count && same_edge(&e[i], &e[i + n]);) n++;
         int a = e[i].triangle, b = e[i + (n > 1)].triangle;
         const place *p = &r->place[a], *q = &r->place[b];
@@ -302,8 +302,8 @@ static bool check_parts(reader *r, const kn_shell *s, int *parent)
         if (other == 0 && root_of(parent, t) != root_of(parent, 0)) other = t;
     }
     return parts == 1 || complain(r, r->place[other].at,
-                                  "%d closed surfaces, expected one: triangle %d is not of the "
-                                  "first",
+                                  "%d closed surfaces, expected one: triangle %d does not belong to "
+                                  "the first",
                                   parts, r->place[other].number);
 }
 
@@ -348,7 +348,7 @@ static void measure(kn_shell *s)
                       a[2] * (b[0] * c[1] - b[1] * c[0])) /
                      6;
     }
-    s->volume = fabs(s->volume); // a surface that is inside out is closed, too
+    s->volume = fabs(s->volume); // the volume is negative if the surface is inside out, which is allowed
 }
 
 // Read the triangles in the format that the name's ending tells.
@@ -371,7 +371,7 @@ kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *
     // a closed surface without volume is flat
     if (s) measure(s);
     if (s && !(s->volume > 1e-9 * s->extent * s->extent * s->extent)) {
-        complain(&r, 0, "the surface encloses nothing, expected a body of some volume");
+        complain(&r, 0, "the surface encloses no volume, expected a body");
         kn_shell_destroy(s);
         s = NULL;
     }
@@ -399,7 +399,7 @@ void kn_shell_destroy(kn_shell *shell)
 
 // ---- output for gmsh and tetgen
 
-// Close the file and return true if everything was written.
+// Close a file that was written. Return true if all data were written without error.
 static bool finish(FILE *f)
 {
     bool good = f && !ferror(f);

@@ -12,23 +12,23 @@
 
 typedef struct kn_shell {
     int vertex_count;
-    double (*x)[3]; // in the file's unit
+    double (*x)[3]; // [vertex_count] positions, in the file's unit of length
     int triangle_count;
-    int (*triangle)[3];
-    double volume; // enclosed volume, unit cubed
-    double extent; // longest side of the box around it
+    int (*triangle)[3]; // [triangle_count] vertices of each triangle
+    double volume;      // enclosed volume, cube of the file's unit
+    double extent;      // longest side of the bounding box, in the file's unit
 } kn_shell;
 
-#define KN_SHELL_TRIANGLES_MAX (1 << 20)
+#define KN_SHELL_TRIANGLES_MAX (1 << 20) // largest number of triangles in a file
 
-// Return true if the name ends in .obj or .stl, in upper or lower case.
+// Return true if a file name ends in .obj or .stl, in upper or lower case.
 bool kn_shell_named(const char *path);
 
 // Read a surface from bytes or from a file. The name's ending tells the format. Return NULL with one line in error if
 // anything is wrong.
 kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *error, size_t error_size);
 kn_shell *kn_shell_load(const char *path, char *error, size_t error_size);
-void kn_shell_destroy(kn_shell *shell); // NULL is fine
+void kn_shell_destroy(kn_shell *shell); // does nothing if `shell` is NULL
 
 // Write a surface for gmsh (STL) or for tetgen (OFF). Return false if the file cannot be written.
 bool kn_shell_write_stl(const kn_shell *shell, const char *path);

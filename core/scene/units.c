@@ -11,7 +11,7 @@
 #define ATM_PASCAL 1.01325              // 1 atm in 1e5 Pa: exact by definition
 #define DEG_RADIAN 0.017453292519943295 // 1 deg in rad
 
-enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // far beyond any real quantity; they keep all integers small
+enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // limits far beyond any real quantity, which keep all integers small
 
 static const struct {
     const char *name;
@@ -40,7 +40,7 @@ static const struct {
     {"deg", {.rad = 1, .deg = 1}},
 };
 
-// Multiply a unit by a power of another one.
+// Multiply a unit by a power of another unit.
 static void multiply(kn_unit *u, const kn_unit *by, int power)
 {
     u->m += by->m * power;
@@ -70,7 +70,7 @@ static bool fail(char *error, size_t size, const char *format, const char *text,
     return false;
 }
 
-// Read a power such as "^-2" at *p. Without one, *power is 1. A power has one digit.
+// Read a power such as "^-2" at *p; it has one digit. If there is no power, *power becomes 1.
 static bool read_power(const char **p, int *power)
 {
     *power = 1;
@@ -90,7 +90,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
     const char *p = text + strspn(text, " ");
     int sign = 1;
     for (int factor = 0;; factor++) {
-        // a name with its power
+        // read the name of a unit and its power
         size_t size = 0;
         while (isalnum((unsigned char)p[size])) size++;
         if (*p == '%') size = 1;

@@ -17,17 +17,18 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-typedef struct kn_unit { // 10^ten 9.80665^gf 1.01325^atm (pi/180)^deg  m^m kg^kg s^s rad^rad
+// A unit as exponents of its factors: 10^ten 9.80665^gf 1.01325^atm (pi/180)^deg m^m kg^kg s^s rad^rad.
+typedef struct kn_unit {
     int m, kg, s, rad;
     int ten;
     int gf, atm, deg;
 } kn_unit;
 
 typedef struct kn_quantity {
-    char digits[48]; // sign, digits, point; without the exponent
+    char digits[48]; // sign, digits and decimal point of the number, without the exponent
     int exponent;    // exponent of ten, as written
-    bool bare;       // the number has no unit
-    kn_unit unit;    // dimensionless if bare
+    bool bare;       // the number is written without a unit
+    kn_unit unit;    // unit of the number; dimensionless if `bare`
 } kn_quantity;
 
 // Parse a text. On failure return false with one clause in error, e.g. "unknown unit 'kpa'".
@@ -36,8 +37,8 @@ bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t err
 
 bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b);
 
-// Return the quantity in multiples of unit. unit must have q's dimension unless q is bare. Infinite beyond a double's
-// range.
+// Return the quantity `q` in multiples of `unit`. `unit` must have the dimension of q unless q is bare. The result is
+// infinite if it exceeds the range of a double.
 double kn_quantity_in(const kn_quantity *q, const kn_unit *unit);
 
 #endif

@@ -22,7 +22,7 @@ static unsigned char *read_all(FILE *file, size_t *size)
         *size += fread(bytes + *size, 1, room - *size, file);
     }
     if (feof(file) && *size <= KN_WORDS_MAX_BYTES) return bytes;
-    // set errno for the message: too large, or memory is short
+    // set errno for the error message: the file is too large, or memory is short
     if (!ferror(file)) errno = *size > KN_WORDS_MAX_BYTES ? EFBIG : ENOMEM;
     free(bytes);
     return NULL;
@@ -41,7 +41,7 @@ bool kn_words_complain(kn_words *w, size_t at, const char *format, ...)
 {
     char what[512], byte[40] = "";
     int line = 1, col = 1;
-    // text: count lines up to the byte
+    // in a text file, count the lines up to the byte at `at`
     for (size_t i = 0; i < at && i < w->size && !w->binary; i++) {
         col = w->bytes[i] == '\n' ? 1 : col + 1;
         line += w->bytes[i] == '\n';
@@ -133,7 +133,7 @@ bool kn_words_real(kn_words *w, double *value)
 
 bool kn_words_room(kn_words *w, long count, size_t each, const char *what)
 {
-    // a division, because count * each might overflow
+    // divide instead of multiplying, because count * each might overflow
     size_t left = (w->size - w->at) / each;
     if (count >= 0 && (size_t)count <= left) return true;
     return kn_words_complain(w, w->begun, "%ld %s are declared, but the file has room for %zu at most", count, what,

@@ -1,12 +1,12 @@
 `default_nettype none
-// A cell of the sums, any of them, is the plain sum of what was added to it since it was last taken, for any order of
-// addresses: knead_accumulator and its forwarding against a register that adds.
+// Any cell of the sums is the plain sum of what was added to it since it was last taken, for any order of addresses.
+// The proof compares knead_accumulator with its forwarding to a register that adds.
 module accumulator (
     input wire       clk,
     input wire       add,
     input wire       take,
     input wire [1:0] address,
-    input wire [8:0] value // three of three bits
+    input wire [8:0] value // three components of three bits
 );
     wire [17:0] sum;
     knead_accumulator #(.WIDTH(6), .VALUE(3), .LOG_DEPTH(2)) dut (
@@ -17,10 +17,10 @@ module accumulator (
     // peek: watched = dut.ram.watched
     // peek: held = dut.ram.held
 
-    reg  [17:0] plain; // the watched sum, after all that has left the pipe
+    reg  [17:0] plain; // the watched sum, after all additions that have left the pipe
     reg  [ 1:0] address_r;
     reg  [ 8:0] value_r;
-    reg         add_r, take_r, known, again; // known: taken once, since what it held at first is nobody's
+    reg         add_r, take_r, known, again; // known: taken once; before that the cell's content is undefined
     initial {add_r, take_r, known, again} = 4'd0;
     wire        here = address_r == watched;
     integer k;
@@ -29,7 +29,7 @@ module accumulator (
         value_r <= value;
         add_r <= add;
         take_r <= take;
-        again <= here && add_r && !take_r && add && address == watched; // twice in a row
+        again <= here && add_r && !take_r && add && address == watched; // two additions in a row
         if (here && take_r) begin
             plain <= 18'd0;
             known <= 1'b1;

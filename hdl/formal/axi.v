@@ -1,7 +1,7 @@
 `default_nettype none
-// AXI4-Lite of knead_top_axi, whatever engine is behind it: a response for each request and none without, which stays
-// until it is taken; what reaches the engine's bus is what was asked, once, never part of a word, and stays until it is
-// answered.
+// AXI4-Lite of knead_top_axi, with any engine behind it. Each request gets one response, which stays until it is taken,
+// and there is no response without a request. The engine's bus gets what was asked, once, never part of a word, and it
+// stays there until it is answered.
 module axi (
     input wire        clk,
     input wire        resetn,
@@ -31,7 +31,7 @@ module axi (
     // peek: refused = dut.engine.bus_error
     // peek: word = dut.engine.bus_rdata
 
-    reg         begun, writing, reading, part, asked; // asked: the engine's bus has yet to answer
+    reg         begun, writing, reading, part, asked; // asked: the engine's bus has not answered yet
     reg  [23:0] address;
     reg  [31:0] sent, got;
     reg         wrong;
@@ -75,7 +75,7 @@ module axi (
     end
 endmodule
 
-// any engine
+// An engine that answers anything at any time.
 module knead_engine #(
     parameter LOG_NODES = 10,
     parameter LOG_EDGES = 13,

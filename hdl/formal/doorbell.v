@@ -1,7 +1,7 @@
 `default_nettype none
-// The engine makes as many steps as STEP_SEQ says, none for a number that it has had, and none of them at work; at work
-// no window is written and nothing changes that a tick reads; loaded is only what is sane, and no longer once a setting
-// changes; every transfer is answered, within four clocks.
+// The engine makes as many steps as STEP_SEQ says. It makes none for a number that it has had, and starts none while it
+// is busy. While it is busy no window is written, and nothing changes that a tick reads. LOADED is set only for a sane
+// configuration, and it is cleared once a setting changes. Every transfer is answered within four clocks.
 module doorbell (
     input wire        clk,
     input wire        rst,
@@ -62,7 +62,7 @@ module doorbell (
 
     always @* if (!begun) assume (rst);
     always @* if (begun) begin
-        // a master keeps what it asks for; the engine is at work the clock after it was told to
+        // A master keeps its request until it is answered. The engine is busy in the clock after it was told to work.
         if (valid_r && !ready_r && !rst) assume (valid && write == write_r && address == address_r && data == data_r);
         if (tick_r || told_r) assume (busy);
         else if (!busy_r) assume (!busy);

@@ -1,6 +1,7 @@
 `default_nettype none
-// After one 0x00 a decoder does what any other does that has seen this 0x00, one out of reset among them: what it
-// stores, what it takes for a frame, what it counts. Two of them begin with any registers; by induction, for ever.
+// After one 0x00 a decoder does what any other decoder does that has seen this 0x00, for example one just out of reset.
+// It stores the same bytes, accepts the same frames and counts the same errors. Two decoders begin with any registers;
+// proved by induction, for all time.
 module framer_resync (
     input wire       clk,
     input wire       in_valid,

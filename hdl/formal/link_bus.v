@@ -1,6 +1,6 @@
 `default_nettype none
-// The bus and the reply's buffer, whatever bytes a payload has, whatever the bus answers and when. By induction, from
-// reset: a transfer that waits stays as it is, and the reply has room for what is put there.
+// The bus and the reply's buffer, for any bytes of a payload, and for any answer of the bus at any time. By induction,
+// from reset: a transfer that waits stays as it is, and the reply never outgrows its buffer.
 module link_bus (
     input wire        clk,
     input wire        frame,
@@ -39,7 +39,7 @@ module link_bus (
     wire [9:0] words_end = 10'd3 + {words, 2'b00};
     wire       asks = state == WORD || state == BUS || state == TEST || state == PUT;
 
-    reg         waits = 1'b0; // as of the last clock
+    reg         waits = 1'b0; // a transfer waited in the last clock
     reg  [56:0] transfer = 57'd0;
     always @(posedge clk) begin
         rst      <= 1'b0;

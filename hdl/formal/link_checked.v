@@ -1,8 +1,8 @@
 `default_nettype none
-// Nothing reaches the bus unless a whole frame has come whose checksum held. What a whole frame is, is said here once
-// more; the link's own buffers may hold anything: their module, here, gives any byte. By induction, from reset: as many
-// frames wait in the link as have come whole and have not been answered, and bus_valid is never high when there are
-// none; what is executed is not written over meanwhile.
+// Nothing reaches the bus unless a whole frame has come and its checksum held. This module describes a whole frame a
+// second time. The link's own buffers may hold anything: the module knead_link_buffer below gives any byte. By
+// induction, from reset: the link holds as many frames as have come whole and have not been answered; bus_valid is
+// never high when it holds none; and a frame is not overwritten while it is executed.
 module knead_link_buffer #(
     parameter BITS = 10
 ) (
@@ -47,10 +47,10 @@ module link_checked (
         .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
     );
 
-    // a frame, once more
+    // The second description of a frame.
     reg  [10:0] bytes;
-    reg  [ 7:0] block, rest; // the block's length byte, 0 before the first; what of it is to come
-    reg  [ 7:0] before;      // the length byte before that
+    reg  [ 7:0] block, rest; // the block's length byte, 0 before the first; its bytes still to come
+    reg  [ 7:0] before;      // the length byte of the block before
     reg  [31:0] sum;
     reg  [ 1:0] owed;        // whole frames that have not been answered
 

@@ -1,6 +1,6 @@
 `default_nettype none
-// From any content of its registers, a line that was high for eleven bits lets the receiver hear the next byte: whole,
-// once, without a framing error. Bounded, and complete: the byte ends within the bound.
+// From any content of its registers, a line that was high for eleven bits makes the receiver ready: it hears the next
+// byte whole, once, and without a framing error. The proof is bounded, and complete: the byte ends within the bound.
 module uart_idle (
     input wire clk
 );

@@ -1,12 +1,12 @@
 `default_nettype none
-// What the sender takes is what the receiver hears, in order, none twice, none lost, whatever the pauses. By induction,
-// from reset on: the receiver stands where the sender stood four clocks ago, which are the line's registers.
+// The receiver hears the bytes that the sender takes, in order, none twice, none lost, for any pauses. By induction,
+// from reset on: the receiver is where the sender was four clocks ago; the line's registers are those four clocks.
 module uart_loop (
     input wire       clk,
     input wire       in_valid,
     input wire [7:0] in_data
 );
-    reg  [ 1:0] resets = 2'd2; // clocks of it that are left
+    reg  [ 1:0] resets = 2'd2; // clocks of reset that are left
     wire        rst = resets != 2'd0;
     wire        in_ready, tx, out_valid, framing, overrun;
     wire [ 7:0] out_data;
@@ -32,16 +32,16 @@ module uart_loop (
     // peek: bits = receiver.bits
     // peek: shift = receiver.shift
 
-    // the byte that is sent and where in it the sender is: 0..39, 63 idle
+    // The byte being sent, and the sender's clock within it: 0..39, or 63 when idle.
     reg  [ 7:0] sent = 8'd0;
     wire [ 5:0] phase = left == 4'd0 ? 6'd63 : {4'd10 - left, sender_count[1:0]};
-    reg  [23:0] phases = {24{1'b1}}; // of the last four clocks, the oldest above
+    reg  [23:0] phases = {24{1'b1}}; // of the last four clocks, the oldest in the upper bits
     reg  [31:0] bytes = 32'd0;
     wire [ 5:0] then = phases[23:18];
     wire [ 7:0] byte_then = bytes[31:24];
     wire [ 5:0] data_then = then - 6'd3;
     wire [19:0] line_left = {10'h3ff, 1'b1, sent, 1'b0} >> (4'd10 - left);
-    reg  [ 5:0] last = 6'd63;        // a clock before
+    reg  [ 5:0] last = 6'd63;        // one clock before
     reg  [ 7:0] byte_last = 8'd0;
 
     always @(posedge clk) begin
@@ -70,7 +70,7 @@ module uart_loop (
             if (state == 3'd2 && bits != 3'd0)
                 assert (({8'd0, shift} >> (4'd8 - bits)) == ({8'd0, byte_then} & (16'd255 >> (4'd8 - bits))));
             if (state == 3'd3) assert (shift == byte_then);
-            // what is promised: the byte, then and only then
+            // The promise: the byte comes then, and only then.
             assert (out_valid == (last == 6'd38));
             if (out_valid) assert (out_data == byte_last);
             assert (!framing && !overrun);

@@ -1,11 +1,13 @@
 `default_nettype none
-// Sums of one end of the edges, three components a node: an addition per clock to any node, twice in a row to the same
-// one as well, since the sum just written is passed on. WIDTH is chosen so that no list of edges wraps it.
+// Sums of edge forces at one end of the edges: three components a node, one addition per clock to any node. Two
+// additions in a row may go to the same node, because the sum just written is passed on to the next one. WIDTH is
+// chosen so that no list of edges wraps a sum.
 //
 //     clock t      i_add or i_take, i_address, i_value
-//     clock t+1    o_sum, of before; cell := o_sum + value, or 0 if taken
+//     clock t+1    o_sum: the sum before the addition; cell := o_sum + value, or 0 if taken
 module knead_accumulator #(
-    parameter WIDTH = 36, // of a component
+    parameter WIDTH = 36, // of a component of a sum
+    // width of a component of an addend
     parameter VALUE = 26,
     parameter LOG_DEPTH = 10
 ) (
@@ -27,6 +29,7 @@ module knead_accumulator #(
         .clk(clk), .i_write(write_r), .i_write_address(address_r), .i_data(next), .i_address(i_address),
         .o_data(cell_r));
 
+    // The memory has not yet given back a sum written in the last clock: take the written value instead.
     assign o_sum = forward_r ? written_r : cell_r;
     genvar k;
     generate
@@ -38,6 +41,7 @@ module knead_accumulator #(
     endgenerate
 
     initial write_r = 1'b0;
+    // Stage 1 registers: what is to be written, and whether the next read meets the cell that is written now.
     always @(posedge clk) begin
         write_r <= i_add | i_take;
         take_r <= i_take;

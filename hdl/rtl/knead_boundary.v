@@ -1,6 +1,6 @@
 `default_nettype none
-// The boundary list. BOUND, seven clocks a record: what the tick holds and how far, or pushes and how hard; REACTION,
-// twelve: what the lattice does to a held node, six words.
+// The boundary list. BOUND takes seven clocks a record: it holds a node and moves it, or pushes it with a force.
+// REACTION takes twelve clocks a record: it writes the force of the lattice on a held node as six words.
 //
 //     step    0     1       2       3       4       5       6 .. 11
 //     list  | ask | node  | x     | y     | z     |       |
@@ -12,14 +12,15 @@ module knead_boundary #(
     parameter LOG_LIST = 6
 ) (
     input  wire                  clk,
-    input  wire                  i_bound, // in BOUND, at a record
+    input  wire                  i_bound, // high while a record is in BOUND
+    // high while a record is in REACTION
     input  wire                  i_reaction,
     input  wire [LOG_LIST-1:0]   i_record,
     input  wire [3:0]            i_step,
     output wire [LOG_LIST+1:0]   o_list_address,
     input  wire [31:0]           i_list,
     output reg  [LOG_NODES-1:0]  o_node,
-    input  wire [3*`KN_T-1:0]    i_load, // as loaded
+    input  wire [3*`KN_T-1:0]    i_load, // the load that the host wrote
     input  wire [2:0]            i_held,
     input  wire [3*`KN_U-1:0]    i_u,
     input  wire [3*`KN_ACC-1:0]  i_reaction_sum,
@@ -33,6 +34,7 @@ module knead_boundary #(
     output wire                  o_sat_u,
     output wire                  o_sat_reaction
 );
+    // The record: node and holds bit are read in step 1, the three values in steps 2 to 4.
     reg holds;
     reg signed [31:0] value_x, value_y, value_z;
     assign o_list_address = {i_record, i_step[1:0]};
@@ -47,6 +49,8 @@ module knead_boundary #(
         if (i_step == 4'd4) value_z <= i_list;
     end
 
+    // The value is an added load of a free node, or the displacement of a held one; both saturate. Components that the
+    // node's own `held` names stay where they are.
     wire [2:0] over_load, over_u;
     genvar k;
     generate
@@ -71,7 +75,8 @@ module knead_boundary #(
     assign o_sat_u = i_bound && i_step == 4'd5 && holds && |(over_u & ~i_held);
     assign o_sat_reaction = i_bound && i_step == 4'd5 && !holds && |over_load;
 
-    // 6 record + word
+    // Result: six words a record at address 6 record + word, low word before high word; 0 for a record that only
+    // pushes.
     wire [3:0] word = i_step - 4'd6;
     wire [LOG_LIST+2:0] record = {3'd0, i_record};
     reg [`KN_ACC-1:0] sum_word;

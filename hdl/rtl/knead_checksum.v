@@ -1,23 +1,24 @@
 `default_nettype none
-// kn_fixed_crc: CRC-32 (IEEE 802.3) of x, u, h, each a 64-bit little endian word; a byte per clock, ten clocks a word.
+// kn_fixed_crc: CRC-32 (IEEE 802.3) of x, u and h, each as 64-bit little-endian words. One byte per clock, ten clocks a
+// word.
 `include "knead_formats.vh"
 module knead_checksum #(
     parameter LOG_NODES = 10,
     parameter LOG_EDGES = 13
 ) (
     input  wire                 clk,
-    input  wire                 i_run, // in CRC
+    input  wire                 i_run, // high in phase CRC
     input  wire [16:0]          i_node_count,
     input  wire [20:0]          i_edge_count,
     output wire [LOG_NODES-1:0] o_node,
     output wire [LOG_EDGES-1:0] o_edge,
-    input  wire [3*`KN_X-1:0]   i_x, // a clock after the address
+    input  wire [3*`KN_X-1:0]   i_x, // a clock after the address, as i_u and i_h
     input  wire [3*`KN_U-1:0]   i_u,
     input  wire [`KN_H-1:0]     i_h,
-    output reg                  o_done, // one clock
+    output reg                  o_done, // high for one clock
     output reg  [31:0]          o_crc
 );
-    reg [1:0] kind; // x, u, h, end
+    reg [1:0] kind; // 0 x, 1 u, 2 h, 3 end
     reg [1:0] component;
     reg [20:0] index;
     reg [3:0] step;
@@ -26,6 +27,7 @@ module knead_checksum #(
     assign o_node = index[LOG_NODES-1:0];
     assign o_edge = index[LOG_EDGES-1:0];
 
+    // The component of the node that is summed now.
     wire [`KN_X-1:0] x = component == 2'd0 ? i_x[0 +: `KN_X] : component == 2'd1 ? i_x[`KN_X +: `KN_X]
                        : i_x[2*`KN_X +: `KN_X];
     wire [`KN_U-1:0] u = component == 2'd0 ? i_u[0 +: `KN_U] : component == 2'd1 ? i_u[`KN_U +: `KN_U]
@@ -35,9 +37,10 @@ module knead_checksum #(
     knead_crc32 crc32 (.crc(crc), .data(word[7:0]), .next(crc_next));
 
     wire [20:0] count = kind == 2'd2 ? i_edge_count : {4'd0, i_node_count};
-    wire ends = index == count; // of this kind
+    wire ends = index == count; // the last item of this kind is done
     wire word_ends = step == 4'd9;
     wire item_ends = word_ends && (kind == 2'd2 || component == 2'd2);
+    // Step 0 reads the item, step 1 loads its word, steps 2 to 9 feed the eight bytes to the CRC.
     always @(posedge clk) begin
         o_done <= 1'b0;
         if (!i_run || o_done) begin

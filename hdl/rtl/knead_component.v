@@ -1,6 +1,6 @@
 `default_nettype none
-// A component of a node, one per clock. In NODE a Jacobi step with Chebyshev's weight, equation (2) of core/fixed.h; in
-// COMMIT its residual and x + u.
+// One component of a node, one per clock. In NODE it takes a Jacobi step with Chebyshev's weight, equation (2) of
+// core/fixed.h; in COMMIT it gives its residual and x + u.
 //
 //     in       +1    +2        +3    +4      +5      +6  +7           +8      +9     +10
 //     sums | total | r (36) | r (25) | r inverse | shift | z | u + z - u_ | omega | round | u_ + .. -> o_u
@@ -10,7 +10,7 @@ module knead_component #(
     parameter WIDTH = 36
 ) (
     input  wire                     clk,
-    input  wire                     i_first, // of K iterations: u_ is u
+    input  wire                     i_first, // first of K iterations: u_ is u
     input  wire [`KN_OMEGA-1:0]     i_omega,
     input  wire [WIDTH-1:0]         i_sum_i,
     input  wire [WIDTH-1:0]         i_sum_j,
@@ -21,14 +21,14 @@ module knead_component #(
     input  wire [`KN_INV-1:0]       i_inverse,
     input  wire [5:0]               i_shift,
     input  wire signed [`KN_X-1:0]  i_x,
-    output reg  signed [`KN_ACC-1:0] o_residual, // +2
-    output reg                      o_sat_residual, // beyond 36 bits, with it
-    output reg  signed [`KN_X-1:0]  o_x, // +2
+    output reg  signed [`KN_ACC-1:0] o_residual, // 2 clocks later
+    output reg                      o_sat_residual, // the residual is beyond 36 bits; with o_residual
+    output reg  signed [`KN_X-1:0]  o_x, // 2 clocks later
     output reg                      o_sat_x,
-    output reg                      o_sat_r, // +3, beyond 25 bits
-    output reg                      o_sat_z, // +6
-    output reg  signed [`KN_U-1:0]  o_u, // +10
-    output wire signed [`KN_U-1:0]  o_last, // u of before
+    output reg                      o_sat_r, // 3 clocks later: r is beyond 25 bits
+    output reg                      o_sat_z, // 6 clocks later: z is beyond 25 bits
+    output reg  signed [`KN_U-1:0]  o_u, // 10 clocks later
+    output wire signed [`KN_U-1:0]  o_last, // u before the step, with o_u
     output reg                      o_sat_u
 );
     localparam M = `KN_T + `KN_INV + 1;
@@ -36,7 +36,7 @@ module knead_component #(
     localparam Q = V + `KN_OMEGA + 1;
     localparam S = Q - `KN_OMEGA_FRACTION + 2;
 
-    // +1, +2: r;  x + u
+    // +1, +2: r, the sum of both ends' forces and the load; and x + u
     reg signed [WIDTH+1:0] total_1;
     reg signed [`KN_X:0] moved_1;
     wire signed [`KN_ACC-1:0] r_1;
@@ -54,7 +54,7 @@ module knead_component #(
         o_sat_x <= over_x_1;
     end
 
-    // +3 .. +6: z
+    // +3 .. +6: z = r inverse / 2^shift
     wire signed [`KN_T-1:0] r_2;
     wire over_2;
     reg signed [`KN_T-1:0] r_3;
@@ -80,7 +80,7 @@ module knead_component #(
         o_sat_z <= over_z_5;
     end
 
-    // +7 .. +10: u
+    // +7 .. +10: the new u = u_ + omega (u + z - u_); a held component keeps the old one
     wire signed [`KN_U-1:0] u_6, last_6, last_8;
     wire held_9;
     reg signed [V-1:0] way_7;

@@ -1,12 +1,12 @@
 `default_nettype none
-// CRC-32 of IEEE 802.3 (reflected, polynomial 0xedb88320), one byte further. It begins with all ones and is sent
-// inverted, lowest byte first; over data and checksum together it ends as 0xdebb20e3. Combinational.
+// Advance a CRC-32 of IEEE 802.3 (reflected, polynomial 0xedb88320) by one byte. A checksum begins with all ones and is
+// sent inverted, lowest byte first. The CRC over data and checksum together is 0xdebb20e3. Combinational.
 module knead_crc32 (
     input  wire [31:0] crc,
     input  wire [ 7:0] data,
     output wire [31:0] next
 );
-    // what each bit of the byte that leaves does to the rest: entries 1, 2, 4 to 128 of every CRC-32's table
+    // Each bit of the byte shifted out adds a constant to the rest: entries 1, 2, 4 to 128 of any CRC-32 table.
     wire [7:0] x = crc[7:0] ^ data;
     assign next = {8'd0, crc[31:8]}
         ^ (x[0] ? 32'h77073096 : 32'd0)

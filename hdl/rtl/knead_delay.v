@@ -1,5 +1,5 @@
 `default_nettype none
-// What came STAGES clocks ago.
+// A shift register: o_value is i_value of STAGES clocks ago.
 module knead_delay #(
     parameter WIDTH = 1,
     parameter STAGES = 1

@@ -1,5 +1,5 @@
 `default_nettype none
-// d = u_j - u_i of three components, saturated, a clock later.
+// Three components of d = u_j - u_i, saturated, one clock later.
 `include "knead_formats.vh"
 module knead_difference (
     input  wire               clk,

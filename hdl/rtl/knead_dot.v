@@ -1,5 +1,6 @@
 `default_nettype none
-// dl = e.d of three components: products, sum, rounded and saturated. 3 clocks, one per clock.
+// Change of length dl = e.d: three products, their sum, rounded and saturated. 3 clocks later; accepts one edge per
+// clock.
 `include "knead_formats.vh"
 module knead_dot (
     input  wire                     clk,

@@ -1,6 +1,6 @@
 `default_nettype none
-// An edge in EDGE and COMMIT, one per clock: t = g dl + t0, its force on i (on j: minus it), and in COMMIT
-// H += beta (t - H). Equation (1) of core/fixed.h, with g = R kv and t0 = R H as SETUP froze them.
+// One edge in EDGE and COMMIT, one per clock: t = g dl + t0, the force t e on i (on j: minus it), and in COMMIT
+// H += beta (t - H). This is equation (1) of core/fixed.h, with g = R kv and t0 = R H as SETUP froze them.
 //
 //     in     +1        +2       +3    +4      +5      +6      +7      +8      +9
 //     u, e | u_j-u_i | e_k d_k | sum | dl  | g dl  | shift | t     | t e_k | round -> o_force
@@ -9,7 +9,7 @@
 module knead_edge (
     input  wire                  clk,
     input  wire                  i_valid,
-    input  wire                  i_commit, // constant while edges are under way
+    input  wire                  i_commit, // constant while edges are in the pipe
     input  wire [5:0]            i_kv_shift,
     input  wire [`KN_BETA-1:0]   i_beta,
     input  wire [5:0]            i_beta_shift,
@@ -25,12 +25,12 @@ module knead_edge (
     output reg                   o_sat_tension,
     output reg                   o_sat_spring
 );
-    localparam M = `KN_U + `KN_KV + 1; // g dl
+    localparam M = `KN_U + `KN_KV + 1; // width of g dl
     reg [11:1] valid;
     initial valid = 11'd0;
     always @(posedge clk) valid <= {valid[10:1], i_valid};
 
-    // +1 .. +4
+    // +1 .. +4: dl = e.(u_j - u_i)
     wire [3*`KN_U-1:0] d_1;
     wire over_d_1, over_dl_4;
     wire [3*`KN_E-1:0] e_1, e_7;
@@ -40,7 +40,7 @@ module knead_edge (
     knead_delay #(3*`KN_E, 6) delay_e_7 (.clk(clk), .i_value(e_1), .o_value(e_7));
     knead_dot dot (.clk(clk), .i_d(d_1), .i_e(e_1), .o_dl(dl_4), .o_over(over_dl_4));
 
-    // +5 .. +7: t
+    // +5 .. +7: the tension t = g dl + t0
     wire [`KN_KV-1:0] g_4;
     wire signed [`KN_T-1:0] t0_6;
     wire signed [M-1:0] stiff_5, shifted_5;
@@ -60,7 +60,7 @@ module knead_edge (
         t_7 <= t_6;
     end
 
-    // +8, +9: |t e_k| is at most 2^24
+    // +8, +9: the force t e_k of each component; |t e_k| is at most 2^24
     genvar k;
     generate
         for (k = 0; k < 3; k = k + 1) begin : g_component
@@ -74,7 +74,7 @@ module knead_edge (
         end
     endgenerate
 
-    // H without its fraction, which 25 bits always hold
+    // H rounded to whole phi; 25 bits always hold it
     wire signed [`KN_H-1:0] h_6, h_10;
     wire signed [`KN_T-1:0] spring_6;
     reg signed [`KN_T-1:0] spring_7;
@@ -83,8 +83,8 @@ module knead_edge (
     knead_round_by #(`KN_H, `KN_H_FRACTION) round_h (.i_value(h_6), .o_value(spring_6));
     always @(posedge clk) spring_7 <= spring_6;
 
-    // +8 .. +11
-    localparam G = `KN_T + `KN_BETA + 1; // gap beta
+    // +8 .. +11: the new H = H + beta (t - H)
+    localparam G = `KN_T + `KN_BETA + 1; // width of beta (t - H)
     wire signed [`KN_T:0] wide_7 = $signed({t_7[`KN_T-1], t_7}) - $signed({spring_7[`KN_T-1], spring_7});
     wire signed [`KN_T-1:0] gap_7;
     wire over_gap_7;
@@ -107,6 +107,7 @@ module knead_edge (
         o_h <= new_10;
     end
 
+    // Flags count only for valid edges, and those of H only in COMMIT.
     initial {o_sat_u, o_sat_tension, o_sat_spring} = 3'd0;
     always @(posedge clk) begin
         o_sat_u <= valid[1] & over_d_1 | valid[4] & over_dl_4;

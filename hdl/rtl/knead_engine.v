@@ -1,6 +1,6 @@
 `default_nettype none
 // The lattice as a circuit: core/fixed.c bit for bit, an edge or a node per clock. The host's side is a bus of 32-bit
-// words, hdl/registers.h; a transfer is the clock in which valid and ready are both high.
+// words (hdl/registers.h). A transfer takes place in the clock in which valid and ready are both high.
 //
 //                       +-----------------------------------------------------------------+
 //     edges: i j kv ia h|--> x u of i and j --> SETUP --> e g t0 --> EDGE --> force of i, -force of j
@@ -25,16 +25,16 @@ module knead_engine #(
     output wire [31:0] bus_rdata,
     output wire        bus_error
 );
-    // sums of as many edges as there may be never wrap
+    // width of a sum: as many edges as there may be never wrap it
     localparam ACC = LOG_EDGES + `KN_T + 1 > `KN_ACC ? LOG_EDGES + `KN_T + 1 : `KN_ACC;
-    localparam F = `KN_T + 1; // an edge's force
+    localparam F = `KN_T + 1; // width of an edge's force component
     localparam RECORD = 2*LOG_NODES + `KN_KV + `KN_IA; // ia, kv, j, i
     localparam LINE = 3*`KN_E + `KN_KV + `KN_T; // e, g, t0
     localparam X = 3*`KN_X;
     localparam U = 3*`KN_U;
     localparam T = 3*`KN_T;
 
-    // --- what is done ---------------------------------------------------------------------------------------------
+    // --- control -----------------------------------------------------------------------------------------------------
 
     wire tick, rest, crc, crc_done, ticked, issue;
     wire [3:0] phase, step;
@@ -72,6 +72,7 @@ module knead_engine #(
         .i_iterations(iterations), .o_phase(phase), .o_issue(issue), .o_index(index), .o_step(step),
         .o_iteration(iteration), .o_ticked(ticked));
 
+    // Groups of phases that share a path.
     wire in_setup = phase == `KN_PHASE_SETUP;
     wire in_commit = phase == `KN_PHASE_EDGE_COMMIT;
     wire of_edges = in_setup || in_commit || phase == `KN_PHASE_EDGE;
@@ -79,7 +80,7 @@ module knead_engine #(
     wire of_list = phase == `KN_PHASE_BOUND || phase == `KN_PHASE_REACTION;
     wire in_rest_nodes = phase == `KN_PHASE_REST_NODES;
 
-    // --- addresses ------------------------------------------------------------------------------------------------
+    // --- addresses: of the bus while idle, of the running phase otherwise --------------------------------------------
 
     wire [LOG_NODES-1:0] index_node = index[LOG_NODES-1:0];
     wire [LOG_EDGES-1:0] index_edge = index[LOG_EDGES-1:0];
@@ -92,6 +93,7 @@ module knead_engine #(
     wire [LOG_NODES-1:0] node = idle ? bus_node : in_crc ? crc_node : of_list ? list_node : index_node;
     wire [LOG_EDGES-1:0] edge_ = idle ? bus_addr[3 +: LOG_EDGES] : in_crc ? crc_edge : index_edge;
 
+    // The window that a bus write goes to, for the one clock in which the word is written.
     wire act_node = act && bus_addr[23:20] == 4'h1;
     wire act_rest = act && bus_addr[23:20] == 4'h2;
     wire act_edge = act && bus_addr[23];
@@ -99,8 +101,8 @@ module knead_engine #(
     wire act_list = act && bus_addr[23:16] == 8'h02;
     wire act_omega = act && bus_addr[23:16] == 8'h00;
 
-    // issued items and their addresses, clocks later; a phase's drain may be shorter than the next one's pipe, so each
-    // pipe has its own
+    // Issued items and their addresses, clocks later. A phase may drain in fewer clocks than the next phase's pipe is
+    // long, so each pipe has delays of its own.
     wire issue_setup = issue & in_setup;
     wire issue_edge = issue & of_edges & ~in_setup;
     wire issue_node = issue & ~of_edges;
@@ -139,6 +141,7 @@ module knead_engine #(
     wire bound_write;
     wire signed [`KN_H-1:0] h_flown;
 
+    // The record of an edge addresses the node memories in the clock in which it is read.
     wire [LOG_NODES-1:0] record_i = record[LOG_NODES-1:0];
     wire [LOG_NODES-1:0] record_j = record[2*LOG_NODES-1:LOG_NODES];
     wire [LOG_NODES-1:0] node_i = of_edges ? record_i : node;
@@ -155,7 +158,7 @@ module knead_engine #(
         .clk(clk), .i_write(setup_34), .i_write_address(edge_34), .i_data(line_new),
         .i_address(edge_), .o_data(line));
 
-    // x and u twice: of both ends of an edge in one clock
+    // x and u are stored twice, so that both ends of an edge are read in one clock. The bus, rest and COMMIT write x.
     wire rest_node = in_rest_nodes & issue_1;
     wire commit_node = phase == `KN_PHASE_NODE_COMMIT & issue_3;
     wire x_write = act_node | rest_node | commit_node;
@@ -167,6 +170,7 @@ module knead_engine #(
     knead_ram #(X, LOG_NODES) ram_x_j (
         .clk(clk), .i_write(x_write), .i_write_address(x_address), .i_data(x_new), .i_address(record_j),
         .o_data(x_j));
+    // The bus, rest, the boundary list and NODE write u.
     wire iterate_node = phase == `KN_PHASE_NODE & issue_11;
     wire u_write = act_node | rest_node | bound_write | iterate_node;
     wire [LOG_NODES-1:0] u_address = act_node | bound_write ? node : rest_node ? node_1 : node_11;
@@ -181,6 +185,8 @@ module knead_engine #(
         .clk(clk), .i_write(iterate_node), .i_write_address(node_11), .i_data(last_moved), .i_address(node),
         .o_data(last));
 
+    // The rest position and the image of load and held that the host wrote. BEGIN copies the image for the tick, and
+    // the boundary list overwrites the copy.
     knead_ram #(X, LOG_NODES) ram_rest (
         .clk(clk), .i_write(act_rest), .i_write_address(node), .i_data(x_word), .i_address(node),
         .o_data(x_rest));
@@ -193,6 +199,7 @@ module knead_engine #(
         .i_data(bound_write ? {held_bound, load_bound} : {held_image, load_image}), .i_address(node),
         .o_data({held, load}));
 
+    // The table is stored twice, so that both ends of a segment are read in one clock.
     wire [9:0] table_address;
     wire [`KN_R-1:0] table_here, table_next;
     wire [9:0] table_read = idle ? bus_addr[9:0] : table_address;
@@ -207,6 +214,7 @@ module knead_engine #(
         .clk(clk), .i_write(act_omega), .i_write_address(bus_addr[4:0]), .i_data(bus_wdata[`KN_OMEGA-1:0]),
         .i_address(idle ? bus_addr[4:0] : iteration), .o_data(omega));
 
+    // The boundary list of the host, and the reactions for it.
     wire [LOG_LIST+1:0] list_address;
     wire [31:0] list_word, result, result_word;
     wire result_write;
@@ -218,7 +226,7 @@ module knead_engine #(
         .clk(clk), .i_write(result_write), .i_write_address(result_address), .i_data(result),
         .i_address(bus_addr[LOG_LIST+2:0]), .o_data(result_word));
 
-    // --- windows --------------------------------------------------------------------------------------------------
+    // --- windows: a memory's record as words of the bus --------------------------------------------------------------
 
     wire [31:0] node_word, edge_word;
     knead_windows #(LOG_NODES) windows (
@@ -238,7 +246,7 @@ module knead_engine #(
         endcase
     end
 
-    // --- edges: the record at 1, what its nodes hold at 2 -----------------------------------------------------------
+    // --- edges: the record is read 1 clock after issue, the data of its nodes 2 clocks after -------------------------
 
     wire [`KN_KV-1:0] kv_2;
     wire [`KN_IA-1:0] ia_2;
@@ -253,6 +261,7 @@ module knead_engine #(
         .clk(clk), .i_value({record_j, record_i}), .o_value({j_11, i_11}));
     knead_delay #(2*LOG_NODES, 29) delay_ends_40 (.clk(clk), .i_value({j_11, i_11}), .o_value({j_40, i_40}));
 
+    // One 1/sqrt serves SETUP and INVERT, which never run together.
     wire [35:0] q_setup, q_invert;
     wire [17:0] r;
     wire [4:0] half;
@@ -276,10 +285,11 @@ module knead_engine #(
         .o_force(pull), .o_h(h_flown), .o_sat_u(edge_sat_u), .o_sat_tension(edge_sat_tension),
         .o_sat_spring(edge_sat_spring));
 
-    // --- sums: force and minus force, or twice the share ------------------------------------------------------------
+    // --- sums: force at i and minus force at j, or the share of D at both --------------------------------------------
 
     wire add_share = setup_40;
     wire add_force = edge_pipe_11;
+    // BEGIN clears the sums. NODE takes the forces, INVERT takes D with the last of its three components.
     wire take = issue && (phase == `KN_PHASE_BEGIN || phase == `KN_PHASE_NODE
                           || phase == `KN_PHASE_INVERT && step[1:0] == 2'd2);
     wire [3*F-1:0] minus = {-pull[2*F +: F], -pull[F +: F], -pull[0 +: F]};
@@ -291,8 +301,9 @@ module knead_engine #(
         .clk(clk), .i_add(add_share | add_force), .i_take(take),
         .i_address(add_share ? j_40 : add_force ? j_11 : node), .i_value(add_share ? share : minus), .o_sum(sum_j));
 
-    // --- nodes: what memories hold at 1 -----------------------------------------------------------------------------
+    // --- nodes: the memories' data is there 1 clock after issue ------------------------------------------------------
 
+    // D of one component a clock goes to INVERT, which gives relax/D back 13 clocks later.
     wire [35:0] d_i, d_j;
     assign d_i = component_1 == 2'd0 ? sum_i[0 +: 36] : component_1 == 2'd1 ? sum_i[ACC +: 36] : sum_i[2*ACC +: 36];
     assign d_j = component_1 == 2'd0 ? sum_j[0 +: 36] : component_1 == 2'd1 ? sum_j[ACC +: 36] : sum_j[2*ACC +: 36];
@@ -336,7 +347,7 @@ module knead_engine #(
         .clk(clk), .i_run(in_crc), .i_node_count(node_count), .i_edge_count(edge_count), .o_node(crc_node),
         .o_edge(crc_edge), .i_x(x), .i_u(u), .i_h(h), .o_done(crc_done), .o_crc(state_crc));
 
-    // KN_FIXED_SAT_*
+    // The flags in the order of KN_FIXED_SAT_*.
     assign flags = {node_sat_reaction | list_sat_reaction, node_sat_residual, setup_sat_direction, node_sat_position,
                     edge_sat_spring, setup_sat_tension | edge_sat_tension,
                     setup_sat_u | edge_sat_u | node_sat_u | list_sat_u};

@@ -1,6 +1,6 @@
 `default_nettype none
-// relax/D of a component as mantissa and shift, one per clock: z = r inverse / 2^shift. 1/sqrt is lent: q leaves a
-// clock behind D, r and half come 8 clocks later; the result 13 clocks behind D.
+// relax/D of a component as mantissa and shift, one per clock: z = r inverse / 2^shift. The 1/sqrt unit is shared with
+// SETUP: q leaves one clock after D, r and half arrive 8 clocks after q, and the result is there 13 clocks after D.
 `include "knead_formats.vh"
 module knead_invert (
     input  wire                 clk,
@@ -13,6 +13,7 @@ module knead_invert (
     output reg  [`KN_INV-1:0]   o_inverse,
     output reg  [5:0]           o_shift
 );
+    // 1/D is the square of 1/sqrt(D); relax multiplies its mantissa.
     wire signed [37:0] square_10;
     wire signed [22:0] mantissa_10;
     reg signed [19:0] mantissa_11;
@@ -25,6 +26,7 @@ module knead_invert (
                                                       .i_b($signed({1'b0, i_relax})), .o_product(product_12));
     knead_round_by #(38, `KN_RELAX_FRACTION) round_inverse (.i_value(product_12), .o_value(inverse_12));
 
+    // The shift collects the exponents of r^2 and of kv; it stops at 0.
     reg signed [7:0] shift_10;
     reg [5:0] shift_11;
     wire [5:0] shift_12;

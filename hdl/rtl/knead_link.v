@@ -1,7 +1,7 @@
 `default_nettype none
-// A link: bytes in, bytes out, a 32-bit word bus whose only master it is. A frame of which every check held is executed
-// and answered, any other leaves a count and nothing else (hdl/README.md). rx_ready goes low while one request is
-// executed and another one waits; a line that cannot wait loses bytes then, and by its checksum that frame.
+// The link: bytes in, bytes out, and a 32-bit word bus of which it is the only master. A frame that passes every check
+// is executed and answered; any other frame only adds to a counter (hdl/README.md). rx_ready goes low while one request
+// is executed and another one waits. A line that cannot wait then loses bytes, and that frame fails its checksum.
 module knead_link (
     input  wire        clk,
     input  wire        rst,
@@ -18,7 +18,7 @@ module knead_link (
     input  wire        bus_ready,
     input  wire [31:0] bus_rdata,
     input  wire        bus_error,
-    output wire [31:0] frames, // counters, which wrap
+    output wire [31:0] frames, // counters; they wrap
     output wire [31:0] crc_errors,
     output wire [31:0] cobs_errors,
     output wire [31:0] length_errors

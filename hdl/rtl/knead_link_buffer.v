@@ -1,7 +1,7 @@
 `default_nettype none
-// Bytes in block RAM: one write port, one read port whose data comes a clock behind its address.
+// Bytes in block RAM, with one write port and one read port. Data comes one clock after its address.
 module knead_link_buffer #(
-    parameter BITS = 10 // of an address
+    parameter BITS = 10 // bits of an address
 ) (
     input  wire            clk,
     input  wire            write,

@@ -1,12 +1,13 @@
 `default_nettype none
-// Frames out of bytes: COBS( payload | CRC-32 ) 0x00, payload 1 to 1024 bytes; server/backend/frame.h is the same in C.
+// Decode frames from bytes: COBS( payload | CRC-32 ) 0x00, payload 1 to 1024 bytes. server/backend/frame.h is the same
+// decoder in C.
 //
-// A byte comes with in_valid, one per clock at most. The payload leaves as it comes, a byte with store at address; it
-// counts only once good says, for one clock, that a whole frame has ended and its checksum held. length is the
-// payload's then. What is wrong is one clock of one of the three, the first that holds: bad_length (too long),
-// bad_cobs, bad_length (too short), bad_crc.
+// A byte comes with in_valid, one per clock at most. The payload leaves while it comes in: a byte with store, at
+// address. It counts only when good is high for one clock, which says that a whole frame has ended and its checksum
+// held; length is then the payload's length. A faulty frame raises one of three signals for one clock, the first that
+// holds of: bad_length (too long), bad_cobs, bad_length (too short), bad_crc.
 //
-// After a 0x00 every register is as out of reset, whatever came before: that is why any frame behind a 0x00 is heard.
+// After a 0x00 every register is as after reset, whatever came before. Any frame behind a 0x00 is therefore decoded.
 module knead_link_decode (
     input  wire        clk,
     input  wire        rst,
@@ -21,16 +22,18 @@ module knead_link_decode (
     output wire        bad_cobs,
     output wire        bad_crc
 );
-    localparam [10:0] CHECKSUM = 11'd4, MOST = 11'd1028; // bytes within the coding
+    localparam [10:0] CHECKSUM = 11'd4, MOST = 11'd1028; // bytes of payload and checksum, after decoding
     localparam [31:0] RESIDUE = 32'hdebb20e3;
 
     reg [10:0] size;  // bytes so far; MOST + 1: too many
-    reg [ 7:0] left;  // bytes of the block that have not come
-    reg        begun; // a block has
-    reg        full;  // it is one of 254, behind which no 0 is meant
-    reg        hollow; // it is empty, behind a full one: no sender of ours would
+    reg [ 7:0] left;  // bytes of the block still to come
+    reg        begun; // a block has begun
+    reg        full;  // the block is one of 254 bytes, which no implied 0 follows
+    reg        hollow; // the block is empty and follows a full one; our senders never send that
     reg [31:0] crc;
 
+    // A byte of the line is the 0x00, a block's length byte, or data. The length byte of a later block stands for a 0,
+    // unless the block before it was full.
     wire        ends = in_valid && in_data == 8'd0;
     wire        code = in_valid && in_data != 8'd0 && left == 8'd0;
     wire        byte_comes = (in_valid && in_data != 8'd0 && left != 8'd0) || (code && begun && !full);
@@ -41,6 +44,7 @@ module knead_link_decode (
     assign address = size[9:0];
     assign length  = size - CHECKSUM;
 
+    // Judge the frame at its 0x00.
     wire too_long  = size > MOST;
     wire too_short = size <= CHECKSUM;
     wire torn      = left != 8'd0 || hollow;

@@ -1,13 +1,13 @@
 `default_nettype none
-// Executes the operations of a checked payload on the word bus and writes the reply; server/backend/frame.h says what
-// they are, and kn_request_execute is the same in C. A byte is read every other clock.
+// Execute the operations of a checked payload on the word bus and write the reply. server/backend/frame.h defines the
+// operations; kn_request_execute is the same in C. A byte is read every other clock.
 //
 //     TAG -> OP -> ARGS -> CHECK -+-> WORD -> BUS  (WRITE)  -+
 //             ^                   +-> BUS -> PUT   (READ)    +-> OP ... -> STATUS -> SEND
 //             |                   +-> BUS -> TEST -> PUT (WAIT)
 //
-// CHECK knows the whole operation: nothing of a malformed one reaches the bus. A transfer is one clock of bus_valid &&
-// bus_ready; until then bus_valid stays and with it address, direction and data. Every transfer has to be answered.
+// CHECK knows the whole operation, so no part of a malformed one reaches the bus. A transfer is one clock of bus_valid
+// && bus_ready. Until then bus_valid, address, direction and data stay as they are. Every transfer must be answered.
 module knead_link_exec (
     input  wire        clk,
     input  wire        rst,
@@ -40,28 +40,29 @@ module knead_link_exec (
     localparam [9:0] HEAD = 10'd3; // bytes of a reply before its words
 
     reg  [  3:0] state;
-    reg  [ 10:0] at;     // the byte that is read
-    reg          fresh;  // its data has come
+    reg  [ 10:0] at;     // address of the byte being read
+    reg          fresh;  // the data of that byte is there
     reg  [  3:0] n;      // bytes of this state so far
     reg  [ 15:0] tag;
     reg  [  7:0] op;
-    reg  [103:0] args;   // shifted in from above
-    reg  [ 23:0] address, polls; // reads that a WAIT may make beyond this one
+    reg  [103:0] args;   // shifted in from the top
+    reg  [ 23:0] address, polls; // polls: reads that a WAIT may still make after this one
     reg  [  7:0] count;  // words of this operation that are left
     reg  [ 31:0] word;
-    reg          missed; // the WAIT has run out
-    reg  [  9:0] end_at; // of the reply
-    reg  [  7:0] words;  // in it
+    reg          missed; // the WAIT has run out of polls
+    reg  [  9:0] end_at; // end of the reply
+    reg  [  7:0] words;  // words in the reply
     reg  [  1:0] status;
 
+    // The arguments by operation: WAIT has address, mask, value and limit, READ and WRITE have address and count.
     wire         waits  = op == WAIT;
     wire [ 31:0] mask   = args[55:24], value = args[87:56];
     wire [ 15:0] limit  = args[103:88];
     wire [ 23:0] first  = waits ? args[23:0] : args[95:72];
     wire [  7:0] asked  = waits ? 8'd1 : args[103:96];
-    wire [ 10:0] rest   = length - at; // from the byte that is read
+    wire [ 10:0] rest   = length - at; // bytes from the one being read to the end
     wire         over   = at == length;
-    wire [  3:0] needed = read_data == WAIT ? 4'd13 : 4'd4; // bytes behind this op
+    wire [  3:0] needed = read_data == WAIT ? 4'd13 : 4'd4; // bytes that follow this op
     wire         known  = read_data == READ || read_data == WRITE || read_data == WAIT;
     wire         whole  = known && rest > {7'd0, needed};
     wire         fits   = op == WRITE ? rest >= {1'b0, asked, 2'b00} : asked <= ~words;

@@ -1,7 +1,7 @@
 `default_nettype none
-// The receiving side: checked payloads out of bytes. Two payloads are kept, one that is being executed and one that
-// comes; while both are full in_ready is low. frame says that a payload of length bytes is there, read_data is the byte
-// at read_address a clock later, release_frame gives its buffer back.
+// The receiving side: checked payloads out of bytes. It keeps two payloads, one that is being executed and one that is
+// coming in. While both are full, in_ready is low. frame says that a payload of length bytes is there. read_data is the
+// byte at read_address, one clock later. release_frame frees the payload's buffer.
 module knead_link_rx (
     input  wire        clk,
     input  wire        rst,
@@ -13,12 +13,12 @@ module knead_link_rx (
     input  wire [ 9:0] read_address,
     output wire [ 7:0] read_data,
     input  wire        release_frame,
-    output reg  [31:0] frames, // counters, which wrap
+    output reg  [31:0] frames, // counters; they wrap
     output reg  [31:0] crc_errors,
     output reg  [31:0] cobs_errors,
     output reg  [31:0] length_errors
 );
-    reg         bank_in, bank_out; // where bytes go, where they are read
+    reg         bank_in, bank_out; // buffer that bytes go to; buffer that is read
     reg  [ 1:0] full;
     reg  [10:0] length_0, length_1;
 

@@ -1,6 +1,6 @@
 `default_nettype none
-// A link on two wires. Beside the link's counters: bytes without a stop bit, and bytes that came when the link had no
-// room.
+// The link on two wires. Beside the link's counters it counts bytes without a stop bit (framing errors) and bytes that
+// came when the link had no room (overruns).
 module knead_link_serial #(
     parameter [15:0] CLOCKS = 16'd16 // per bit, 4 at least
 ) (
@@ -15,7 +15,7 @@ module knead_link_serial #(
     input  wire        bus_ready,
     input  wire [31:0] bus_rdata,
     input  wire        bus_error,
-    output wire [31:0] frames, // counters, which wrap
+    output wire [31:0] frames, // counters; they wrap
     output wire [31:0] crc_errors,
     output wire [31:0] cobs_errors,
     output wire [31:0] length_errors,

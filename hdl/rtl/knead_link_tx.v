@@ -1,12 +1,13 @@
 `default_nettype none
-// The sending side. A reply is written into the buffer, then start sends length (1..1023) bytes of it as a frame:
+// The sending side. A reply is written into the buffer; start then sends length (1..1023) bytes of it as a frame:
 //
-//     SUM    reads them once for their checksum, which stands behind them from then on
+//     SUM    reads the bytes once for their checksum, which from then on stands behind them
 //     SCAN   finds the end of a block: a 0, 254 bytes, or the end
-//     CODE   its length byte          DATA   its bytes          then SCAN again, or
-//     END    the 0x00
+//     CODE   sends the block's length byte
+//     DATA   sends the block's bytes, then SCAN again or END
+//     END    sends the 0x00
 //
-// A byte is read every other clock; busy until the 0x00 has been taken.
+// A byte is read every other clock. busy stays high until the 0x00 has been taken.
 module knead_link_tx (
     input  wire        clk,
     input  wire        rst,
@@ -24,15 +25,15 @@ module knead_link_tx (
     localparam [7:0] FULL = 8'd254;
 
     reg  [ 2:0] state;
-    reg  [10:0] size, base, at; // of the payload; where the block begins; the byte that is read
-    reg         fresh;          // its data has come
-    reg  [ 7:0] run;            // bytes of the block, found or left to send
-    reg         zero;           // a 0 ends it
+    reg  [10:0] size, base, at; // of the payload; start of the block; byte being read
+    reg         fresh;          // the data of that byte is there
+    reg  [ 7:0] run;            // bytes of the block: found so far, or left to send
+    reg         zero;           // a 0 ends the block
     reg  [31:0] crc;
 
     wire [31:0] crc_next;
     wire [ 7:0] stored;
-    wire [ 1:0] behind = at[1:0] - size[1:0]; // in the checksum
+    wire [ 1:0] behind = at[1:0] - size[1:0]; // byte of the checksum
     wire [ 7:0] sum = ~(behind == 2'd0 ? crc[7:0] : behind == 2'd1 ? crc[15:8] :
                         behind == 2'd2 ? crc[23:16] : crc[31:24]);
     wire [ 7:0] now = at < size ? stored : sum;

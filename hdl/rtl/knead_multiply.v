@@ -1,5 +1,5 @@
 `default_nettype none
-// The signed product, a clock later.
+// Signed product, one clock later.
 module knead_multiply #(
     parameter A = 25,
     parameter B = 18

@@ -1,13 +1,13 @@
 `default_nettype none
-// A node in NODE and COMMIT, one per clock: three components, their flags, and the largest residual of a tick.
+// One node in NODE and COMMIT, one per clock: its three components, their flags, and the largest residual of a tick.
 `include "knead_formats.vh"
 module knead_node #(
     parameter WIDTH = 36
 ) (
     input  wire                 clk,
-    input  wire                 i_iterate, // a node in NODE
-    input  wire                 i_commit, // a node in COMMIT
-    input  wire                 i_clear, // a tick begins
+    input  wire                 i_iterate, // a node in NODE enters
+    input  wire                 i_commit, // a node in COMMIT enters
+    input  wire                 i_clear, // high when a tick begins
     input  wire                 i_first,
     input  wire [`KN_OMEGA-1:0] i_omega,
     input  wire [3*WIDTH-1:0]   i_sum_i,
@@ -20,9 +20,9 @@ module knead_node #(
     input  wire [17:0]          i_shift,
     input  wire [3*`KN_X-1:0]   i_x,
     output wire [3*`KN_ACC-1:0] o_reaction, // 2 clocks later
-    output wire [3*`KN_X-1:0]   o_x, // 2
-    output wire [3*`KN_U-1:0]   o_u, // 10
-    output wire [3*`KN_U-1:0]   o_last, // 10
+    output wire [3*`KN_X-1:0]   o_x, // 2 clocks later
+    output wire [3*`KN_U-1:0]   o_u, // 10 clocks later
+    output wire [3*`KN_U-1:0]   o_last, // 10 clocks later
     output reg  [`KN_ACC-1:0]   o_residual,
     output reg                  o_sat_u,
     output reg                  o_sat_position,
@@ -37,6 +37,7 @@ module knead_node #(
         commit <= {commit[2:1], i_commit};
     end
 
+    // Held components raise no flag in NODE: mask the flags with ~i_held, delayed as the values are.
     wire [2:0] over_sum_2, over_x_2, over_r_3, over_z_6, over_u_10;
     wire [2:0] free_2, free_3, free_6, free_10;
     knead_delay #(3, 2) delay_free_2 (.clk(clk), .i_value(~i_held), .o_value(free_2));
@@ -64,7 +65,7 @@ module knead_node #(
         end
     endgenerate
 
-    // |-2^35| is 2^35 in 36 bits
+    // The largest |r| on a free component since i_clear. |-2^35| is 2^35, which 36 unsigned bits hold.
     reg [`KN_ACC-1:0] most_4, third_4;
     reg commit_4;
     initial commit_4 = 1'b0;

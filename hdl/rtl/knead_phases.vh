@@ -1,4 +1,4 @@
-// What the engine is at.
+// Phases of the engine.
 `define KN_PHASE_IDLE 4'd0
 `define KN_PHASE_BEGIN 4'd1
 `define KN_PHASE_BOUND 4'd2

@@ -1,5 +1,6 @@
 `default_nettype none
-// A memory of one write and one read port, both on the clock. A read of the cell being written gives what it held.
+// A memory with one write and one read port, both clocked. A read of the cell that is being written gives the old
+// value.
 module knead_ram #(
     parameter WIDTH = 32,
     parameter LOG_DEPTH = 10

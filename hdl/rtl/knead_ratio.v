@@ -1,15 +1,15 @@
 `default_nettype none
-// R(|B| ia) from a table of 16 octaves of 32 segments: the key's exponent and five bits choose the segment, eleven more
-// the way along it; clamped at both ends. The table is outside: its address leaves 4 clocks behind B, its two cells
-// arrive a clock after that. 8 clocks in all.
+// R(|B| ia) from a table of 16 octaves of 32 segments. The key's exponent and five bits choose the segment; eleven more
+// bits interpolate along it; both ends clamp. The table is outside this module: its address leaves 4 clocks after B,
+// and its two cells arrive a clock after that. 8 clocks in all.
 `include "knead_formats.vh"
 module knead_ratio (
     input  wire                      clk,
     input  wire [6:0]                i_octave,
     input  wire signed [`KN_B-1:0]   i_b,
-    input  wire [`KN_IA-1:0]         i_ia, // with B
-    output reg  [9:0]                o_address, // of the segment
-    input  wire [`KN_R-1:0]          i_here, // the segment's two ends, a clock after o_address
+    input  wire [`KN_IA-1:0]         i_ia, // in the clock of B
+    output reg  [9:0]                o_address, // index of the segment
+    input  wire [`KN_R-1:0]          i_here, // the segment's two ends, one clock after o_address
     input  wire [`KN_R-1:0]          i_next,
     output reg  [`KN_R-1:0]          o_ratio
 );
@@ -19,7 +19,7 @@ module knead_ratio (
     knead_delay #(`KN_IA, 2) delay_ia (.clk(clk), .i_value(i_ia), .o_value(ia_2));
     always @(posedge clk) size_1 <= i_b[`KN_B-1] ? -i_b : i_b;
 
-    // +2: 18 leading bits
+    // +2: the 18 leading bits of |B|
     wire [5:0] top_1;
     knead_top_bit #(`KN_B, 6) find_size (.i_value(size_1), .o_top(top_1));
     wire [`KN_B-1:0] leading_1 = size_1 << (6'd35 - top_1);
@@ -32,7 +32,7 @@ module knead_ratio (
         zero_2 <= size_1 == {`KN_B{1'b0}};
     end
 
-    // +3: the key
+    // +3: the key |B| ia
     wire signed [36:0] key_3;
     reg [5:0] top_3;
     reg zero_3;
@@ -43,7 +43,7 @@ module knead_ratio (
         zero_3 <= zero_2;
     end
 
-    // +4: the segment and the way along it
+    // +4: the segment, and the fraction along it
     wire [5:0] place_3;
     knead_top_bit #(35, 6) find_key (.i_value(key_3[34:0]), .o_top(place_3));
     wire [34:0] fraction_3 = key_3[34:0] << (6'd34 - place_3);
@@ -57,7 +57,7 @@ module knead_ratio (
         way_4 <= below_3 | above_3 ? 11'd0 : fraction_3[28:18];
     end
 
-    // +6 .. +8: between the ends
+    // +6 .. +8: interpolate between the two ends
     wire signed [18:0] here_5 = $signed({1'b0, i_here});
     reg signed [18:0] slope_6;
     wire [10:0] way_6;

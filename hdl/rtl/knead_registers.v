@@ -1,6 +1,6 @@
 `default_nettype none
-// The word bus (hdl/registers.h): registers, the doorbell, and which transfers are refused. A transfer takes four
-// clocks: a window's memories are read with its address, then written with the word replaced in o_act.
+// The word bus (hdl/registers.h): registers, the doorbell, and the refusal of transfers. A transfer takes four clocks.
+// For a window, its address first reads the memories; then o_act writes the record back with the word replaced.
 `include "knead_formats.vh"
 module knead_registers #(
     parameter LOG_NODES = 10,
@@ -22,11 +22,11 @@ module knead_registers #(
     output wire                  o_act, // write the word now
     // engine
     input  wire                  i_busy,
-    output reg                   o_tick, // each one clock
+    output reg                   o_tick, // high for one clock, as o_rest and o_crc
     output reg                   o_rest,
     output reg                   o_crc,
     input  wire                  i_ticked,
-    input  wire [6:0]            i_flags, // what did not fit in this clock
+    input  wire [6:0]            i_flags, // numbers that did not fit in this clock
     input  wire [`KN_ACC-1:0]    i_residual,
     input  wire [31:0]           i_state_crc,
     output reg  [16:0]           o_node_count,
@@ -46,7 +46,7 @@ module knead_registers #(
     reg [31:0] scratch, tick, seq, cycles, cycles_last, cycles_max;
     reg [`KN_ACC-1:0] residual;
 
-    // where
+    // Decode the address.
     wire [6:0] at = i_bus_addr[6:0];
     wire is_omega = i_bus_addr[23:5] == 19'd2; // a memory, as a window is
     wire is_register = i_bus_addr[23:7] == 17'd0 && !is_omega;
@@ -63,7 +63,8 @@ module knead_registers #(
     wire is_edge = i_bus_addr[23] && edge_beyond == 20'd0;
     wire is_window = is_omega | is_table | is_list | is_result | is_node | is_rest | is_edge;
 
-    // what is read, and whether it may be written: fits of the value, config of what a tick reads
+    // For a register: its word, whether it may be written, whether the value fits, and whether a tick reads it
+    // (config_).
     reg [31:0] read;
     reg known, writable, fits, config_;
     always @* begin
@@ -117,14 +118,15 @@ module knead_registers #(
             default: known = 1'b0;
         endcase
     end
-    // of an edge and of a boundary record the nodes are nodes
+    // The node numbers in an edge and in a boundary record must be nodes.
     wire [15:0] i_beyond = i_bus_wdata[15:0] >> LOG_NODES;
     wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
     wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
     wire omega_fits = i_bus_wdata[31:`KN_BITS_OMEGA] == 14'd0;
 
-    // what a step may be made with; in a proof as it likes, since loading all settings takes it too many clocks
+    // Settings with which a step may run. A proof leaves sane free, since loading all settings takes too many clocks
+    // there.
 `ifdef FORMAL
     (* anyseq *) wire sane;
 `else
@@ -133,7 +135,8 @@ module knead_registers #(
 `endif
 
     reg [1:0] step;
-    reg busy_seen; // since the transfer began: the memories' addresses were the engine's
+    reg busy_seen; // busy since the transfer began: the engine had the memories' addresses
+    // Refuse while the engine is busy: any window, and writing a setting that a tick reads.
     wire refuse_register = !known || i_bus_write && (!writable || !fits || config_ && i_busy);
     wire refuse_window = !is_window || i_busy || busy_seen || i_bus_write && (is_result || is_edge && !edge_fits
                          || is_list && !list_fits || is_omega && !omega_fits);
@@ -150,7 +153,7 @@ module knead_registers #(
         busy_seen <= i_bus_valid && !o_bus_ready && !rst && (i_busy || busy_seen && step != 2'd0);
     end
 
-    // the doorbell
+    // The doorbell: STEP_SEQ + 1 starts a tick if a sane state is loaded; the number that it has changes nothing.
     wire knock = write && at == `KN_REG_STEP_SEQ;
     wire next_seq = i_bus_wdata == seq + 32'd1;
     wire control = write && at == `KN_REG_CONTROL;
@@ -172,7 +175,7 @@ module knead_registers #(
         end
     end
 
-    // what ticks leave
+    // Results of the ticks: flags, tick number, clocks, residual.
     wire fresh = control && (i_bus_wdata[0] || i_bus_wdata[3]);
     wire clear = control && i_bus_wdata[1];
     always @(posedge clk) begin

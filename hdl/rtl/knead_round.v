@@ -1,6 +1,6 @@
 `default_nettype none
-// value / 2^shift to the nearest, halves up: round_shift of core/fixed.c. floor((v + 2^(s-1))/2^s) is
-// (floor(2 v/2^s) + 1)/2, which needs no wider sum and holds for s = 0 too.
+// value / 2^shift to the nearest, halves up: round_shift of core/fixed.c. floor((v + 2^(s-1))/2^s) equals
+// (floor(2 v/2^s) + 1)/2, which needs no wider sum and also holds for s = 0.
 module knead_round #(
     parameter WIDTH = 43,
     parameter SHIFT = 6

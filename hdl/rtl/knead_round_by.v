@@ -1,5 +1,5 @@
 `default_nettype none
-// value / 2^BY to the nearest, halves up, BY fixed: the floor and the bit below it.
+// value / 2^BY to the nearest, halves up, for a constant BY: the floor plus the bit below it.
 module knead_round_by #(
     parameter WIDTH = 43,
     parameter BY = 16

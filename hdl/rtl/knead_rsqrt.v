@@ -1,5 +1,5 @@
 `default_nettype none
-// kn_fixed_rsqrt: 1/sqrt(q) = r 2^(half - 34), 8 clocks later, a q per clock; of q = 0: r = 0, half = 0.
+// kn_fixed_rsqrt: 1/sqrt(q) = r 2^(half - 34), 8 clocks later; accepts one q per clock. For q = 0: r = 0, half = 0.
 //     y = q 2^(2 half) in 2^34 .. 2^36;   r0 = seed[y's 9 leading bits];   r = r0 (3 - y r0^2)/2
 module knead_rsqrt (
     input  wire        clk,
@@ -7,7 +7,7 @@ module knead_rsqrt (
     output reg  [17:0] o_r,
     output wire [4:0]  o_half
 );
-    // y
+    // y: shift q left by an even number of bits
     wire [5:0] top;
     knead_top_bit #(36, 6) find_top (.i_value(i_q), .o_top(top));
     wire [5:0] spare = 6'd35 - top;
@@ -22,7 +22,7 @@ module knead_rsqrt (
     end
     wire unused = &{spare[0], y_1[17:0]};
 
-    // r0
+    // r0: the seed of the leading bits
     reg [16:0] seed [0:511];
     initial begin
 `include "knead_seeds.vh"
@@ -30,7 +30,7 @@ module knead_rsqrt (
     reg [16:0] r_2;
     always @(posedge clk) r_2 <= seed[y_1[35:27]];
 
-    // rest = 3 - y r0^2, halved by the last shift
+    // rest = 3 - y r0^2; the last shift halves it
     wire signed [35:0] square_3;
     knead_multiply #(18, 18) multiply_square (.clk(clk), .i_a({1'b0, r_2}), .i_b({1'b0, r_2}),
                                               .o_product(square_3));
@@ -51,7 +51,7 @@ module knead_rsqrt (
     reg signed [21:0] rest_6;
     always @(posedge clk) rest_6 <= rounded_5;
 
-    // r
+    // r = r0 rest
     wire [16:0] r_6;
     knead_delay #(17, 4) delay_r (.clk(clk), .i_value(r_2), .o_value(r_6));
     wire signed [39:0] product_7;

@@ -1,5 +1,5 @@
 `default_nettype none
-// The nearest number of OUT bits, and whether it is another.
+// The nearest number that OUT bits hold; o_over says that it differs from i_value.
 module knead_saturate #(
     parameter IN = 43,
     parameter OUT = 25

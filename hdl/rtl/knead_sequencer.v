@@ -1,12 +1,12 @@
 `default_nettype none
-// The order of a tick, core/fixed.h's drawing: phase after phase, in each an item (node, edge, record of the boundary
-// list) per clock, or per `step`s clocks; then the phase's drain, until its last write is done.
+// The order of a tick, as in the drawing of core/fixed.h. Each phase issues an item (node, edge, record of the boundary
+// list) per clock, or one per `steps` clocks. Then the phase drains, until its last write is done.
 `include "knead_formats.vh"
 `include "knead_phases.vh"
 module knead_sequencer (
     input  wire        clk,
     input  wire        rst,
-    input  wire        i_tick, // one clock, in IDLE
+    input  wire        i_tick, // high for one clock, in IDLE
     input  wire        i_rest,
     input  wire        i_crc,
     input  wire        i_crc_done,
@@ -20,15 +20,15 @@ module knead_sequencer (
     output reg  [20:0] o_index,
     output reg  [3:0]  o_step,
     output reg  [4:0]  o_iteration,
-    output reg         o_ticked // the clock after a tick
+    output reg         o_ticked // high in the clock after a tick
 );
     reg [20:0] count;
-    reg [3:0] steps; // of an item
-    reg [5:0] drain; // clocks
+    reg [3:0] steps; // clocks of an item
+    reg [5:0] drain; // clocks of the drain
     reg [3:0] next;
     reg [5:0] drained;
     reg [3:0] pass;
-    reg crc_next; // asked for together with rest
+    reg crc_next; // CRC was asked for together with rest
 
     wire [5:0] iteration_after = {1'b0, o_iteration} + 6'd1;
     wire [4:0] pass_after = {1'b0, pass} + 5'd1;
@@ -37,6 +37,7 @@ module knead_sequencer (
     wire [20:0] nodes = {4'd0, i_node_count};
     wire [20:0] bounds = {10'd0, i_bound_count};
 
+    // Items, clocks an item, drain and successor of each phase.
     always @* begin
         count = nodes;
         steps = 4'd1;
@@ -67,7 +68,7 @@ module knead_sequencer (
         endcase
     end
 
-    // A phase without drain and without items takes no clock, so it is passed over.
+    // A phase without drain and without items takes no clock, so skip it: BOUND and REACTION of an empty list.
     wire unlisted = i_bound_count == 11'd0;
     wire [3:0] after = unlisted && next == `KN_PHASE_BOUND ? `KN_PHASE_SETUP
                      : unlisted && next == `KN_PHASE_REACTION ? `KN_PHASE_IDLE : next;

@@ -1,11 +1,11 @@
 `default_nettype none
-// An edge in SETUP, one per clock: e of the middle of the tick, R at the trial force, g = R kv, t0 = R H, and the
+// One edge in SETUP, one per clock: e at the middle of the tick, R at the trial force, g = R kv, t0 = R H, and the
 // edge's share of D.
 //
 //     in  +3          +5      +13     +16         +19           +22             +30 +32     +38
 //     x | d rounded | |d|^2 | 1/|d| | e clamped | dl = e.(du) | B = kv dl + H | R | g, t0 | share
 //
-// 1/sqrt is lent: q leaves with +5, r and half come 8 clocks later.
+// The 1/sqrt unit is shared with INVERT: q leaves at +5, r and half arrive 8 clocks later.
 `include "knead_formats.vh"
 module knead_setup (
     input  wire                  clk,
@@ -26,7 +26,7 @@ module knead_setup (
     output wire [9:0]            o_table_address,
     input  wire [`KN_R-1:0]      i_table_here,
     input  wire [`KN_R-1:0]      i_table_next,
-    output wire [3*`KN_E-1:0]    o_e, // 32 clocks later, with g and t0
+    output wire [3*`KN_E-1:0]    o_e, // 32 clocks later, as g and t0
     output reg  [`KN_KV-1:0]     o_g,
     output reg  signed [`KN_T-1:0] o_t0,
     output wire [3*(`KN_T+1)-1:0] o_share, // 38 clocks later
@@ -34,7 +34,7 @@ module knead_setup (
     output reg                   o_sat_tension,
     output reg                   o_sat_direction
 );
-    localparam W = `KN_X + 3; // 2 (x_j - x_i) + u_j - u_i
+    localparam W = `KN_X + 3; // width of 2 (x_j - x_i) + u_j - u_i
     reg [24:1] valid;
     initial valid = 24'd0;
     always @(posedge clk) valid <= {valid[23:1], i_valid};
@@ -44,7 +44,7 @@ module knead_setup (
     knead_difference difference (.clk(clk), .i_from(i_u_i), .i_to(i_u_j), .o_d(du_1), .o_over(over_du_1));
     knead_delay #(3*`KN_U, 15) delay_du (.clk(clk), .i_value(du_1), .o_value(du_16));
 
-    // +1 .. +4: d and its square;  +14 .. +16: e
+    // +1 .. +4: d = x_j - x_i + (u_j - u_i)/2 and its square; +14 .. +16: e = d/|d|, clamped to 1
     wire [2:0] over_d_2;
     wire signed [35:0] square_4 [0:2];
     wire [3*`KN_E-1:0] e_16;
@@ -95,7 +95,7 @@ module knead_setup (
         o_q <= square_4[0] + square_4[1] + square_4[2]; // below 2^36
     end
 
-    // +17 .. +22: B
+    // +17 .. +22: the trial force B = kv dl + H
     localparam M = `KN_U + `KN_KV + 1;
     wire signed [`KN_U-1:0] dl_19;
     wire [`KN_KV-1:0] kv_19;
@@ -123,7 +123,7 @@ module knead_setup (
         b_22 <= b_21;
     end
 
-    // +30: R
+    // +30: R at the trial force
     wire [`KN_IA-1:0] ia_22;
     wire [`KN_R-1:0] r_30;
     knead_delay #(`KN_IA, 22) delay_ia (.clk(clk), .i_value(i_ia), .o_value(ia_22));
@@ -152,7 +152,7 @@ module knead_setup (
     knead_delay #(3*`KN_E, 16) delay_e (.clk(clk), .i_value(e_16), .o_value(o_e));
     wire unused_g = &{g_31[`KN_KV+`KN_R+2-`KN_R_FRACTION:`KN_KV], t0_31[`KN_T+`KN_R+1-`KN_R_FRACTION:`KN_T]};
 
-    // +33 .. +38: g |e|_1 |e_k|
+    // +33 .. +38: the share of D, g |e|_1 |e_k|
     knead_share share (.clk(clk), .i_e(o_e), .i_g(o_g), .o_share(o_share));
 
     initial {o_sat_u, o_sat_tension, o_sat_direction} = 3'd0;

@@ -1,5 +1,5 @@
 `default_nettype none
-// An edge's share of D: g |e|_1 |e_k|, 6 clocks later. |e_k| is at most 1, |e|_1 below 2, so 19 bits hold it.
+// An edge's share of D: g |e|_1 |e_k|, 6 clocks later. |e_k| is at most 1 and |e|_1 is below 2, so 19 bits hold it.
 `include "knead_formats.vh"
 module knead_share (
     input  wire                   clk,
@@ -19,6 +19,7 @@ module knead_share (
         g_2 <= g_1;
     end
 
+    // g |e|_1, rounded to whole units, then times |e_k| of each component.
     localparam P = `KN_KV + `KN_E + 4;
     wire signed [P-1:0] product_3;
     wire signed [P-`KN_E_FRACTION:0] whole_3;

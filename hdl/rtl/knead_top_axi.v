@@ -1,9 +1,10 @@
 `default_nettype none
 // The engine as an AXI4-Lite slave of 32-bit words: byte address 4 x word address, 2^26 bytes. A write of part of a
-// word and a refused transfer are answered SLVERR; one transfer at a time, a write before a read that came with it.
+// word and a refused transfer are answered with SLVERR. There is one transfer at a time. A write goes before a read
+// that came in the same clock.
 //
-// A PCIe endpoint of the vendor's (Xilinx XDMA or AXI bridge with its AXI4-Lite master, a LitePCIe wishbone bridge
-// behind an adapter) belongs in front of s_axi: BAR0 = 64 MiB, translated to 0. No endpoint is part of this design.
+// A vendor's PCIe endpoint (Xilinx XDMA or AXI bridge with its AXI4-Lite master, a LitePCIe wishbone bridge behind an
+// adapter) belongs in front of s_axi: BAR0 = 64 MiB, translated to 0. This design contains no endpoint.
 module knead_top_axi #(
     parameter LOG_NODES = 10,
     parameter LOG_EDGES = 13,
@@ -35,7 +36,7 @@ module knead_top_axi #(
     reg  [31:0] wdata;
     wire        ready, refused;
     wire [31:0] rdata;
-    wire        rest = !valid && !s_axi_bvalid && !s_axi_rvalid; // nothing under way
+    wire        rest = !valid && !s_axi_bvalid && !s_axi_rvalid; // no transfer under way
     wire        take_write = rest && s_axi_awvalid && s_axi_wvalid;
     wire        take_read = rest && s_axi_arvalid && !take_write;
     wire        whole = s_axi_wstrb == 4'hf;

@@ -1,9 +1,8 @@
 `default_nettype none
-// A board on a serial line: the engine behind the link, two wires. CLOCKS per bit: 48 MHz and 3 Mbaud are 16. The reset
-// may be tied low where the board's flip-flops begin at zero: it is held for the first 16 clocks anyway.
-// NANO: the small engine, 5, 7, 4 on an HX8K.
+// A board on a serial line: the engine behind the link, on two wires. CLOCKS is the number of clocks per bit: 48 MHz
+// and 3 Mbaud give 16. The reset input may be tied low if the board's flip-flops begin at zero, because this module
+// holds its reset for the first 16 clocks in any case.
 module knead_top_uart #(
-    parameter NANO = 0,
     parameter LOG_NODES = 10,
     parameter LOG_EDGES = 13,
     parameter LOG_LIST = 6,
@@ -27,17 +26,9 @@ module knead_top_uart #(
         .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error), .frames(frames),
         .crc_errors(crc_errors), .cobs_errors(cobs_errors), .length_errors(length_errors),
         .framing_errors(framing_errors), .overruns(overruns));
-    generate
-        if (NANO != 0) begin : g_nano
-            knead_nano #(.LOG_NODES(LOG_NODES), .LOG_EDGES(LOG_EDGES), .LOG_LIST(LOG_LIST)) engine (
-                .clk(clk), .rst(reset), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
-                .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error));
-        end else begin : g_whole
-            knead_engine #(.LOG_NODES(LOG_NODES), .LOG_EDGES(LOG_EDGES), .LOG_LIST(LOG_LIST)) engine (
-                .clk(clk), .rst(reset), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
-                .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error));
-        end
-    endgenerate
+    knead_engine #(.LOG_NODES(LOG_NODES), .LOG_EDGES(LOG_EDGES), .LOG_LIST(LOG_LIST)) engine (
+        .clk(clk), .rst(reset), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
+        .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error));
     wire unused = &{frames, crc_errors, cobs_errors, length_errors, framing_errors, overruns};
 endmodule
 `default_nettype wire

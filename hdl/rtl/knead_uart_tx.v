@@ -1,6 +1,6 @@
 `default_nettype none
 // Bytes to a serial line: 8 data bits, no parity, one stop bit, least significant bit first. A byte is taken when
-// in_valid && in_ready and lasts 10 * CLOCKS, and one clock more until the next.
+// in_valid && in_ready. It lasts 10 * CLOCKS, and the next byte can start one clock later.
 module knead_uart_tx #(
     parameter [15:0] CLOCKS = 16'd16 // per bit
 ) (
@@ -14,7 +14,7 @@ module knead_uart_tx #(
     localparam [15:0] BIT = CLOCKS - 16'd1;
 
     reg [15:0] count; // clocks of this bit
-    reg [ 3:0] left;  // bits
+    reg [ 3:0] left;  // bits left to send
     reg [ 9:0] shift; // ones when idle
 
     assign in_ready = left == 4'd0;

@@ -1,12 +1,12 @@
 `default_nettype none
-// Memories as words: a word of what was read, and a record in which that word is replaced.
+// Memories as words: give one word of the record that was read, and the record with that word replaced by i_data.
 `include "knead_formats.vh"
 module knead_windows #(
     parameter LOG_NODES = 10
 ) (
-    input  wire [3:0]            i_word, // of the record
+    input  wire [3:0]            i_word, // index of the word in the record
     input  wire [31:0]           i_data,
-    input  wire                  i_rest, // of the rest position, not x
+    input  wire                  i_rest, // the rest position instead of x
     input  wire [3*`KN_X-1:0]    i_x,
     input  wire [3*`KN_X-1:0]    i_x_rest,
     input  wire [3*`KN_U-1:0]    i_u,
@@ -14,7 +14,7 @@ module knead_windows #(
     input  wire [2:0]            i_held,
     input  wire [2*LOG_NODES+`KN_KV+`KN_IA-1:0] i_edge, // ia, kv, j, i
     input  wire [`KN_H-1:0]      i_h,
-    output reg  [3*`KN_X-1:0]    o_x, // or the rest position
+    output reg  [3*`KN_X-1:0]    o_x, // x, or the rest position
     output reg  [3*`KN_U-1:0]    o_u,
     output reg  [3*`KN_T-1:0]    o_load,
     output reg  [2:0]            o_held,

@@ -1,6 +1,7 @@
 #ifndef KN_HDL_SIM_BENCH_H
 #define KN_HDL_SIM_BENCH_H
-// What the benches share: chance with a seed that is printed, and a word bus that circuit and C code see alike.
+// Shared parts of the benches: random numbers from a seed that is printed, and a word bus that circuit and C code see
+// alike.
 #include "verilated.h"
 #include <cstdint>
 #include <cstdio>
@@ -12,11 +13,9 @@ extern "C" {
 #include "server/backend/frame.h"
 }
 
-inline double sc_time_stamp()
-{
-    return 0;
-}
+inline double sc_time_stamp() { return 0; }
 
+// Random numbers (xorshift).
 struct chance {
     uint64_t state;
     uint32_t below(uint32_t n)
@@ -27,14 +26,15 @@ struct chance {
     uint32_t word() { return below(2) ? below(UINT32_MAX) : below(2) ? 0 : below(256); }
 };
 
+// Return the number in an environment variable, or otherwise if it is not set.
 inline long from_environment(const char *name, long otherwise)
 {
     const char *text = getenv(name);
     return text ? atol(text) : otherwise;
 }
 
-// Words at 0 to 255 are memory, those from 0x800000 to 0x80ffff bus errors, all others what their address makes of
-// them. The word at 16 counts its reads, so that a WAIT for it ends.
+// A memory behind the word bus. Words at 0 to 255 are memory, those from 0x800000 to 0x80ffff are bus errors, all
+// others are a function of their address. The word at 16 counts its reads, so that a WAIT for it ends.
 struct memory {
     uint32_t words[256] = {};
     std::vector<uint64_t> transfers; // (write, address, word) in order
@@ -63,12 +63,12 @@ inline kn_word_bus bus_of(memory &m)
             [](void *self, uint32_t a, uint32_t w) { return static_cast<memory *>(self)->write(a, w); }};
 }
 
-// The C code as the device: what it answers to bytes of a line.
+// The C code as the device: its answers to the bytes of a line.
 struct device {
     memory bus;
     kn_framer framer = {};
     std::vector<uint8_t> answer;
-    long statuses[4] = {}; // of the answers
+    long statuses[4] = {}; // answers by status
     void hear(const std::vector<uint8_t> &bytes)
     {
         const kn_word_bus words = bus_of(bus);
@@ -84,7 +84,7 @@ struct device {
     }
 };
 
-// ---- requests of chance ----
+// ---- random requests ----
 
 inline uint32_t some_address(chance &c)
 {
@@ -97,44 +97,34 @@ inline void some_operation(chance &c, kn_request &r)
     uint32_t words[KN_REQUEST_WRITE_MOST], count = 1 + (c.below(4) ? c.below(5) : c.below(255));
     for (uint32_t &word : words) word = c.word();
     switch (c.below(4)) {
-    case 0:
-        kn_request_read(&r, some_address(c), count);
-        break;
-    case 1:
-        kn_request_write(&r, some_address(c), words, count);
-        break;
-    case 2:
-        kn_request_wait(&r, 16, 0xff, c.below(256), uint16_t(c.below(3)));
-        break;
-    default:
-        kn_request_wait(&r, some_address(c), c.word(), 0, uint16_t(c.below(2)));
+    case 0: kn_request_read(&r, some_address(c), count); break;
+    case 1: kn_request_write(&r, some_address(c), words, count); break;
+    case 2: kn_request_wait(&r, 16, 0xff, c.below(256), uint16_t(c.below(3))); break;
+    default: kn_request_wait(&r, some_address(c), c.word(), 0, uint16_t(c.below(2)));
     }
 }
 
-// A frame of some operations; of every eight one is cut short, has bytes behind its end, or a byte changed, by a sender
-// that makes its checksum all the same.
+// Return a frame with up to five operations. One in eight is cut short, has bytes behind its end, or has a changed
+// byte; its checksum is valid all the same.
 inline std::vector<uint8_t> some_request(chance &c)
 {
     kn_request r;
     kn_request_begin(&r, uint16_t(c.below(1 << 16)));
     for (uint32_t n = c.below(6); n > 0; n--) some_operation(c, r);
     if (c.below(8) == 0) switch (c.below(3)) {
-        case 0:
-            r.size = uint16_t(1 + c.below(r.size));
-            break;
+        case 0: r.size = uint16_t(1 + c.below(r.size)); break;
         case 1:
             while (r.size < KN_FRAMER_PAYLOAD && c.below(20)) r.bytes[r.size++] = uint8_t(c.below(4));
             break;
-        default:
-            r.bytes[c.below(r.size)] = uint8_t(c.below(6));
+        default: r.bytes[c.below(r.size)] = uint8_t(c.below(6));
         }
     uint8_t wire[KN_FRAMER_WIRE];
     size_t size = kn_framer_encode(r.bytes, r.size, wire);
     return {wire, wire + size};
 }
 
-// A payload that fills a block with its checksum, and behind that block an empty one: refused, or heard where chance
-// has put a 0 into the checksum or the empty block is left out.
+// Return a frame whose payload fills a block together with its checksum. Half of these get an empty block behind the
+// full one and are refused. The others, and those with a 0 in the checksum, are accepted.
 inline std::vector<uint8_t> full_block(chance &c)
 {
     uint8_t payload[250], wire[KN_FRAMER_WIRE];
@@ -144,6 +134,7 @@ inline std::vector<uint8_t> full_block(chance &c)
     return bytes;
 }
 
+// Return noise: no zeros, few zeros or many zeros.
 inline std::vector<uint8_t> some_bytes(chance &c)
 {
     if (c.below(20) == 0) return full_block(c);
@@ -153,24 +144,17 @@ inline std::vector<uint8_t> some_bytes(chance &c)
     return bytes;
 }
 
-// What a line may bring: frames, frames spoilt, and noise.
+// Return a piece of a line: frames, spoilt frames and noise.
 inline std::vector<uint8_t> some_line(chance &c)
 {
     std::vector<uint8_t> line;
     for (uint32_t n = 1 + c.below(4); n > 0; n--) {
         std::vector<uint8_t> part = c.below(5) ? some_request(c) : some_bytes(c);
         switch (c.below(10)) {
-        case 0:
-            part[c.below(uint32_t(part.size()))] ^= uint8_t(1 << c.below(8));
-            break;
-        case 1:
-            part.resize(1 + c.below(uint32_t(part.size())));
-            break;
-        case 2:
-            part.push_back(0);
-            break;
-        default:
-            break;
+        case 0: part[c.below(uint32_t(part.size()))] ^= uint8_t(1 << c.below(8)); break;
+        case 1: part.resize(1 + c.below(uint32_t(part.size()))); break;
+        case 2: part.push_back(0); break;
+        default: break;
         }
         line.insert(line.end(), part.begin(), part.end());
     }

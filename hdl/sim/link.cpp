@@ -1,10 +1,11 @@
-// The Verilated link against server/backend/frame.c, byte for byte: replies, bus transfers in order, memory, counters,
-// after requests, spoilt ones and noise, with gaps in what comes, in what is taken and in the bus's answers. KN_CASES=N
-// lines (1000), KN_SEED=N.
+// Compare the Verilated link with server/backend/frame.c, byte for byte: replies, bus transfers in order, memory,
+// counters. The lines carry requests, spoilt requests and noise, with gaps in the input, in the output and in the bus's
+// answers. KN_CASES=N lines (1000), KN_SEED=N.
 #include "Vknead_link.h"
 #include "hdl/sim/bench.h"
 
-struct pauses { // of a hundred clocks, in how many there is nothing
+// Share of the clocks without a transfer, in percent.
+struct pauses {
     uint32_t in, out, bus;
 };
 
@@ -13,7 +14,7 @@ struct circuit {
     memory bus;
     std::vector<uint8_t> answer;
     uint64_t clocks = 0;
-    bool waits = false; // a byte at tx
+    bool waits = false; // a byte is offered at tx
     uint8_t waiting = 0;
 
     void edge()
@@ -26,14 +27,14 @@ struct circuit {
     }
     circuit()
     {
-#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
+#ifdef KN_MUTANTS // hdl/reports/mutants: number of the active mutant, 0 none
         top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
 #endif
         top.rst = 1;
         edge();
         top.rst = 0;
     }
-    // One clock. True: the byte was taken.
+    // Run one clock, with or without a byte offered. Return true when the byte was taken.
     bool clock(chance &c, const pauses &p, const uint8_t *byte)
     {
         top.rx_valid = byte && c.below(100) >= p.in;
@@ -45,7 +46,7 @@ struct circuit {
         top.bus_rdata = c.word();
         top.bus_error = uint8_t(c.below(2));
         if (top.bus_valid && top.bus_ready) transfer();
-        if (waits && !(top.tx_valid && top.tx_data == waiting)) answer.push_back(0xee); // what waits stays
+        if (waits && !(top.tx_valid && top.tx_data == waiting)) answer.push_back(0xee); // a byte that waits must stay
         waits = top.tx_valid && !top.tx_ready, waiting = top.tx_data;
         bool taken = top.rx_valid && top.rx_ready;
         if (top.tx_valid && top.tx_ready) answer.push_back(top.tx_data);
@@ -60,6 +61,7 @@ struct circuit {
     }
 };
 
+// Return the first difference, or "" if there is none.
 static std::string difference(const circuit &c, const device &d)
 {
     if (c.answer != d.answer) {
@@ -89,7 +91,7 @@ int main()
         std::vector<uint8_t> line = some_line(c);
         model.hear(line);
         for (size_t at = 0; at < line.size();) at += it.clock(c, p, &line[at]);
-        // until the answer is there, and then as long as one more frame would take to begin
+        // Run until the answer is there, and then as long as one more frame would need to begin.
         uint64_t patience = it.clocks + 60000000, quiet = 0;
         while (it.answer.size() < model.answer.size() && it.clocks < patience) it.clock(c, p, nullptr);
         while (quiet++ < 3000) it.clock(c, p, nullptr);

@@ -1,7 +1,7 @@
 #ifndef KN_HDL_SIM_PORTS_H
 #define KN_HDL_SIM_PORTS_H
-// A word of the circuit through whatever is in front of it: the word bus itself, the two wires of knead_top_uart bit by
-// bit, or the AXI4-Lite cycles of knead_top_axi. KN_TOP_UART, KN_TOP_AXI or neither is defined.
+// Access to a word of the circuit through a front end: the word bus itself, the two wires of knead_top_uart bit by bit,
+// or the AXI4-Lite cycles of knead_top_axi. KN_TOP_UART, KN_TOP_AXI or neither is defined.
 #include <cstdio>
 #include <cstdlib>
 
@@ -30,12 +30,12 @@ typedef Vknead_engine circuit_top;
 struct device_port : circuit<circuit_top> {
     kn_framer framer = {};
     uint16_t tag = 0;
-    int phase = -1, bits = 0; // of the byte at tx
+    int phase = -1, bits = 0; // clock within the byte at tx, and its bits so far
     bool heard = false;
     kn_request asked;
     kn_reply reply;
 
-    explicit device_port(int seed) : circuit(seed) // its own reset at power-up is what begins it
+    explicit device_port(int seed) : circuit(seed) // the circuit's own reset at power-up starts it
     {
         top->rst = 0;
         hold(1, 64);
@@ -54,6 +54,7 @@ struct device_port : circuit<circuit_top> {
     {
         while (count-- > 0) clock(level);
     }
+    // Receive a byte at tx: sample each bit in its middle.
     void listen(bool level)
     {
         if (phase < 0 && level) return;
@@ -84,10 +85,8 @@ struct device_port : circuit<circuit_top> {
     {
         uint8_t wire[KN_FRAMER_WIRE];
         kn_request_begin(&asked, tag++);
-        if (write)
-            kn_request_write(&asked, address, word, 1);
-        else
-            kn_request_read(&asked, address, 1);
+        if (write) kn_request_write(&asked, address, word, 1);
+        else kn_request_read(&asked, address, 1);
         heard = false;
         const size_t size = kn_framer_encode(asked.bytes, asked.size, wire);
         for (size_t i = 0; i < size; i++) send(wire[i]);
@@ -102,7 +101,7 @@ struct device_port : circuit<circuit_top> {
 };
 #elif defined KN_TOP_AXI
 struct device_port : circuit<circuit_top> {
-    uint32_t gaps = 1; // between what a master might do at once
+    uint32_t gaps = 1; // state of the random gaps that a master makes
 
     explicit device_port(int seed) : circuit(seed)
     {
@@ -110,7 +109,7 @@ struct device_port : circuit<circuit_top> {
         top->s_axi_awvalid = top->s_axi_wvalid = top->s_axi_bready = top->s_axi_arvalid = top->s_axi_rready = 0;
         for (int i = 0; i < 4; i++) clock();
         top->s_axi_aresetn = 1;
-        uint32_t part = 0; // of a word: refused, nothing written
+        uint32_t part = 0; // writing part of a word must be refused and write nothing
         if (write_word(7, 0x12345678, 0x7) || !read_word(7, &part) || part != 0) lost("part of a word was taken");
     }
     void clock()
@@ -147,7 +146,7 @@ struct device_port : circuit<circuit_top> {
     {
         top->s_axi_awaddr = address << 2;
         top->s_axi_awvalid = 1;
-        if (gap() == 0) rest(); // the address before its data
+        if (gap() == 0) rest(); // address before data
         top->s_axi_wdata = word;
         top->s_axi_wstrb = strobe;
         top->s_axi_wvalid = 1;

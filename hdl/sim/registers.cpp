@@ -1,5 +1,5 @@
-// The circuit's registers and windows against the simulated device's (clients/simdev/golden.c): whatever a host asks,
-// both answer and refuse alike. KN_CASES=N transfers, KN_SEED=N.
+// Compare the circuit's registers and windows with the simulated device's (clients/simdev/golden.c). For any request of
+// a host both give the same answer or refuse alike. KN_CASES=N transfers, KN_SEED=N.
 #include "Vknead_engine.h"
 #include "hdl/sim/bench.h"
 #include "hdl/sim/word_bus.h"
@@ -17,7 +17,7 @@ enum { NODES = KN_LOG_NODES, EDGES = KN_LOG_EDGES, LIST = KN_LOG_LIST };
 
 struct engine : word_bus<Vknead_engine> {
     engine() : word_bus(0) {}
-    void rest() // a tick of the other one is over at once
+    void rest() // wait: a tick of the simulated device is over at once
     {
         uint32_t status;
         int polls = 0;
@@ -26,32 +26,24 @@ struct engine : word_bus<Vknead_engine> {
     }
 };
 
+// Return a random address: in or just behind each window, or a register.
 uint32_t some_place(chance &c)
 {
     switch (c.below(10)) {
-    case 0:
-        return KN_WINDOW_TABLE + c.below(KN_FIXED_SEGMENTS + 3);
-    case 1:
-        return KN_WINDOW_BOUNDS + c.below((4 << LIST) + 2);
-    case 2:
-        return KN_WINDOW_REACTIONS + c.below((6 << LIST) + 2);
-    case 3:
-        return KN_WINDOW_NODES + c.below((16 << NODES) + 2);
-    case 4:
-        return KN_WINDOW_REST + c.below((8 << NODES) + 2);
-    case 5:
-        return KN_WINDOW_EDGES + c.below((8 << EDGES) + 2);
-    case 6:
-        return c.below(40) == 0 ? KN_REG_NODE_COUNT + c.below(12) : c.word() & 0xffffff;
-    case 7:
-        return c.below(40) == 0 ? KN_REG_OMEGA + c.below(33) : c.below(0x10);
-    case 8:
-        return c.below(3) ? KN_REG_STEP_SEQ : KN_REG_CONTROL;
-    default:
-        return c.below(0x20);
+    case 0: return KN_WINDOW_TABLE + c.below(KN_FIXED_SEGMENTS + 3);
+    case 1: return KN_WINDOW_BOUNDS + c.below((4 << LIST) + 2);
+    case 2: return KN_WINDOW_REACTIONS + c.below((6 << LIST) + 2);
+    case 3: return KN_WINDOW_NODES + c.below((16 << NODES) + 2);
+    case 4: return KN_WINDOW_REST + c.below((8 << NODES) + 2);
+    case 5: return KN_WINDOW_EDGES + c.below((8 << EDGES) + 2);
+    case 6: return c.below(40) == 0 ? KN_REG_NODE_COUNT + c.below(12) : c.word() & 0xffffff;
+    case 7: return c.below(40) == 0 ? KN_REG_OMEGA + c.below(33) : c.below(0x10);
+    case 8: return c.below(3) ? KN_REG_STEP_SEQ : KN_REG_CONTROL;
+    default: return c.below(0x20);
     }
 }
 
+// Return a random word that is often one that the address accepts.
 uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
 {
     if (address == KN_REG_STEP_SEQ) return c.below(4) ? seq + 1 : c.below(2) ? seq : c.word();
@@ -63,7 +55,7 @@ uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
     return c.word();
 }
 
-// A state in which memories that no host has written hold nothing of anyone's: all of it zero, a chain of edges.
+// Load both with a chain of edges and zeros, so that no memory holds undefined values.
 void load(engine &d, const kn_word_bus &g)
 {
     const auto put = [&](uint32_t address, uint32_t word) {
@@ -82,7 +74,7 @@ void load(engine &d, const kn_word_bus &g)
     for (uint32_t r = 0; r < 11; r++) put(KN_REG_NODE_COUNT + r, config[r]);
     put(KN_REG_CONTROL, KN_CONTROL_REST | KN_CONTROL_CLEAR | KN_CONTROL_LOADED);
     d.rest();
-    uint32_t seq = 0; // a step, so that results are of a tick
+    uint32_t seq = 0; // a step, so that the results are those of a tick
     d.transfer(false, KN_REG_STEP_SEQ, &seq);
     put(KN_REG_STEP_SEQ, seq + 1);
     d.rest();
@@ -102,7 +94,7 @@ int main()
     for (long n = 0; n < cases; n++) {
         uint32_t seq = 0, status = 0, circuit_word, golden_word;
         d.transfer(false, KN_REG_STEP_SEQ, &seq);
-        const uint32_t address = some_place(c) ^ (c.below(8) ? 0 : 1u << c.below(24)); // or a place that is like it
+        const uint32_t address = some_place(c) ^ (c.below(8) ? 0 : 1u << c.below(24)); // or an address one bit away
         const bool write = c.below(2);
         if (n % 400 == 399) load(d, golden.bus);
         circuit_word = golden_word = write ? some_word(c, address, seq) : 0;
@@ -110,9 +102,6 @@ int main()
         const bool golden_taken = write ? golden.bus.write(golden.bus.self, address, golden_word)
                                         : golden.bus.read(golden.bus.self, address, &golden_word);
         d.rest();
-#ifdef KN_NANO // it takes its own time
-        if (address == KN_REG_CYCLES || address == KN_REG_CYCLES_MAX) golden_word = circuit_word;
-#endif
         if (taken != golden_taken || (taken && !write && circuit_word != golden_word)) {
             printf("transfer %ld: %s 0x%06x: circuit %s 0x%08x, simulated %s 0x%08x\n", n, write ? "write" : "read",
                    address, taken ? "took" : "refused", circuit_word, golden_taken ? "took" : "refused", golden_word);
@@ -122,7 +111,8 @@ int main()
         uint32_t now = 0;
         d.transfer(false, KN_REG_STEP_SEQ, &now);
         ticks += now != seq;
-        // the circuit looks at its settings, the simulated device at the image, too: an edge of one node, R beyond 1
+        // The circuit checks only its settings, the simulated device also the image: an edge from a node to itself, R
+        // above 1.
         d.transfer(false, KN_REG_STATUS, &status);
         golden.bus.read(golden.bus.self, KN_REG_STATUS, &golden_word);
         if (write && address == KN_REG_CONTROL && (status ^ golden_word) == KN_STATUS_LOADED) {

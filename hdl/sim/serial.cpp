@@ -1,6 +1,7 @@
-// The Verilated link on two wires. A sender whose clock is up to 3 % off is answered as frame.c answers, at any phase;
-// glitches of a clock change nothing; a break is one framing error and no byte; after noise the next frame behind a
-// 0x00 is answered. KN_CASES=N of each (20), KN_SEED=N. CLOCKS is the parameter that the circuit was built with.
+// Test the Verilated link on two wires. A sender whose clock is up to 3 % off gets the answer that frame.c gives, at
+// any phase. Glitches of one clock change nothing. A break is one framing error and no byte. After noise the next frame
+// behind a 0x00 is answered. KN_CASES=N of each (20), KN_SEED=N. CLOCKS is the parameter that the circuit was built
+// with.
 #include "Vknead_link_serial.h"
 #include "hdl/sim/bench.h"
 #if VM_COVERAGE
@@ -12,10 +13,10 @@ struct wires {
     Vknead_link_serial top{&context};
     memory bus;
     chance &c;
-    double now = 0, until = 0; // clocks; until then the line has been told what it is
+    double now = 0, until = 0; // clocks; the level of the line is known up to `until`
     bool glitches = false, stalled = false;
     int quiet = 0;            // clocks since the last glitch
-    int phase = -1, bits = 0; // of the byte that comes out of tx
+    int phase = -1, bits = 0; // of the byte that tx sends
     std::vector<uint8_t> answer;
 
     explicit wires(chance &chance_) : c(chance_)
@@ -50,6 +51,7 @@ struct wires {
         top.bus_error = !(top.bus_write ? bus.write(top.bus_addr, top.bus_wdata) : bus.read(top.bus_addr, word));
         top.bus_rdata = word;
     }
+    // Receive a byte at tx: sample each bit in its middle; phase counts clocks since the start bit began.
     void listen(bool level)
     {
         if (phase < 0 && level) return;
@@ -68,6 +70,7 @@ struct wires {
         until += clocks;
         while (now < until) clock(level);
     }
+    // Send bytes at a rate relative to the nominal one, with random pauses.
     void send(const std::vector<uint8_t> &bytes, double rate)
     {
         const double bit = CLOCKS / rate;
@@ -78,7 +81,7 @@ struct wires {
             if (c.below(8) == 0) hold(1, c.below(1000) * 0.01 * bit);
         }
     }
-    void rest() // until tx has been silent for long enough to be done
+    void rest() // run until tx has been silent for long enough
     {
         size_t heard = answer.size();
         do {
@@ -115,14 +118,14 @@ static std::vector<uint8_t> short_request(chance &c)
     return {wire, wire + size};
 }
 
-// Requests, one at a time. How many are answered as the C code does.
+// Send random requests one at a time. Return the number of answers that equal those of the C code.
 static long ask(wires &w, device &d, long count, double rate)
 {
     long answered = 0;
     for (long i = 0; i < count; i++) {
         std::vector<uint8_t> line = short_request(w.c);
         w.answer.clear(), d.answer.clear();
-        w.hold(1, w.c.below(100) * 0.01); // any phase
+        w.hold(1, w.c.below(100) * 0.01); // at any phase
         d.hear(line);
         w.send(line, rate);
         w.rest();

@@ -1,6 +1,6 @@
 #ifndef KN_HDL_SIM_WORD_BUS_H
 #define KN_HDL_SIM_WORD_BUS_H
-// A Verilated circuit, and a host's words through its bus (hdl/README.md, Registers and windows).
+// A Verilated circuit, and a host's access to words through its bus (hdl/README.md, Registers and windows).
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
@@ -11,7 +11,7 @@
 #include "verilated_cov.h"
 #endif
 
-// powered up with whatever memories hold at first, as the seed has it; seed 0: zeros
+// A Verilated circuit, powered up with random memories and registers from the seed; seed 0: zeros.
 template <typename verilated> struct circuit {
     VerilatedContext context;
     std::unique_ptr<verilated> top;
@@ -28,7 +28,7 @@ template <typename verilated> struct circuit {
     }
     void power_up(int seed)
     {
-#if VM_COVERAGE // what begins high and is reset has not been toggled by a host
+#if VM_COVERAGE // a bit that begins high and is reset would count as toggled by a host
         seed = 0;
 #endif
         context.randReset(seed ? 2 : 0);
@@ -43,7 +43,7 @@ template <typename verilated> struct word_bus : circuit<verilated> {
     explicit word_bus(int seed) : circuit<verilated>(seed) { reset(); }
     void reset()
     {
-#ifdef KN_MUTANTS // hdl/reports/mutants: which one is at work, 0 none
+#ifdef KN_MUTANTS // hdl/reports/mutants: number of the active mutant, 0 none
         top->mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
 #endif
         top->rst = 1;
@@ -59,7 +59,7 @@ template <typename verilated> struct word_bus : circuit<verilated> {
         top->eval();
         this->clocks++;
     }
-    // true: taken; *word is written or, when !write, read
+    // Transfer one word. Return true if it was taken; *word is written or, when !write, read.
     bool transfer(bool write, uint32_t address, uint32_t *word)
     {
         top->bus_valid = 1;
@@ -73,7 +73,7 @@ template <typename verilated> struct word_bus : circuit<verilated> {
         } while (!top->bus_ready);
         if (!write) *word = top->bus_rdata;
         const bool taken = !top->bus_error;
-        clock(); // valid and ready
+        clock(); // the clock with valid and ready
         top->bus_valid = 0;
         return taken;
     }

@@ -7,14 +7,15 @@
 typedef struct cpu {
     const kn_model *model;
     kn_state *state;
-    int steps; // of the model in one tick
-    kn_contact_fit *fit; // NULL: nobody asked
+    int steps;           // number of time steps of the model in one tick
+    kn_contact_fit *fit; // identification of local contact models; NULL: none are identified
     kn_output output;
     kn_backend_status status;
 } cpu;
 
 const char *const kn_fixed_set[KN_FIXED_SETS] = {"solver.kind=fixed", "solver.precision=f64"};
 
+// The quotient may differ from a whole number by a relative error of 1e-6.
 int kn_backend_steps(double dt_s)
 {
     double n = PERIOD_S / dt_s;
@@ -23,7 +24,8 @@ int kn_backend_steps(double dt_s)
     return fabs(n - steps) < 1e-6 * n ? steps : 0;
 }
 
-// The input stands for the whole tick: a probe follows its velocity between poses, so shorter steps need no other pose.
+// Compute the time steps of one tick, all with the same input. A probe follows its velocity between poses, so shorter
+// steps need no further poses. The output has the largest residual of the steps, and is capped if any step was capped.
 static void cpu_submit(void *self, const kn_input *input)
 {
     cpu *c = self;
@@ -43,7 +45,7 @@ static void cpu_submit(void *self, const kn_input *input)
 
 static kn_backend_status cpu_wait(void *self, int64_t deadline_ns, kn_output *output)
 {
-    (void)deadline_ns; // submit has done the work
+    (void)deadline_ns; // ignore the deadline, because submit has already done the work
     cpu *c = self;
     *output = c->output;
     return c->status;
@@ -58,7 +60,7 @@ static void cpu_reset(void *self)
     if (c->fit) kn_contact_fit_reset(c->fit);
 }
 
-// Reset first: whatever the scratch holds of a step gone bad.
+// Reset first, because the scratch may hold values of a step that diverged.
 static void cpu_restore(void *self, const kn_state *state)
 {
     cpu *c = self;
@@ -66,11 +68,13 @@ static void cpu_restore(void *self, const kn_state *state)
     kn_state_copy(c->model, c->state, state);
 }
 
+// The backend's function `contact`, used after kn_backend_cpu_identify was called.
 static void cpu_contact(void *self, int p, kn_contact_unit unit[])
 {
     kn_contact_fit_units(((cpu *)self)->fit, p, KN_CONTACT_UNITS, unit);
 }
 
+// Improve the contact models after the forces have been sent, unless the state has diverged.
 static void cpu_afterwards(void *self)
 {
     cpu *c = self;
@@ -100,6 +104,7 @@ static void cpu_destroy(void *self)
     free(c);
 }
 
+// The backend owns the state; the model is borrowed.
 bool kn_backend_cpu(kn_backend *backend, const kn_model *model)
 {
     int steps = kn_backend_steps(model->def.solver.dt_s);

@@ -9,10 +9,13 @@
 #include <string.h>
 #include <zlib.h>
 
+// Number of misses (unanswered requests) after which a device is lost; factor by which jobs other than STEP and
+// IDENTIFY may take longer before they count as a miss.
 enum { MISSES = 3, PATIENCE = 10 };
 
-// ---- what is told
+// ---- errors and statistics
 
+// Store the reason as one line for kn_device_why, and return `status`.
 __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d, kn_link_status status,
                                                                    const char *format, ...)
 {
@@ -23,6 +26,7 @@ __attribute__((format(printf, 3, 4))) static kn_link_status refuse(kn_device *d,
     return status;
 }
 
+// Mark the device as LOST and drop its job.
 static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
 {
     d->loss = loss;
@@ -33,7 +37,8 @@ static kn_link_status lose(kn_device *d, kn_loss loss, kn_link_status status)
     return d->last = status;
 }
 
-static int bucket_of(int64_t ns) // eight to an octave, from 256 ns
+// Return the histogram bucket of a duration. There are eight buckets per doubling of the duration, from 256 ns up.
+static int bucket_of(int64_t ns)
 {
     if (ns < 256) return 0;
     int octave = 63 - __builtin_clzll((uint64_t)ns), bucket = 8 * (octave - 8) + (int)(ns >> (octave - 3) & 7);
@@ -47,6 +52,7 @@ static void remember(kn_device *d, int64_t ns)
     if (ns > d->stats.max_ns) d->stats.max_ns = ns;
 }
 
+// Return the lower end of the bucket in which the quantile lies; 0 before the first step.
 static int64_t quantile(const kn_device *d, double share)
 {
     int64_t seen = 0;
@@ -56,17 +62,20 @@ static int64_t quantile(const kn_device *d, double share)
     return 0;
 }
 
-// ---- replies: words are what was asked for, in order
+// ---- replies: their words are the requested ones, in order
 
-static int64_t wide(uint32_t lo, uint32_t hi, int bits) // signed, whatever stands above its bits
+// Return the signed number in the lowest bits of two words; bits above it are ignored.
+static int64_t wide(uint32_t lo, uint32_t hi, int bits)
 {
     uint64_t v = (uint64_t)hi << 32 | lo;
     return (int64_t)(v << (64 - bits)) >> (64 - bits);
 }
 
-// The eight words from STATUS to STATE_CRC.
+// Indices of the eight words from register STATUS to register STATE_CRC.
 enum { AT_STATUS, AT_FLAGS, AT_SCRATCH, AT_TICK, AT_SEQ, AT_CYCLES, AT_CYCLES_MAX, AT_CRC };
 
+// Store the circuit's numbers of requests and ticks (STEP_SEQ, TICK). Return true if the circuit is loaded and its
+// register SCRATCH has the expected value.
 static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch)
 {
     d->seq = words[AT_SEQ];
@@ -74,11 +83,10 @@ static bool accept_numbers(kn_device *d, const uint32_t *words, uint32_t scratch
     return words[AT_STATUS] & KN_STATUS_LOADED && words[AT_SCRATCH] == scratch;
 }
 
-static int32_t power(uint32_t log2)
-{
-    return 1 << ((log2 & 0xff) < 24 ? log2 & 0xff : 24);
-}
+// Return 2^log2, at most 2^24.
+static int32_t power(uint32_t log2) { return 1 << ((log2 & 0xff) < 24 ? log2 & 0xff : 24); }
 
+// Accept a circuit only if it has the ID, major version and hash of this build.
 static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -96,12 +104,15 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
     d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
+    // A circuit whose register SCRATCH has the number of the loaded image still has the unchanging part of this image.
     d->shaped = d->shaped && (words[4 + AT_SCRATCH] == d->nonce || words[4 + AT_SCRATCH] == kn_device_kept(d));
     d->stats.resyncs += d->state == KN_DEVICE_LOST;
     d->state = KN_DEVICE_IDENTIFIED;
     return KN_LINK_OK;
 }
 
+// A load runs in two parts: first what never changes of an image (the shape), then the state. Each reply advances the
+// position. When all words have been sent, the circuit's checksum decides whether the load succeeded.
 static kn_link_status accept_load(kn_device *d, const uint32_t *words)
 {
     if (d->words > 0) {
@@ -122,29 +133,33 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
         d->stats.loads++;
         return KN_LINK_OK;
     }
-    words += 2; // of the two WAITs
+    words += 2; // skip the words of the two WAITs
     d->arrived = accept_numbers(d, words, kn_device_kept(d)) && d->tick == 0 && words[AT_CRC] == d->crc;
     if (d->arrived) return KN_LINK_OK;
     d->job = IDLE;
     d->state = KN_DEVICE_IDENTIFIED;
-    d->shaped = false; // its number says it has what never changes; what it has is not that
+    // SCRATCH says that the circuit has the shape, but the checksum is wrong, so the circuit has something else.
+    d->shaped = false;
     d->loss = words[AT_STATUS] & KN_STATUS_LOADED ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-    return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x of what was loaded", d->uri,
+    return refuse(d, KN_LINK_PROTOCOL, "%s: STATE_CRC is 0x%08x: expected 0x%08x, that of the loaded state", d->uri,
                   words[AT_CRC], d->crc);
 }
 
+// The circuit is still in step if it is loaded, has the number of the image in SCRATCH, and reports the checksum of the
+// state.
 static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
     bool loaded = accept_numbers(d, words + 1, d->nonce);
     if (!loaded || words[1 + AT_CRC] != d->crc) {
         d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-        return refuse(d, KN_LINK_PROTOCOL, "%s: it has another state, or none", d->uri);
+        return refuse(d, KN_LINK_PROTOCOL, "%s: the circuit has another state, or none", d->uri);
     }
     d->state = KN_DEVICE_SYNCED;
     return KN_LINK_OK;
 }
 
+// Read the checksum. The circuit's numbers of ticks and requests must be unchanged.
 static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
 {
     d->job = IDLE;
@@ -152,14 +167,17 @@ static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
     uint32_t seq = d->seq, tick = d->tick;
     bool loaded = accept_numbers(d, words + 1, d->nonce);
     if (loaded && d->seq == seq && d->tick == tick) return KN_LINK_OK;
-    refuse(d, KN_LINK_PROTOCOL, "%s: it is at another tick, or has lost its state", d->uri);
+    refuse(d, KN_LINK_PROTOCOL, "%s: the circuit is at another tick, or has lost its state", d->uri);
     return lose(d, loaded ? KN_LOSS_SEQ_GAP : KN_LOSS_BLANK, KN_LINK_PROTOCOL);
 }
 
+// Accept a part of a step's reply. The circuit's numbers of ticks and requests must have increased by one. Then store
+// the reactions of the reply, and after the last reaction the result.
 static kn_link_status accept_step(kn_device *d, const uint32_t *words)
 {
     d->written += d->wrote;
     if (!d->rung && !d->rings) return KN_LINK_OK;
+    // Only a request that writes the doorbell register gets a reply that begins with the word of a WAIT.
     uint32_t status = d->rings ? *words++ : KN_STATUS_LOADED;
     const uint32_t *tale =
         words + 6 * d->words; // TICK, STEP_SEQ, CYCLES, CYCLES_MAX, STATE_CRC, RESIDUAL, RESULT_FLAGS
@@ -171,6 +189,7 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
         return lose(d, blank ? KN_LOSS_BLANK : KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
     d->rung = true;
+    // Store the reactions in this reply; further requests fetch the others.
     for (int i = 0; i < 3 * d->words; i++)
         d->reaction[d->position + i / 3][i % 3] = wide(words[2 * i], words[2 * i + 1], KN_FIXED_ACC);
     d->position += d->words;
@@ -188,6 +207,8 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
+// Accept a part of the state: first the checksum (position -1), then nodes and edges, which are checked against the
+// checksum at the end.
 static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 {
     if (d->position < 0) {
@@ -209,9 +230,10 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
     if (d->position < d->nodes + d->edges) return KN_LINK_OK;
     d->job = IDLE;
     if (kn_fixed_crc(d->into) == d->crc) return KN_LINK_OK;
-    return refuse(d, KN_LINK_PROTOCOL, "%s: its state is not what its STATE_CRC says", d->uri);
+    return refuse(d, KN_LINK_PROTOCOL, "%s: the state that was read does not match its STATE_CRC", d->uri);
 }
 
+// Pass a good reply to the job that asked for it, without the word of a leading WAIT.
 static kn_link_status accept(kn_device *d, const kn_reply *reply)
 {
     const uint32_t *words = reply->words + kn_device_waits(d);
@@ -222,35 +244,34 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
         if (status != KN_LINK_OK) d->loss = KN_LOSS_WRONG_HASH;
         return status;
     }
-    case LOAD:
-        return accept_load(d, words);
-    case RESUME:
-        return accept_resume(d, words);
-    case STEP:
-        return accept_step(d, words);
-    case READ:
-        return accept_read(d, words);
-    default:
-        return accept_crc(d, words);
+    case LOAD: return accept_load(d, words);
+    case RESUME: return accept_resume(d, words);
+    case STEP: return accept_step(d, words);
+    case READ: return accept_read(d, words);
+    default: return accept_crc(d, words);
     }
 }
 
 // ---- the exchange
 
+// Return the time after which an unanswered request counts as a miss: the link's miss time plus the time of the bytes
+// on the wire.
 static int64_t miss_ns(const kn_device *d)
 {
     bool short_one = !d->patient && (d->job == STEP || d->job == IDENTIFY);
-    int64_t patience = short_one ? 1 : PATIENCE; // a checksum takes its time
+    int64_t patience = short_one ? 1 : PATIENCE; // allow more time for jobs in which the circuit computes a checksum
     return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
 }
 
-static kn_link_status broken(kn_device *d, kn_link_status status) // the link itself is
+// The link itself is broken: mark the device as LOST, and open the link again at the next identify.
+static kn_link_status broken(kn_device *d, kn_link_status status)
 {
     d->broken = true;
     refuse(d, status, "%s: %s", d->uri, kn_link_words(status));
     return lose(d, status == KN_LINK_GONE ? KN_LOSS_REMOVED : KN_LOSS_IO, status);
 }
 
+// Build and send the next request of the job. first_ns is kept when a request is sent again.
 static kn_link_status send(kn_device *d)
 {
     kn_device_build(d);
@@ -260,7 +281,8 @@ static kn_link_status send(kn_device *d)
     return d->link.submit(d->link.self, &d->request);
 }
 
-// A request that came to nothing: again, until it is too late for that.
+// A request failed. Send the request again. After MISSES misses, or after MISSES times the time of a miss, mark the
+// device as LOST. A damaged frame is no miss, since its request is sent again at once.
 static kn_link_status repeat(kn_device *d, kn_link_status status)
 {
     d->misses += status != KN_LINK_CRC;
@@ -277,9 +299,11 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
     return KN_LINK_OK;
 }
 
+// Handle a reply. A request that was answered with an error is repeated like a missed one. A load's bytes and time are
+// added up for kn_device_load_ns.
 static kn_link_status answered(kn_device *d, const kn_reply *reply)
 {
-    if (reply->status != KN_REPLY_OK) { // refused, or busy for longer than the WAIT lasts
+    if (reply->status != KN_REPLY_OK) { // the circuit refused the request, or was busy for longer than the WAIT lasts
         d->stats.refused++;
         return repeat(d, KN_LINK_PROTOCOL);
     }
@@ -293,6 +317,7 @@ static kn_link_status answered(kn_device *d, const kn_reply *reply)
     return status;
 }
 
+// Send a request if none is under way, then wait for its reply until the deadline or until it is a miss.
 static kn_link_status exchange(kn_device *d, int64_t deadline_ns)
 {
     kn_reply reply;
@@ -307,6 +332,7 @@ static kn_link_status exchange(kn_device *d, int64_t deadline_ns)
     return broken(d, status);
 }
 
+// Exchange requests until the job ends, fails or the deadline is over.
 static kn_link_status drive(kn_device *d, int64_t deadline_ns)
 {
     kn_link_status status = KN_LINK_OK;
@@ -317,6 +343,7 @@ static kn_link_status drive(kn_device *d, int64_t deadline_ns)
     return status;
 }
 
+// Start a job at a position.
 static void begin(kn_device *d, job next, int position)
 {
     d->job = next;
@@ -325,13 +352,13 @@ static void begin(kn_device *d, job next, int position)
     d->misses = 0;
 }
 
-// ---- what is offered
+// ---- functions of device.h
 
 kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 {
     kn_device *d = calloc(1, sizeof *d);
     if (!d) {
-        snprintf(why, KN_LINK_WHY, "%.100s: memory is short", uri);
+        snprintf(why, KN_LINK_WHY, "%.100s: not enough memory", uri);
         return NULL;
     }
     d->linked = kn_link_open(&d->link, uri, why);
@@ -340,10 +367,11 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
         return NULL;
     }
     d->loss = KN_LOSS_COUNT;
-    memcpy(d->uri, uri, strlen(uri) + 1); // open has refused a longer one
+    memcpy(d->uri, uri, strlen(uri) + 1); // the URI fits, because kn_link_open has refused a longer one
     return d;
 }
 
+// Close the link, and add its counters to those of the device.
 static void shut(kn_device *d)
 {
     kn_link_counts now;
@@ -365,28 +393,18 @@ void kn_device_close(kn_device *device)
     free(device);
 }
 
-kn_device_state kn_device_state_of(const kn_device *device)
-{
-    return device->state;
-}
-const char *kn_device_why(const kn_device *device)
-{
-    return device->why;
-}
-kn_loss kn_device_loss(const kn_device *device)
-{
-    return device->loss;
-}
-const kn_device_caps *kn_device_caps_of(const kn_device *device)
-{
-    return &device->caps;
-}
+kn_device_state kn_device_state_of(const kn_device *device) { return device->state; }
+const char *kn_device_why(const kn_device *device) { return device->why; }
+kn_loss kn_device_loss(const kn_device *device) { return device->loss; }
+const kn_device_caps *kn_device_caps_of(const kn_device *device) { return &device->caps; }
 
 kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
 {
     if (d->job == IDENTIFY) return drive(d, deadline_ns);
     if (d->broken) shut(d);
-    d->broken = true; // until it has answered: its name may lead elsewhere by now, as a pseudo-terminal's number may
+    // Treat the link as broken until it has answered, because its name may now lead to another device, as with the
+    // number of a pseudo-terminal.
+    d->broken = true;
     if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
         return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
     d->link.forget(d->link.self);
@@ -395,6 +413,7 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
     return drive(d, deadline_ns);
 }
 
+// The image must be valid and within the circuit's capacity.
 static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
 {
     const char *wrong = kn_fixed_check(image);
@@ -405,7 +424,8 @@ static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
     return KN_LINK_OK;
 }
 
-// More than the clocks of a tick; the circuit looks at most once a clock.
+// Return the limit of a WAIT for a tick, in 256 reads: more reads than a tick has clock cycles, since the circuit reads
+// at most once per clock cycle.
 static uint16_t limit_of(const kn_fixed_config *c)
 {
     int64_t n = c->node_count, e = c->edge_count, o = c->passes, k = c->iterations;
@@ -413,6 +433,7 @@ static uint16_t limit_of(const kn_fixed_config *c)
     return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
 }
 
+// Return a checksum of the unchanging part of an image.
 static uint32_t crc_of(const kn_fixed_image *image)
 {
     const kn_fixed_config *c = &image->config;
@@ -422,6 +443,8 @@ static uint32_t crc_of(const kn_fixed_image *image)
     return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
 }
 
+// Load the shape and, if state is not NULL, the state. The same call with the same arguments continues a job that was
+// late.
 static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
@@ -432,6 +455,7 @@ static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_f
         d->loss = KN_LOSS_LOAD;
         return fit;
     }
+    // Skip the shape if the circuit has it. Otherwise choose a new odd number for SCRATCH.
     const uint32_t crc = crc_of(image);
     d->shaped = d->shaped && d->image_crc == crc;
     if (!d->shaped) d->nonce = (uint32_t)kn_now_ns() | 1;
@@ -465,15 +489,9 @@ int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
     return d->load_bytes > 0 ? (int64_t)(bytes * (double)d->load_ns / (double)d->load_bytes) : 0;
 }
 
-void kn_device_distrust(kn_device *d)
-{
-    d->shaped = false;
-}
+void kn_device_distrust(kn_device *d) { d->shaped = false; }
 
-void kn_device_be_patient(kn_device *d, bool patient)
-{
-    d->patient = patient;
-}
+void kn_device_be_patient(kn_device *d, bool patient) { d->patient = patient; }
 
 kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t deadline_ns)
 {
@@ -485,10 +503,7 @@ kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t dea
     return drive(d, deadline_ns);
 }
 
-static bool ready(kn_device *d)
-{
-    return d->state == KN_DEVICE_SYNCED && d->job == IDLE;
-}
+static bool ready(kn_device *d) { return d->state == KN_DEVICE_SYNCED && d->job == IDLE; }
 
 kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int count)
 {
@@ -497,17 +512,20 @@ kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int c
     if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that is loaded", d->uri);
     if (count < 0 || count > d->caps.bounds)
         return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes under tools: expected 0 to %d", d->uri, count, d->caps.bounds);
+    // Copy the list of bounds, since parts of the list may be sent later or again.
     memcpy(d->bound, bound, (size_t)count * sizeof *bound);
     d->count = count;
     d->written = 0;
     d->rung = false;
     d->began_ns = kn_now_ns();
     begin(d, STEP, 0);
+    // Send the first request here, so that circuit and caller work at the same time.
     kn_link_status status = send(d);
     if (status == KN_LINK_OK) return KN_LINK_OK;
     return broken(d, status);
 }
 
+// Exchange requests for the step under way until the deadline, and return its result.
 static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {
     if (d->state == KN_DEVICE_LOST) return d->last;
@@ -517,10 +535,7 @@ static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *r
     return status;
 }
 
-kn_link_status kn_device_poll(kn_device *d, kn_device_result *result)
-{
-    return ask(d, 0, result);
-}
+kn_link_status kn_device_poll(kn_device *d, kn_device_result *result) { return ask(d, 0, result); }
 
 kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {

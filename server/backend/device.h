@@ -1,31 +1,33 @@
 #ifndef KN_SERVER_BACKEND_DEVICE_H
 #define KN_SERVER_BACKEND_DEVICE_H
-// A circuit that steps a lattice of core/fixed.h, behind a link: its registers (hdl/registers.h) made into load, step,
-// read. Whoever steps a kn_fixed beside it has the same bits.
+// A circuit behind a link, which steps a lattice of core/fixed.h. This module performs the operations load, step and
+// read on the circuit's registers (hdl/registers.h). A kn_fixed that is stepped in parallel on the processor has the
+// same bits.
 //
 //     CLOSED -open-> CLOSED -identify-> IDENTIFIED -load-> LOADING -> SYNCED  submit, wait, submit, wait ...
 //                                 ^          '----resume----------------^        |
 //                                 '------------------------------- LOST <--------' 3 misses, 5 ms, or not its own state
 //
-// A request that is not answered within link.miss_ns (1.6 ms unless its URI says otherwise, and the time on the wire)
-// is a miss and sent again; what was broken on the way is sent again at once; after three of those times the device is
-// LOST. Sent again or not, a tick is taken once: its request rings with a number of its own, and what comes back is
-// taken for its result only when the circuit's numbers of requests and of ticks are what they have to be. A step that
-// was under way when the device was lost may have been taken or not: resume tells.
+// A request without an answer within link.miss_ns (1.6 ms unless its URI says otherwise, plus the time on the wire) is
+// a miss and is sent again. A request whose answer arrived damaged is sent again at once. The device is LOST after
+// three misses, or after three times link.miss_ns. A tick is executed once, however often its request is sent. For this
+// purpose each request writes its own number to the circuit's doorbell register. The answer counts only if the
+// circuit's numbers of requests and ticks are the expected ones. When the device is lost during a step, the circuit may
+// have executed the step or not; kn_device_resume finds out.
 //
-// Nothing is allocated but by open, and by identify where the link was gone and is opened again. submit, poll and wait
-// are real-time safe as the link is, and return by their deadline (CLOCK_MONOTONIC, ns). load, resume and read compute
-// a checksum of the whole state: milliseconds, not for the servo. A call that ends LATE has not ended its work: the
-// same call goes on with it, identify drops it. Not thread-safe.
+// Only open allocates memory, and identify when it must open the link again. submit, poll and wait are real-time safe
+// if the link is, and return by their deadline (CLOCK_MONOTONIC, ns). load, resume and read compute a checksum of the
+// whole state, which takes milliseconds, too long for the servo loop. A call that returns LATE has not ended its work.
+// Repeating the same call continues the work; kn_device_identify drops the work. Not thread-safe.
 #include "core/fixed.h"
 #include "server/backend/link.h"
 #include "server/backend/loss.h"
 
 typedef enum kn_device_state {
-    KN_DEVICE_CLOSED, // nothing is known of the other end
+    KN_DEVICE_CLOSED, // it is not known whether a circuit is at the other end of the link
     KN_DEVICE_IDENTIFIED,
     KN_DEVICE_LOADING,
-    KN_DEVICE_SYNCED, // it has the state of whoever loaded it, and steps
+    KN_DEVICE_SYNCED, // the circuit has the loaded state and can step
     KN_DEVICE_LOST
 } kn_device_state;
 
@@ -33,72 +35,87 @@ typedef struct kn_device kn_device;
 
 typedef struct kn_device_caps {
     uint32_t version;
-    int32_t nodes, edges, bounds; // most that it takes
+    // Largest numbers of nodes, edges and bounds (nodes under tools) that the circuit accepts.
+    int32_t nodes, edges, bounds;
 } kn_device_caps;
 
-typedef struct kn_device_result { // of one tick
-    uint32_t tick;                // since it was loaded: 1 is the first
-    uint32_t cycles;              // clocks that it took
-    uint32_t flags;               // KN_FIXED_SAT_*, since it was loaded
-    int64_t residual;             // phi
+typedef struct kn_device_result { // result of one tick
+    uint32_t tick;                // number of the tick since the state was loaded; the first tick is 1
+    uint32_t cycles;              // clock cycles of the circuit that the tick took
+    uint32_t flags;               // KN_FIXED_SAT_* bits set since the state was loaded
+    int64_t residual;             // residual of the step, in the circuit's force unit phi
     int count;
-    const int64_t (*reaction)[3]; // [count], of the bounds in their order, phi; the device's until the next submit
+    // [count] reactions in the order of the bounds, in the circuit's force unit phi; valid until the next submit.
+    const int64_t (*reaction)[3];
 } kn_device_result;
 
 typedef struct kn_device_stats {
     kn_link_counts link;
-    int64_t steps;                  // results given
-    int64_t requests;               // answered
-    int64_t retries;                // requests sent again
-    int64_t timeouts;               // misses
-    int64_t refused;                // answered with an error
-    int64_t late;                   // waits that ended at their deadline
-    int64_t lost, resyncs, loads;   // times LOST; identified after it; loaded
-    int64_t p50_ns, p99_ns, max_ns; // from submit to result; within 9 %
+    int64_t steps;    // number of results returned to the caller
+    int64_t requests; // number of requests that were answered
+    int64_t retries;  // number of requests that were sent again
+    int64_t timeouts; // number of requests that were not answered in time
+    int64_t refused;  // number of requests that the circuit answered with an error
+    int64_t late;     // number of calls of wait that ended at their deadline
+    // Numbers of times that the device was lost; was identified after a loss; was loaded.
+    int64_t lost, resyncs, loads;
+    // Median, 99th percentile and maximum of the time from submit to result, ns; accurate to 9 %.
+    int64_t p50_ns, p99_ns, max_ns;
 } kn_device_stats;
 
-// NULL: why says it in a line. Opens the link and says nothing to the circuit yet.
+// Open the link. Nothing is sent to the circuit yet. Return NULL on failure; `why` is then one line.
 kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY]);
-void kn_device_close(kn_device *device); // NULL: nothing
+void kn_device_close(kn_device *device); // `device` may be NULL
 
 kn_device_state kn_device_state_of(const kn_device *device);
-const char *kn_device_why(const kn_device *device); // what the last refusal or loss was about, one line
-kn_loss kn_device_loss(const kn_device *device);    // the same, by its name; KN_LOSS_COUNT: there was none
+const char *kn_device_why(const kn_device *device); // reason of the last refusal or loss, one line
+// Reason of the last refusal or loss as an enum; KN_LOSS_COUNT: there was none.
+kn_loss kn_device_loss(const kn_device *device);
 
-// Is it a circuit of this very register map? From every state; what was under way is dropped. PROTOCOL: it is none, or
-// another one, see why.
+// Check that the other end is a circuit of exactly this register map. Works in every state and drops unfinished work.
+// Return PROTOCOL if the other end is no circuit, or a circuit with another register map; kn_device_why gives the
+// reason.
 kn_link_status kn_device_identify(kn_device *device, int64_t deadline_ns);
 const kn_device_caps *kn_device_caps_of(const kn_device *device);
 
-// Borrows image and state (its x, u, h; of that image) until it has ended. Wants IDENTIFIED or SYNCED; ends SYNCED at
-// tick 0, flags cleared. PROTOCOL: kn_fixed_check refuses the image, it does not fit, or what arrived is not what was
-// sent. What never changes of an image goes first, and not again to a circuit that is known to have it still.
+// Load an image and a state (positions x, displacements u in the last tick, and spring forces h; see core/fixed.h).
+// Both are borrowed until the load has ended. The device must be IDENTIFIED or SYNCED; it ends SYNCED at tick 0 with
+// flags cleared. Return PROTOCOL if kn_fixed_check refuses the image, if the image does not fit, or if the circuit did
+// not receive the bytes that were sent. The unchanging part of the image is sent first, but not to a circuit that is
+// known to have this part.
 kn_link_status kn_device_load(kn_device *device, const kn_fixed_image *image, const kn_fixed *state,
                               int64_t deadline_ns);
 
-// What never changes of it alone, so that a load has only the state left to bring; then IDENTIFIED.
+// Load only the unchanging part of the image, so that a later load only has to send the state. The device is IDENTIFIED
+// afterwards.
 kn_link_status kn_device_prepare(kn_device *device, const kn_fixed_image *image, int64_t deadline_ns);
 
-// ns that the state's part of a load takes, by what went there and back so far; 0: nothing was loaded yet.
+// Return the time that sending a state takes, ns, estimated from the bytes and times of earlier loads; 0: nothing was
+// loaded yet.
 int64_t kn_device_load_ns(const kn_device *device, const kn_fixed_image *image);
 
-// Ten times link.miss_ns before a step or an identify is a miss, as of a load's requests: for who is in no hurry.
+// Let the requests of a step and of kn_device_identify take ten times link.miss_ns before they count as a miss. The
+// requests of a load always may take that long. For callers without a deadline.
 void kn_device_be_patient(kn_device *device, bool patient);
 
-// Whatever it says, the next load brings all of the object anew: for who has had a wrong number from it.
+// Make the next load send the whole object, whatever parts the circuit reports to have. For callers that got a wrong
+// result from the circuit.
 void kn_device_distrust(kn_device *device);
 
-// IDENTIFIED after LOST: SYNCED again when the circuit still has what this device loaded and its state is this one.
-// PROTOCOL: it is not, load it.
+// After LOST and identify: become SYNCED again if the circuit still has the image that was loaded, and has the state
+// `state`. Return PROTOCOL if the circuit does not have both; the caller then loads them.
 kn_link_status kn_device_resume(kn_device *device, const kn_fixed *state, int64_t deadline_ns);
 
-// Begins a tick. Wants SYNCED; copies the bounds, 0 .. caps.bounds of them. LATE: the last one is still under way.
+// Begin a tick. The device must be SYNCED. The bounds are copied; `count` is 0 .. caps.bounds. Return LATE if the last
+// tick has not ended yet.
 kn_link_status kn_device_submit(kn_device *device, const kn_fixed_bound *bound, int count);
-// OK: result is of the tick submitted. LATE: it is still under way. Else: LOST.
+// Get the result. Return OK if `result` is that of the submitted tick, and LATE if the tick has not ended yet. After
+// any other return value the device is LOST.
 kn_link_status kn_device_poll(kn_device *device, kn_device_result *result);
 kn_link_status kn_device_wait(kn_device *device, int64_t deadline_ns, kn_device_result *result);
 
-// Of a SYNCED device between two ticks: kn_fixed_crc of its state; its x, u, h, checked by it.
+// For a SYNCED device between two ticks. kn_device_crc gets the checksum (kn_fixed_crc) of the circuit's state.
+// kn_device_read gets the state itself (x, u, h), checked against this checksum.
 kn_link_status kn_device_crc(kn_device *device, int64_t deadline_ns, uint32_t *crc);
 kn_link_status kn_device_read(kn_device *device, kn_fixed *into, int64_t deadline_ns);
 

@@ -1,21 +1,16 @@
-// What a device is asked: the words of an image and the requests of each job.
+// Requests to a device: the words of an image, and the requests of each job.
 #include "hdl/registers.h"
 #include "server/backend/device_job.h"
 #include <string.h>
 
-enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // bytes of heads
+enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // length of an operation without its words, bytes
 
 // ---- words of an image, in the order in which they are sent
 
-static uint32_t low(int64_t v)
-{
-    return (uint32_t)v;
-}
-static uint32_t high(int64_t v)
-{
-    return (uint32_t)(v >> 32);
-}
+static uint32_t low(int64_t v) { return (uint32_t)v; }
+static uint32_t high(int64_t v) { return (uint32_t)(v >> 32); }
 
+// Type of a function that returns one word of a record.
 typedef uint32_t source(const kn_device *d, int record, int word);
 
 static uint32_t config_word(const kn_device *d, int record, int word)
@@ -39,7 +34,8 @@ static uint32_t table_word(const kn_device *d, int record, int word)
     return (uint32_t)d->image->table[word];
 }
 
-static uint32_t node_word(const kn_device *d, int node, int word) // held, u, load
+// Words: held, u (0), load.
+static uint32_t node_word(const kn_device *d, int node, int word)
 {
     const kn_fixed_node *n = &d->image->node[node];
     return word == 0 ? n->held : word < 4 ? 0 : (uint32_t)n->load[word - 4];
@@ -56,24 +52,27 @@ static uint32_t edge_word(const kn_device *d, int edge, int word)
     return word == 0 ? (uint32_t)e->i | (uint32_t)e->j << 16 : (uint32_t)(word == 1 ? e->kv : e->ia);
 }
 
-static uint32_t node_state_word(const kn_device *d, int node, int word) // x, held, u
+// Words: x, held, u.
+static uint32_t node_state_word(const kn_device *d, int node, int word)
 {
     if (word < 6) return (word % 2 ? high : low)(d->from->x[3 * node + word / 2]);
     return word == 6 ? d->image->node[node].held : (uint32_t)d->from->u[3 * node + word - 7];
 }
 
-static uint32_t edge_state_word(const kn_device *d, int edge, int word) // h
+// Words: h.
+static uint32_t edge_state_word(const kn_device *d, int edge, int word)
 {
     return (word ? high : low)(d->from->h[edge]);
 }
 
-typedef struct segment { // records of so many words, each so many behind the one before
+// A series of records with `words` words each; `stride` is the distance from one record to the next.
+typedef struct segment {
     uint32_t address;
     int records, words, stride;
     source *source;
 } segment;
 
-enum { SEGMENTS = 8, SHAPE = 6 }; // the first of them never change
+enum { SEGMENTS = 8, SHAPE = 6 }; // number of segments of an image; the first SHAPE segments never change
 
 static void segments(const kn_device *d, segment s[SEGMENTS])
 {
@@ -89,36 +88,33 @@ static void segments(const kn_device *d, segment s[SEGMENTS])
 int64_t kn_device_state_bytes(int32_t nodes, int32_t edges)
 {
     int64_t bytes = (int64_t)nodes * (WRITE_OP + 40) + (int64_t)edges * (WRITE_OP + 8);
-    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // what frames and replies add
+    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // add the bytes of frames and replies
 }
 
-// ---- requests: what the next one of a job asks for
+// ---- the next request of each job
 
 static bool write_word(kn_device *d, uint32_t address, uint32_t word)
 {
     return kn_request_write(&d->request, address, &word, 1);
 }
 
-static bool idle(kn_device *d, int64_t clocks) // a WAIT for it
+// Add a WAIT until the circuit is not busy, with a limit of at least `clocks` clock cycles.
+static bool idle(kn_device *d, int64_t clocks)
 {
     int64_t limit = clocks / 256 + 16;
     return kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, (uint16_t)(limit < 65535 ? limit : 65535));
 }
 
-static bool fits_bytes(const kn_device *d, int bytes)
-{
-    return d->request.size + bytes <= KN_FRAMER_PAYLOAD;
-}
+static bool fits_bytes(const kn_device *d, int bytes) { return d->request.size + bytes <= KN_FRAMER_PAYLOAD; }
 
-static int room(const kn_device *d) // words that a WRITE can still bring
+// Return the number of words that a WRITE can still carry.
+static int room(const kn_device *d)
 {
     return fits_bytes(d, WRITE_OP) ? (KN_FRAMER_PAYLOAD - d->request.size - WRITE_OP) / 4 : 0;
 }
 
-static int64_t clocks_of_state(const kn_device *d)
-{
-    return 64 * (7 * (int64_t)d->nodes + d->edges);
-}
+// Return an upper limit of the clock cycles that the circuit takes for a checksum.
+static int64_t clocks_of_state(const kn_device *d) { return 64 * (7 * (int64_t)d->nodes + d->edges); }
 
 static void build_checksum(kn_device *d)
 {
@@ -133,7 +129,7 @@ static void build_identify(kn_device *d)
     kn_request_read(&d->request, KN_REG_STATUS, 5);
 }
 
-// Where all words are there: the circuit takes them for a state, and says what it has.
+// All words have been sent: declare the state loaded, clear flags and status, and read the circuit's own checksum.
 static void build_load_end(kn_device *d)
 {
     write_word(d, KN_REG_CONTROL, KN_CONTROL_LOADED);
@@ -143,7 +139,7 @@ static void build_load_end(kn_device *d)
     build_checksum(d);
 }
 
-// As many words of a segment as fit, from d->position on, which lies in it at offset.
+// Add a write of as many words of a segment as fit into the request, from an offset on. Return the number of words.
 static int write_segment(kn_device *d, const segment *s, int offset)
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
@@ -160,9 +156,11 @@ static int write_segment(kn_device *d, const segment *s, int offset)
 
 uint32_t kn_device_kept(const kn_device *d)
 {
-    return d->nonce ^ 0x5a5a5a5a; // odd, as nonce; ~nonce is even
+    return d->nonce ^ 0x5a5a5a5a; // this number is odd like the nonce, and so differs from ~nonce, which is even
 }
 
+// Fill the request with words of the shape or of the state, from d->position on. SCRATCH tells which parts the circuit
+// has, so that an interrupted load is recognised. The last request of a part sets SCRATCH to the new value.
 static void build_load(kn_device *d)
 {
     segment s[SEGMENTS];
@@ -181,6 +179,7 @@ static void build_load(kn_device *d)
     kn_request_read(&d->request, KN_REG_SCRATCH, 1);
 }
 
+// Add a write of as many boundary records as fit into the request.
 static void build_bounds(kn_device *d)
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
@@ -195,7 +194,8 @@ static void build_bounds(kn_device *d)
         kn_request_write(&d->request, KN_WINDOW_BOUNDS + 4 * (uint32_t)d->written, words, 4 * (uint32_t)d->wrote);
 }
 
-// As much as fits: bounds that are missing, the bell behind the last of them, reactions, and the circuit's own numbers.
+// Add as many operations of a step as fit into the request, in this order: write the missing bounds, write the doorbell
+// register after the last bound, read the reactions, and read the circuit's own numbers.
 static void build_step(kn_device *d)
 {
     d->wrote = d->words = 0;
@@ -208,6 +208,7 @@ static void build_step(kn_device *d)
         write_word(d, KN_REG_STEP_SEQ, d->seq + 1);
         kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, d->limit);
     }
+    // Read as many reactions as the reply can hold besides the circuit's numbers.
     int fit = (KN_REQUEST_READ_MOST - d->request.words - KN_DEVICE_TALE) / 6, left = d->count - d->position;
     if (!fits_bytes(d, 2 * READ_OP)) fit = 0;
     d->words = left < fit ? left : fit;
@@ -216,6 +217,7 @@ static void build_step(kn_device *d)
     kn_request_read(&d->request, KN_REG_TICK, KN_DEVICE_TALE);
 }
 
+// Read the checksum first, then as many nodes and edges as one reply holds.
 static void build_read(kn_device *d)
 {
     int total = d->nodes + d->edges;
@@ -232,32 +234,19 @@ static void build_read(kn_device *d)
     }
 }
 
-// A circuit at work refuses windows, and a card cannot say so: such a request begins by waiting. A step need not, the
-// one before it is over.
-bool kn_device_waits(const kn_device *d)
-{
-    return d->job != IDENTIFY && (d->again || d->job != STEP);
-}
+// A busy circuit refuses access to its memory windows, and a PCI card cannot report a refusal. A request that accesses
+// a window therefore begins with a WAIT. The first request of a step needs no WAIT, because the step before has ended.
+bool kn_device_waits(const kn_device *d) { return d->job != IDENTIFY && (d->again || d->job != STEP); }
 
 void kn_device_build(kn_device *d)
 {
     kn_request_begin(&d->request, ++d->tag);
     if (kn_device_waits(d)) idle(d, clocks_of_state(d) + (int64_t)d->limit * 256);
     switch (d->job) {
-    case IDENTIFY:
-        build_identify(d);
-        break;
-    case LOAD:
-        build_load(d);
-        break;
-    case STEP:
-        build_step(d);
-        break;
-    case READ:
-        build_read(d);
-        break;
-    default:
-        build_checksum(d);
-        break;
+    case IDENTIFY: build_identify(d); break;
+    case LOAD: build_load(d); break;
+    case STEP: build_step(d); break;
+    case READ: build_read(d); break;
+    default: build_checksum(d); break;
     }
 }

@@ -1,12 +1,13 @@
 #ifndef KN_SERVER_BACKEND_DEVICE_JOB_H
 #define KN_SERVER_BACKEND_DEVICE_JOB_H
-// Private to device.c and device_build.c: a device amid its work. A job is made of requests, each of which may be sent
-// again; building one changes only what the request itself asks for.
+// Private to device.c and device_build.c: a device in the middle of its work. A job consists of requests, each of which
+// may be sent again; building one changes only the fields that belong to the request itself.
 #include "server/backend/device.h"
 
 enum {
-    KN_DEVICE_TALE = 8,        // words behind the reactions: TICK to RESULT_FLAGS
-    KN_DEVICE_BUCKETS = 25 * 8 // of the round trips, eight to an octave, from 256 ns
+    KN_DEVICE_TALE = 8, // number of register words read after the reactions, from TICK to RESULT_FLAGS
+    // Number of histogram buckets for round-trip times: eight buckets per doubling of the time, from 256 ns up.
+    KN_DEVICE_BUCKETS = 25 * 8
 };
 
 typedef enum job { IDLE, IDENTIFY, LOAD, RESUME, STEP, CRC, READ } job;
@@ -16,37 +17,44 @@ struct kn_device {
     bool linked;
     kn_link link;
     kn_device_state state;
-    kn_link_status last; // why it is LOST
-    kn_loss loss;        // the same; also why it was not identified or loaded
+    kn_link_status last; // status with which the device was lost
+    // Reason of the last loss as an enum; also the reason why the device was not identified or not loaded.
+    kn_loss loss;
     kn_device_caps caps;
-    uint32_t nonce;       // of our last image, in SCRATCH, by which it is known again: see kn_device_kept
-    uint32_t seq, tick;   // the circuit's, when no step is under way
-    int32_t nodes, edges; // of what is loaded
-    uint16_t limit;       // of a WAIT for a tick
+    // Number, taken from the clock, of the last loaded image, stored in the circuit's SCRATCH register to recognise the
+    // image; see kn_device_kept.
+    uint32_t nonce;
+    uint32_t seq, tick;   // the circuit's numbers of requests and of ticks, valid while no step is under way
+    int32_t nodes, edges; // numbers of nodes and edges of the loaded image
+    uint16_t limit;       // repetition limit of a WAIT for the end of a tick
 
     job job;
-    bool out, again;   // a request is under way; one that was sent before
-    int misses, tries; // of this request
-    bool broken;       // the link is to be opened again
+    bool out, again;   // `out`: a request is under way; `again`: the request was sent before
+    int misses, tries; // numbers of misses and of sendings of the present request
+    bool broken;       // true if the link must be opened again
     uint16_t tag;
     int64_t first_ns, sent_ns;
     kn_request request;
-    int words;    // words or records that this request brings or reads
-    int position; // of the job: those that are done
+    int words;    // number of words or records that the present request writes or reads
+    int position; // number of words or records of the job that are done
 
-    // a step
+    // A step.
     kn_fixed_bound bound[KN_FIXED_LIST_MAX];
-    int count, written, wrote; // bounds there are; the circuit has; this request brings
+    // `count`: number of bounds of the step; `written`: bounds that the circuit has; `wrote`: bounds in the present
+    // request.
+    int count, written, wrote;
+    // `rung`: the doorbell register of this step has been written; `rings`: the present request writes the doorbell
+    // register
     bool rung, rings;
     int64_t reaction[KN_FIXED_LIST_MAX][3], began_ns;
     kn_device_result result;
 
-    const kn_fixed_image *image; // to load
+    const kn_fixed_image *image; // image to be loaded
     const kn_fixed *from;
     uint32_t image_crc;
-    bool shaped;                 // the circuit has what never changes of image
-    bool arrived;                // all of from, as STATE_CRC says
-    int64_t load_bytes, load_ns; // that went there and back, and how long it took
+    bool shaped;                 // true if the circuit has the unchanging part of the image
+    bool arrived;                // true if the circuit has all of the state `from`, according to its register STATE_CRC
+    int64_t load_bytes, load_ns; // total number of bytes of all loads, in both directions, and their total time
     bool patient;
     kn_fixed *into;
     uint32_t crc;
@@ -55,11 +63,14 @@ struct kn_device {
     int64_t bucket[KN_DEVICE_BUCKETS];
 };
 
-void kn_device_build(kn_device *device);       // the next request of its job, under a new tag
-bool kn_device_waits(const kn_device *device); // it begins by waiting, and its reply with that word
+void kn_device_build(kn_device *device); // build the next request of the job, with a new tag
+// Return true if the request begins with a WAIT; its reply then begins with the word that the WAIT read.
+bool kn_device_waits(const kn_device *device);
 
-// SCRATCH of a circuit that has what never changes of the image, but no state. ~nonce: not even that, nonce: both.
+// Return the value of the SCRATCH register of a circuit that has the unchanging part of the image but no state. SCRATCH
+// is ~nonce if the circuit has neither of the two, and nonce if it has both.
 uint32_t kn_device_kept(const kn_device *device);
-int64_t kn_device_state_bytes(int32_t nodes, int32_t edges); // of a load's second part, on a line
+// Return the number of bytes sent on the line for the state, the second part of a load.
+int64_t kn_device_state_bytes(int32_t nodes, int32_t edges);
 
 #endif

@@ -11,68 +11,79 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#define QUEUE_LEAST 1024 // ticks that the circuit may be behind; a power of two, as the longest
+#define QUEUE_LEAST 1024 // smallest length of the queue, ticks; every length is a power of two
 #define QUEUE_MOST 65536
-#define SPARE_NS 400000            // before the deadline: what is left for guard, publishing and the rest
-#define ANSWER_NS 200000000        // that the thread waits for one answer
-#define PATIENCE_NS 10000000000    // without a clock, for one tick
-#define AGAIN_NS 20000000          // between two attempts to find the circuit
+// time left before the deadline for the output stage, publishing and the rest of the tick, ns
+#define SPARE_NS 400000
+#define ANSWER_NS 200000000     // longest time that the thread waits for one answer, ns
+#define PATIENCE_NS 10000000000 // longest time for one tick in a replay, which has no clock, ns
+#define AGAIN_NS 20000000       // time between two attempts to find the circuit, ns
 #define LOOK_NS 100000
 #define STACK_BYTES (512 * 1024)
-#define LAST_NS 1000000000         // at the end, to get in step once more
-#define TELL_TICKS 256             // between two looks at what the device has counted
+#define LAST_NS 1000000000 // longest time to get in step once more when the server ends, ns
+#define TELL_TICKS 256     // number of ticks between two copies of the device's counters
 
-typedef struct slot { // one tick of the twin's
+typedef struct slot { // one tick of the twin that the circuit still has to compute
     int count;
-    kn_fixed_bound *bound;  // [bounds]
-    int64_t (*reaction)[3]; // [bounds]
+    kn_fixed_bound *bound;  // [bounds] nodes under tools in this tick
+    int64_t (*reaction)[3]; // [bounds] the twin's reaction at each of these nodes
     int64_t residual;
     uint32_t flags;
 } slot;
 
-// Ticks that the circuit has still to take. Whoever speaks to it takes them out, the servo puts them in.
+// Queue of ticks that the circuit still has to compute. The servo adds ticks; the thread that uses the device removes
+// them.
 typedef struct queue {
-    uint32_t length; // a power of two, so that the counts may wrap
-    slot *slot;      // [length]
+    uint32_t length; // number of slots, a power of two, so that the counts may wrap
+    slot *slot;      // [length] the queued ticks
     void *memory;
 } queue;
 
-enum { SERVO, THREAD }; // who speaks to the device
+enum { SERVO, THREAD }; // thread that uses the device at present
+// State of the copy of the twin's state.
 enum { NOTHING, WANTED, TAKEN };
 
 typedef struct fpga {
     kn_backend twin;
     const kn_model *model;
     kn_device *device;
-    queue queue, longer;              // longer: of the thread, until the servo takes it with its copy
-    size_t room;                      // bytes that a queue may have
-    int bounds;                       // that a slot has room for
-    _Atomic uint32_t made, done;      // ticks queued, and taken out by who speaks to the device
-    slot *current;                    // of the tick under way; NULL: not queued
-    bool fits;                        // the tick under way has no more nodes under tools than the circuit takes
-    bool flying;                      // the oldest in the queue is with the circuit; of who speaks to it
-    uint32_t flags;                   // of all since it was loaded; as flying
+    // `longer`: a longer queue made by the thread, until the servo adopts it together with a copy of the state
+    queue queue, longer;
+    size_t room; // largest size of a queue, bytes
+    int bounds;  // number of bounds (nodes under tools) that a slot can hold
+    // `made`: number of ticks queued by the servo; `done`: number removed by the thread that uses the device
+    _Atomic uint32_t made, done;
+    slot *current; // slot of the present tick; NULL: the present tick is not queued
+    bool fits;     // true if the present tick has no more nodes under tools than the circuit accepts
+    // true if the circuit is computing the oldest queued tick; for the thread that uses the device
+    bool flying;
+    // all saturation flags since the circuit was loaded; for the thread that uses the device
+    uint32_t flags;
     atomic_int speaker, copy_is;
-    atomic_bool following;            // ticks are queued
+    atomic_bool following; // true while ticks are queued for the circuit
     atomic_bool stop;
     kn_fixed copy;
     void *copy_memory;
-    int wake; // an eventfd
+    int wake; // eventfd that wakes the thread
     pthread_t thread;
     bool runs;
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
     _Atomic int64_t queue_length, load_ns;
     _Atomic int64_t because[KN_LOSS_COUNT];
-    atomic_int out, last;             // kn_loss: why it is out of step, KN_LOSS_COUNT while it is not; the latest why
-    int told;                         // of the thread: the last loss put into line
-    atomic_bool news;                 // line is full, and its reader's
+    // `out`: reason (kn_loss) why the circuit is out of step, KN_LOSS_COUNT: in step; `last`: the latest such reason
+    atomic_int out, last;
+    int told;         // the last loss that was written into `line`; used by the thread only
+    atomic_bool news; // true if `line` holds a message and belongs to its reader
     char line[KN_FPGA_LINE];
-    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns; // copies of the device's
-    int ticks;                                             // since that copy; the servo's
+    // copies of the device's counters, which other threads may read
+    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns;
+    // number of ticks since the device's counters were copied; used by the servo only
+    int ticks;
 } fpga;
 
-// --- why it is lost --------------------------------------------------------------------------------------------------
+// --- reasons of a loss -----------------------------------------------------------------------------------------------
 
+// Record why the circuit is out of step. A reason that is already current is not counted again.
 static void blame(fpga *f, kn_loss loss)
 {
     if (atomic_exchange(&f->out, (int)loss) == (int)loss) return;
@@ -80,14 +91,15 @@ static void blame(fpga *f, kn_loss loss)
     atomic_fetch_add(&f->because[loss], 1);
 }
 
-// Of who speaks to the device: why that came to nothing.
+// Return the reason of a failed call. Only for the thread that uses the device.
 static kn_loss cause(const fpga *f, kn_link_status status)
 {
     const kn_loss loss = kn_device_loss(f->device);
     return status == KN_LINK_LATE ? KN_LOSS_TIMEOUT : loss == KN_LOSS_COUNT ? KN_LOSS_REFUSED : loss;
 }
 
-// Of the thread, which has the device: the reason, if it is another one than was told.
+// Write the line for kn_backend_fpga_news if the reason of the loss has changed and the last line was read. Called by
+// the thread while it uses the device.
 static void tell(fpga *f)
 {
     const int loss = atomic_load(&f->out);
@@ -96,9 +108,10 @@ static void tell(fpga *f)
     if (loss == KN_LOSS_COUNT) return;
     char numbers[100];
     const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
+    // For the reason BEHIND, describe the queue, because its numbers explain more than the device's own message.
     if (loss == KN_LOSS_BEHIND) {
-        snprintf(numbers, sizeof numbers, "%lld ticks; to load it takes %.1f s",
-                 (long long)atomic_load(&f->queue_length), 1e-9 * (double)atomic_load(&f->load_ns));
+        snprintf(numbers, sizeof numbers, "%lld ticks; loading takes %.1f s", (long long)atomic_load(&f->queue_length),
+                 1e-9 * (double)atomic_load(&f->load_ns));
         why = numbers;
     }
     snprintf(f->line, sizeof f->line, "%s: %s%s%s; its twin goes on", kn_loss_word((kn_loss)loss),
@@ -119,9 +132,10 @@ static void unmake(queue *q)
     *q = (queue){0};
 }
 
-// Every page of it is there from now on.
+// Allocate a queue and touch every page, so that the servo has no page fault.
 static bool make(fpga *f, queue *q, uint32_t length)
 {
+    // One block holds the slots first, then the reactions and bounds of each slot.
     const size_t each = slot_bytes(f) - sizeof(slot), bytes = length * slot_bytes(f);
     *q = (queue){length, NULL, aligned_alloc(64, (bytes + 63) / 64 * 64)};
     if (!q->memory) return false;
@@ -135,7 +149,8 @@ static bool make(fpga *f, queue *q, uint32_t length)
     return true;
 }
 
-// A queue for what a load takes by what went over the link so far, and half as much again.
+// Return the length of the queue: 1.5 times the ticks that a load takes, rounded up to a power of two. The time of a
+// load is estimated from the bytes sent so far.
 static int64_t wanted(fpga *f)
 {
     const int64_t load_ns = kn_device_load_ns(f->device, &f->model->fixed->image);
@@ -145,22 +160,21 @@ static int64_t wanted(fpga *f)
     return length;
 }
 
-static slot *oldest(fpga *f)
-{
-    return &f->queue.slot[atomic_load(&f->done) % f->queue.length];
-}
+static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
 static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
 
+// Return true if the circuit's reactions and residual equal the twin's.
 static bool equal(const slot *s, const kn_device_result *r)
 {
     return r->count == s->count && r->residual == s->residual &&
            memcmp(r->reaction, s->reaction, (size_t)s->count * sizeof *s->reaction) == 0;
 }
 
-// The oldest tick to the circuit and back. OK: it is out of the queue. PROTOCOL, too, when it differs. why: of what is
-// neither OK nor LATE.
+// Run the oldest queued tick on the circuit. OK: the tick has ended and left the queue. PROTOCOL: also if the circuit's
+// numbers differ from the twin's. `why` is set if the status is neither OK nor LATE.
 static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
 {
+    // Submit the tick unless it is already with the circuit, then wait for its result.
     slot *s = oldest(f);
     kn_device_result result;
     kn_link_status status = KN_LINK_OK;
@@ -170,6 +184,8 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     *why = cause(f, status);
     if (status != KN_LINK_OK) return status;
     f->flying = false;
+    // The circuit keeps every flag set until it is loaded again, so compare its flags with all flags of the twin since
+    // the load.
     f->flags |= s->flags;
     if (!equal(s, &result) || result.flags != f->flags) {
         *why = equal(s, &result) ? KN_LOSS_SATURATED : KN_LOSS_TWIN;
@@ -181,7 +197,7 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     return KN_LINK_OK;
 }
 
-// What the device has counted, by who speaks to it.
+// Copy the device's counters. Only for the thread that uses the device.
 static void tell_stats(fpga *f)
 {
     kn_device_stats stats;
@@ -193,14 +209,17 @@ static void tell_stats(fpga *f)
     atomic_store(&f->max_ns, stats.max_ns);
 }
 
-static void wake(fpga *f) // by the one call that a servo may make for it
+// Wake the thread that brings the circuit back. This is the only system call that the servo makes for the circuit's
+// thread.
+static void wake(fpga *f)
 {
     const uint64_t one = 1;
-    const ssize_t written = write(f->wake, &one, sizeof one); // of a counter that nobody fills
+    // this write cannot block, because the eventfd's counter never becomes full
+    const ssize_t written = write(f->wake, &one, sizeof one);
     (void)written;
 }
 
-// From here on the thread speaks to the device, until it is in step again.
+// Hand the device to the thread, until the circuit is in step again.
 static void leave(fpga *f)
 {
     atomic_store(&f->following, false);
@@ -209,6 +228,7 @@ static void leave(fpga *f)
     wake(f);
 }
 
+// Record a loss and hand the device to the thread.
 static void lose(fpga *f, kn_loss loss)
 {
     blame(f, loss);
@@ -218,33 +238,38 @@ static void lose(fpga *f, kn_loss loss)
 
 // --- the twin's tick -------------------------------------------------------------------------------------------------
 
+// Called when the twin has found the nodes under tools: queue the tick, and submit the tick if the circuit is in step
+// and idle.
 static void begin(void *self, const kn_fixed_bound *bound, int count)
 {
     fpga *f = self;
     f->current = NULL;
     f->fits = count <= f->bounds;
     if (!atomic_load(&f->following)) return;
+    // If the queue is full, or the list of bounds is too long for the circuit, give up staying in step.
     if (!f->fits || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
         lose(f, f->fits ? KN_LOSS_BEHIND : KN_LOSS_BOUNDS);
         return;
     }
+    // The slot is complete, and `made` counts it, only when the twin has computed the tick.
     f->current = &f->queue.slot[atomic_load(&f->made) % f->queue.length];
     f->current->count = count;
     if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
+    // Submit at once only if nothing older waits; otherwise fpga_wait or the thread submits the tick later, in order.
     if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
     kn_link_status status = kn_device_submit(f->device, bound, count);
     f->flying = status == KN_LINK_OK;
     if (!f->flying) lose(f, cause(f, status));
 }
 
+// Called when the twin has computed the tick: add the twin's results to the slot, and count the slot as queued.
 static void end(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result)
 {
     fpga *f = self;
     if (!f->current || !atomic_load(&f->following)) return;
     f->current->residual = result->residual;
     f->current->flags = result->flags;
-    if (f->current->count > 0)
-        memcpy(f->current->reaction, reaction, (size_t)f->current->count * sizeof *reaction);
+    if (f->current->count > 0) memcpy(f->current->reaction, reaction, (size_t)f->current->count * sizeof *reaction);
     atomic_fetch_add(&f->made, 1);
 }
 
@@ -254,11 +279,13 @@ static void fpga_submit(void *self, const kn_input *input)
     f->twin.submit(f->twin.self, input);
 }
 
-// The twin's state for the thread, from which on ticks are queued; not while the next one would not fit, either.
+// Give the thread a copy of the twin's state; ticks are queued from then on. Postpone the copy while a tick has more
+// nodes under tools than the circuit accepts.
 static void take_copy(fpga *f)
 {
     if (!f->fits || atomic_load(&f->copy_is) != WANTED) return;
     kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
+    // No thread needs the queued ticks any more, so a longer queue can replace the present queue.
     if (f->longer.length > 0) {
         const queue shorter = f->queue;
         f->queue = f->longer;
@@ -269,7 +296,7 @@ static void take_copy(fpga *f)
     atomic_store(&f->copy_is, TAKEN);
 }
 
-// Without a clock the circuit is waited for: in step, and while it catches up.
+// Without a clock (a replay), give the copy at once and wait while the thread lets the circuit catch up.
 static void await_thread(fpga *f)
 {
     int64_t until_ns = kn_now_ns() + PATIENCE_NS;
@@ -278,12 +305,16 @@ static void await_thread(fpga *f)
         kn_clock_sleep(kn_now_ns() + LOOK_NS);
 }
 
+// Wait for the twin, then let the circuit compute the queued ticks. The result returned is the twin's. If the queue is
+// empty, the circuit has confirmed the result.
 static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *output)
 {
     fpga *f = self;
     const bool clock = deadline_ns != 0;
     kn_loss why;
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
+    // Let the circuit compute the queued ticks, the oldest first. Stop before the deadline, so that enough time is left
+    // for the rest of the tick.
     int64_t until_ns = clock ? deadline_ns - SPARE_NS : kn_now_ns() + PATIENCE_NS;
     while (atomic_load(&f->speaker) == SERVO && !empty(f)) {
         kn_link_status link = advance(f, until_ns, &why);
@@ -296,6 +327,7 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     return status == KN_BACKEND_OK && !in_step ? KN_BACKEND_SHADOWED : status;
 }
 
+// After the forces have been sent: give the copy that the thread waits for, and copy counters now and then.
 static void fpga_afterwards(void *self)
 {
     fpga *f = self;
@@ -323,10 +355,10 @@ static void fpga_restore(void *self, const kn_state *state)
 
 // --- the thread ------------------------------------------------------------------------------------------------------
 
-// While what was begun is still worth ending.
+// Return true while loading and catching up still make sense.
 static bool goes_on(fpga *f) { return !atomic_load(&f->stop) && atomic_load(&f->following); }
 
-// What never changes goes first, while nobody has to remember ticks.
+// Load the unchanging part first, while no ticks need to be queued.
 static bool prepare(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
@@ -336,7 +368,8 @@ static bool prepare(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// Where memory is short the queue stays as it is: then it is behind, and told so.
+// Allocate a longer queue if a load takes more ticks than the present queue can hold. If there is no room, keep the
+// present queue; the circuit then falls behind and is reported as BEHIND.
 static void lengthen(fpga *f)
 {
     const int64_t length = wanted(f);
@@ -346,6 +379,7 @@ static void lengthen(fpga *f)
     atomic_store(&f->queue_length, length);
 }
 
+// Load the copy of the state into the circuit, as long as ticks are queued for the circuit.
 static bool load(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
@@ -358,6 +392,7 @@ static bool load(fpga *f)
     return status == KN_LINK_OK;
 }
 
+// Run the queued ticks on the circuit until none is left.
 static bool catch_up(fpga *f)
 {
     kn_loss why;
@@ -378,8 +413,9 @@ static bool identify(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// A circuit whose numbers were wrong may have another object than it was given: its state's checksum says nothing of
-// that. And one that is wrong again at once is not asked at once.
+// A circuit that gave wrong numbers may hold another object than the one loaded, and the checksum of its state does not
+// cover the object. So make the next load send the whole object. Pause before the next attempt, since it may fail as
+// quickly.
 static void distrust(fpga *f)
 {
     const int out = atomic_load(&f->out);
@@ -388,12 +424,14 @@ static void distrust(fpga *f)
     kn_clock_sleep(kn_now_ns() + AGAIN_NS);
 }
 
+// Find the circuit, load it with a copy of the twin's state and let it catch up. Return true when it is in step.
 static bool get_in_step(fpga *f)
 {
     kn_device_be_patient(f->device, true);
     distrust(f);
     if (!identify(f) || !prepare(f)) return false;
     lengthen(f);
+    // Ask the servo for a copy and wait until it has taken one; ticks are queued from that moment on.
     atomic_store(&f->copy_is, WANTED);
     while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
     unmake(&f->longer);
@@ -405,6 +443,7 @@ static bool get_in_step(fpga *f)
     return false;
 }
 
+// Body of the thread: sleep until the servo hands over the device, then try until the circuit is in step again.
 static void *thread_main(void *arg)
 {
     fpga *f = arg;
@@ -423,14 +462,15 @@ static void *thread_main(void *arg)
             atomic_store(&f->out, KN_LOSS_COUNT);
             f->told = KN_LOSS_COUNT;
             atomic_store(&f->speaker, SERVO);
-            int servo = SERVO; // the object was replaced at that very moment: not in step at all
+            // If the object was replaced at this moment, the circuit is not in step, so take the device back.
+            int servo = SERVO;
             if (!atomic_load(&f->following)) atomic_compare_exchange_strong(&f->speaker, &servo, THREAD);
         }
         if (atomic_load(&f->stop)) return NULL;
     }
 }
 
-// --- life ------------------------------------------------------------------------------------------------------------
+// --- creation and destruction ----------------------------------------------------------------------------------------
 
 static void fpga_destroy(void *self)
 {
@@ -449,6 +489,7 @@ static void fpga_destroy(void *self)
     free(f);
 }
 
+// Identify the circuit and load the unchanging part. A slot of the queue needs no more bounds than the circuit accepts.
 static kn_link_status shape(fpga *f)
 {
     kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
@@ -457,23 +498,25 @@ static kn_link_status shape(fpga *f)
     return prepare(f) ? KN_LINK_OK : KN_LINK_PROTOCOL;
 }
 
+// Allocate the queue, or report why it cannot be as long as the link requires.
 static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
 {
     const int64_t length = wanted(f);
     const double load_s = 1e-9 * (double)atomic_load(&f->load_ns);
     const size_t bytes = (size_t)length * slot_bytes(f);
     if (length > QUEUE_MOST || bytes > f->room) {
-        snprintf(why, KN_LINK_WHY,
-                 "%.100s: to load it takes %.1f s, and a queue of %lld ticks, %zu MiB: expected %d at most and "
-                 "%zu MiB, by a faster link or fewer nodes",
-                 uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
+        snprintf(
+            why, KN_LINK_WHY,
+            "%.100s: loading takes %.1f s, which needs a queue of %lld ticks, %zu MiB: expected at most %d ticks and "
+            "%zu MiB, with a faster link or fewer nodes",
+            uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
         return false;
     }
     atomic_store(&f->queue_length, length);
     return make(f, &f->queue, (uint32_t)length);
 }
 
-// Found, as this one, and given the object as it is.
+// Open the circuit, and load the present state of the object into it.
 static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device)
 {
     f->device = kn_device_open(uri, why);
@@ -482,7 +525,8 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
     kn_device_be_patient(f->device, true);
     kn_link_status status = shape(f);
     if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
-        snprintf(why, KN_LINK_WHY, "%.100s: gas loads every node, %d here, and the circuit takes %d a tick", uri,
+        snprintf(why, KN_LINK_WHY,
+                 "%.100s: gas loads all %d nodes, but the circuit takes at most %d loaded nodes a tick", uri,
                  f->model->node_count, f->bounds);
         return false;
     }
@@ -495,14 +539,16 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         if (loaded) return true;
         status = KN_LINK_PROTOCOL;
     }
-    const char *said = kn_device_why(f->device); // begins with its URI
+    const char *said = kn_device_why(f->device); // reason of the failure, a line that begins with the device's URI
     if (*said) snprintf(why, KN_LINK_WHY, "%s", said);
     else snprintf(why, KN_LINK_WHY, "%.100s: %s", uri, kn_link_words(status));
     return false;
 }
 
+// Watch the twin's steps and start the thread.
 static bool start(fpga *f)
 {
+    // The twin calls begin and end around each of its ticks.
     const kn_fixed_watch watch = {f, begin, end};
     kn_backend_cpu_watch(&f->twin, watch);
     f->wake = eventfd(0, EFD_CLOEXEC);
@@ -510,9 +556,10 @@ static bool start(fpga *f)
     pthread_attr_t attr;
     sigset_t all, before;
     pthread_attr_init(&attr);
-    pthread_attr_setstacksize(&attr, STACK_BYTES); // locked with the rest
+    pthread_attr_setstacksize(&attr, STACK_BYTES); // make the stack small, because all memory is locked
     sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before); // signals are the main thread's
+    // block all signals in the new thread, because the main thread handles signals
+    pthread_sigmask(SIG_SETMASK, &all, &before);
     f->runs = pthread_create(&f->thread, &attr, thread_main, f) == 0;
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attr);
@@ -538,6 +585,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     f->fits = true;
     atomic_init(&f->out, KN_LOSS_COUNT);
     atomic_init(&f->last, KN_LOSS_COUNT);
+    // A slot must hold a bound for every node, up to the longest list, because tools can touch every node.
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
     f->copy_memory = aligned_alloc(64, kn_fixed_bytes(&model->fixed->image));
     if (f->copy_memory) kn_fixed_init(&f->copy, &model->fixed->image, f->copy_memory);
@@ -546,8 +594,14 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
         fpga_destroy(f);
         return false;
     }
-    *backend = (kn_backend){.name = "fpga", .self = f, .submit = fpga_submit, .wait = fpga_wait, .state = fpga_state,
-                            .reset = fpga_reset, .restore = fpga_restore, .afterwards = fpga_afterwards,
+    *backend = (kn_backend){.name = "fpga",
+                            .self = f,
+                            .submit = fpga_submit,
+                            .wait = fpga_wait,
+                            .state = fpga_state,
+                            .reset = fpga_reset,
+                            .restore = fpga_restore,
+                            .afterwards = fpga_afterwards,
                             .destroy = fpga_destroy};
     return true;
 }
@@ -565,6 +619,7 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
     return kn_backend_fpga(backend, model, uri, room, why, device);
 }
 
+// Return the backend as an fpga; NULL if it is another one.
 static fpga *of(const kn_backend *backend) { return backend->destroy == fpga_destroy ? backend->self : NULL; }
 
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
@@ -610,6 +665,7 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
     uint32_t circuit = 0;
     kn_loss lost;
     int64_t until_ns = kn_now_ns() + LAST_NS;
+    // No thread calls submit any more, so let the circuit catch up here.
     while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !empty(f))) {
         take_copy(f);
         if (atomic_load(&f->speaker) == THREAD) kn_clock_sleep(kn_now_ns() + LOOK_NS);

@@ -1,70 +1,76 @@
 #ifndef KN_SERVER_BACKEND_FPGA_H
 #define KN_SERVER_BACKEND_FPGA_H
-// The lattice on a circuit, in step with its twin on this processor: the same integers (core/fixed.h), so whoever gives
-// the force, it is the same to the bit, and a circuit that is lost is lost without a jump.
+// The lattice on a circuit, in step with its twin on this processor. Both compute the same integers (core/fixed.h), so
+// the force has the same bits whether it comes from the circuit or from the twin. Losing the circuit therefore causes
+// no jump of the force.
 //
-//     submit   twin finds who touches what -> circuit begins; twin computes the tick meanwhile
+//     submit   twin finds which tool touches which node -> circuit begins; twin computes the tick meanwhile
 //     wait     circuit's reactions, residual and flags by the deadline, equal to the twin's          -> OK
-//              late, lost, or another number: the twin's stand                                       -> SHADOWED
+//              late, lost, or another number: the twin's result is used                              -> SHADOWED
 //
-//     a tick that was late stays in a queue, and the circuit catches up; one that is lost, or differs, is identified,
-//     loaded with a copy of the twin's state, led through the queue, and hands forces again when that is empty. All
-//     that is a thread's work beside the servo; it begins anew where the object is replaced.
+// A tick that the circuit answered late stays in a queue, and the circuit catches up with the twin. A circuit that was
+// lost or gave wrong numbers is identified, loaded with a copy of the twin's state, and steps all ticks in the queue.
+// The circuit is in step again when the queue is empty. A separate thread does this work, and starts the work again
+// when the object is replaced.
 //
-//     what never changes of an object goes first; only while its state is on the way have ticks to be kept
+// The unchanging part of an object is loaded first. Ticks must be queued only while the state is being loaded.
 //
 //     prepare ------------> copy of the state --> load ------------> catch up ---> in step
 //     no tick is kept       the queue begins      it grows by 1 a ms  it shrinks
 //
-// The queue is made for half as much again as that load takes, by the bytes that went over the link so far, and never
-// for less than 1024 ticks; it is made anew where the link has become slower.
+// The queue holds 1.5 times the ticks that pass while the state is loaded, and at least 1024 ticks. The loading time is
+// estimated from the bytes sent over the link so far. A longer queue is allocated when the link has become slower.
 #include "server/backend/backend.h"
 #include "server/backend/device.h"
 
 #define KN_FPGA_LINE (KN_LINK_WHY + 200)
 
 typedef struct kn_fpga_counts {
-    bool there;         // a circuit; else all of this is 0
-    int64_t on_circuit; // ticks that it computed, each equal to the twin's
-    int64_t shadowed;   // ticks given by the twin alone
-    int64_t losses;     // times that it was lost
-    int64_t different;  // times that it gave another number
-    int64_t loads;      // whole states that it was given
-    int64_t queue;      // ticks that may wait for it
-    int64_t load_ns;    // that bringing it a state takes
-    bool in_step;       // now
-    kn_loss last;       // the latest reason why it was not, KN_LOSS_COUNT: it always was
-    // Times that it was out of step for this reason: those of losses, and what then kept it from coming back. What
-    // stays the reason for a while is one.
+    bool there;         // true if a circuit is configured; otherwise all fields are 0
+    int64_t on_circuit; // number of ticks whose result the circuit computed, equal to the twin's result
+    int64_t shadowed;   // number of ticks whose result came from the twin alone
+    int64_t losses;     // number of times that the circuit was lost
+    int64_t different;  // number of times that the circuit's result differed from the twin's
+    int64_t loads;      // number of times that a whole state was loaded into the circuit
+    int64_t queue;      // largest number of ticks that may wait in the queue for the circuit
+    int64_t load_ns;    // time that loading a state takes, ns
+    bool in_step;       // true if the circuit is in step now
+    kn_loss last;       // latest reason why the circuit was out of step; KN_LOSS_COUNT: never out of step
+    // Number of times that the circuit was out of step, for each reason. Counted are losses, and reasons that kept the
+    // circuit from coming back into step. A reason that lasts is counted once.
     int64_t because[KN_LOSS_COUNT];
-    int64_t reasons;    // all of those
-    bool behind;        // it has the object, and catches up
-    int64_t timeouts, crc; // requests without an answer in time, broken frames: as of some ticks ago, as the next
-    int64_t p50_ns, p99_ns, max_ns; // from submit to result
+    int64_t reasons; // sum of the array `because`
+    bool behind;     // true if the circuit has the object's state and is catching up with the twin
+    // Numbers of unanswered requests and of damaged frames; this line and the next are some ticks old.
+    int64_t timeouts, crc;
+    int64_t p50_ns, p99_ns, max_ns; // median, 99th percentile and maximum of the time from submit to result, ns
 } kn_fpga_counts;
 
-// Opens the device (link.h says the URIs), identifies and loads it. Borrows a model of KN_SOLVER_FIXED, in steps of
-// 1 ms. room: bytes that its queue may have; all of them are touched here. False: why is one line; device: it is the
-// device's, not the scene's.
+// Open the device (URIs: see link.h), identify and load it. Borrows `model`, which must use the solver KN_SOLVER_FIXED
+// with steps of 1 ms. `room`: number of bytes that the queue of ticks may take; all of them are touched here. On
+// failure put one line in `why`, set *device to true if the device and not the scene is the cause, and return false.
 bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
                      bool *device);
 
-// Where a lattice is stepped: by that circuit, or, uri NULL, on this processor. A replay is at leisure: a circuit that
-// is simulated takes as long as it takes, so an answer is missed later than a servo would. False as kn_backend_fpga.
+// Create the backend of a lattice: the circuit at `uri`, or this processor if `uri` is NULL. `at_leisure`: true for a
+// replay, in which a simulated circuit may be slow; a request then counts as missed later than in a servo loop. The
+// return value is that of kn_backend_fpga.
 bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure, size_t room,
                       char why[KN_LINK_WHY], bool *device);
 
-// False for any other backend. From any thread.
+// Get the counts of a circuit's backend. Return false for any other backend. May be called from any thread.
 bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts);
 
-// What there is to say of a loss: one line, without kneadd's name. False: nothing since the last one. Of one thread.
+// Get one line about the latest loss of the circuit, without the prefix "kneadd: ". Return false if the circuit was not
+// lost since the last call. Call from one thread only.
 bool kn_backend_fpga_news(kn_backend *backend, char line[KN_FPGA_LINE]);
 
-// Nobody steps it any more: is the circuit in step, and its whole state the twin's, by their checksums? False: why.
-// Also the device's own counters.
+// Check that the circuit is in step and that its whole state has the same checksum as the twin's. Call this when no
+// thread steps the backend any more. If the check fails, put the reason in `why` and return false. Fill in the device's
+// own counters in `stats`.
 bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_device_stats *stats);
 
-// Whether a --backend is a device's URI.
+// Return true if this value of --backend is the URI of a device.
 bool kn_backend_is_device(const char *name);
 
 #endif

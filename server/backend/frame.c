@@ -3,8 +3,11 @@
 #include <zlib.h>
 
 enum { READ = 1, WRITE = 2, WAIT = 3 };
+// Bytes of a tag, of a reply's head, of a READ or WRITE without words, of a WAIT, of the checksum; the length byte of a
+// full block; the number of addresses.
 enum { TAG = 2, HEAD = 3, ACCESS = 5, POLL = 14, CHECKSUM = 4, BLOCK = 0xff, ADDRESSES = 1 << 24 };
 
+// Little-endian numbers of 1 to 4 bytes.
 static void put(uint8_t *to, uint32_t value, int bytes)
 {
     for (int i = 0; i < bytes; i++) to[i] = (uint8_t)(value >> 8 * i);
@@ -19,6 +22,7 @@ static uint32_t get(const uint8_t *from, int bytes)
 
 // ---- frames ----
 
+// Append the checksum, then replace zeros by the lengths of blocks (COBS).
 size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRAMER_WIRE])
 {
     uint8_t bytes[KN_FRAMER_PAYLOAD + CHECKSUM];
@@ -26,7 +30,9 @@ size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRA
     memcpy(bytes, payload, size);
     put(bytes + size, (uint32_t)crc32(0, payload, (uInt)size), CHECKSUM);
     size_t at = 0, end = size + CHECKSUM, out = 0;
-    for (bool more = true; more;) { // a block: up to 254 bytes that are not 0, and the 0 behind fewer than 254
+    // A block has up to 254 bytes other than 0. A block of fewer than 254 bytes stands for these bytes and a 0 after
+    // them.
+    for (bool more = true; more;) {
         size_t run = 0;
         while (at + run < end && run < BLOCK - 1 && bytes[at + run]) run++;
         wire[out++] = (uint8_t)(run + 1);
@@ -34,18 +40,22 @@ size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRA
         out += run, at += run;
         bool zero = at < end && run < BLOCK - 1;
         at += zero;
-        more = zero || at < end; // a 0 at the very end needs a block behind it
+        // continue after a 0 at the very end of the payload, which needs an empty block after it
+        more = zero || at < end;
     }
     wire[out++] = 0;
     return out;
 }
 
+// Store a decoded byte. `size` stops at one above the room, which marks the frame as too long.
 static void append(kn_framer *f, uint8_t byte)
 {
     if (f->size < sizeof f->bytes) f->bytes[f->size] = byte;
     if (f->size <= sizeof f->bytes) f->size++;
 }
 
+// Decode one byte of the line: data of a block, or the length byte of the next block, which stands for a 0 unless the
+// block before was full.
 static void decode(kn_framer *f, uint8_t byte)
 {
     if (f->left > 0) {
@@ -59,20 +69,16 @@ static void decode(kn_framer *f, uint8_t byte)
     f->left = (uint8_t)(byte - 1);
 }
 
-// Counts the frame that has ended. Returns its payload's size; 0 where something is wrong or nothing has come.
+// Count the frame that has ended, under its first fault. Return the size of its payload; 0 if it is faulty or empty.
 static size_t judge(kn_framer *f)
 {
     size_t payload = f->size - (size_t)CHECKSUM;
     int64_t *counter = &f->frames;
     if (f->code == 0) return 0;
-    if (f->size > sizeof f->bytes)
-        counter = &f->length;
-    else if (f->left > 0 || f->hollow)
-        counter = &f->cobs;
-    else if (f->size <= CHECKSUM)
-        counter = &f->length;
-    else if ((uint32_t)crc32(0, f->bytes, (uInt)payload) != get(f->bytes + payload, CHECKSUM))
-        counter = &f->crc;
+    if (f->size > sizeof f->bytes) counter = &f->length;
+    else if (f->left > 0 || f->hollow) counter = &f->cobs;
+    else if (f->size <= CHECKSUM) counter = &f->length;
+    else if ((uint32_t)crc32(0, f->bytes, (uInt)payload) != get(f->bytes + payload, CHECKSUM)) counter = &f->crc;
     ++*counter;
     return counter == &f->frames ? payload : 0;
 }
@@ -84,6 +90,7 @@ size_t kn_framer_read(kn_framer *framer, const uint8_t *bytes, size_t count, siz
             decode(framer, bytes[i]);
             continue;
         }
+        // A 0x00 always ends the frame, so reset the receiver for the next frame.
         size_t payload = judge(framer);
         framer->size = 0;
         framer->code = framer->left = 0;
@@ -105,7 +112,8 @@ void kn_request_begin(kn_request *request, uint16_t tag)
     request->words = 0;
 }
 
-// Where an operation of so many bytes goes that adds words to the reply; NULL where it or they do not fit.
+// Reserve an operation of `bytes` bytes that adds `words` words to the reply. Return the operation's address, or NULL
+// if the operation or the reply's words do not fit.
 static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t words)
 {
     if (address >= ADDRESSES || r->size + bytes > KN_FRAMER_PAYLOAD || r->words + words > KN_REQUEST_READ_MOST)
@@ -119,6 +127,7 @@ static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t 
 
 bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
 {
+    // Layout: operation u8, address u24, count u8.
     if (count == 0 || count > KN_REQUEST_READ_MOST) return false;
     uint8_t *at = place(request, address, ACCESS, count);
     if (!at) return false;
@@ -129,6 +138,7 @@ bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
 
 bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *words, uint32_t count)
 {
+    // Layout: operation u8, address u24, count u8, words.
     if (count == 0 || count > KN_REQUEST_WRITE_MOST) return false;
     uint8_t *at = place(request, address, ACCESS + 4 * count, 0);
     if (!at) return false;
@@ -140,6 +150,7 @@ bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *wor
 
 bool kn_request_wait(kn_request *request, uint32_t address, uint32_t mask, uint32_t value, uint16_t limit)
 {
+    // Layout: operation u8, address u24, mask u32, value u32, limit u16.
     uint8_t *at = place(request, address, POLL, 1);
     if (!at) return false;
     at[0] = WAIT;
@@ -156,12 +167,14 @@ bool kn_reply_parse(kn_reply *reply, const kn_request *request, const uint8_t *p
     reply->status = (kn_reply_status)payload[TAG];
     reply->count = (uint16_t)((size - HEAD) / 4);
     for (int i = 0; i < reply->count; i++) reply->words[i] = get(payload + HEAD + 4 * i, 4);
+    // A reply to an older request has another tag.
     return reply->tag == get(request->bytes, TAG) &&
            (reply->status == KN_REPLY_OK ? reply->count == request->words : reply->count <= request->words);
 }
 
 // ---- at the device ----
 
+// A payload that is being executed.
 typedef struct execution {
     const uint8_t *at, *end;
     const kn_word_bus *bus;
@@ -169,16 +182,14 @@ typedef struct execution {
     uint32_t words;
 } execution;
 
+// Take a number from the payload.
 static uint32_t take(execution *e, int bytes)
 {
     e->at += bytes;
     return get(e->at - bytes, bytes);
 }
 
-static void answer(execution *e, uint32_t word)
-{
-    put(e->reply + HEAD + 4 * e->words++, word, 4);
-}
+static void answer(execution *e, uint32_t word) { put(e->reply + HEAD + 4 * e->words++, word, 4); }
 
 static kn_reply_status execute_read(execution *e)
 {
@@ -200,6 +211,7 @@ static kn_reply_status execute_write(execution *e)
     return KN_REPLY_OK;
 }
 
+// A WAIT that reaches its limit answers with the last word that it read.
 static kn_reply_status execute_wait(execution *e)
 {
     uint32_t address = take(e, 3), mask = take(e, 4), value = take(e, 4), limit = take(e, 2), word = 0;
@@ -214,6 +226,7 @@ static kn_reply_status execute_wait(execution *e)
     return met ? KN_REPLY_OK : KN_REPLY_TIMEOUT;
 }
 
+// Execute one operation if all its arguments are present.
 static kn_reply_status execute(execution *e)
 {
     static const int sizes[] = {[READ] = ACCESS, [WRITE] = ACCESS, [WAIT] = POLL};

@@ -6,25 +6,25 @@
 enum { BAUD = 3000000 };
 
 static const char expected[] =
-    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, and of each ?miss=MS";
+    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, each with ?miss=MS at will";
 
 const char *kn_link_words(kn_link_status status)
 {
     static const char *const words[] = {[KN_LINK_OK] = "ok",
                                         [KN_LINK_LATE] = "late",
                                         [KN_LINK_CRC] = "wrong checksum",
-                                        [KN_LINK_PROTOCOL] = "not what a circuit answers",
+                                        [KN_LINK_PROTOCOL] = "not the answer of a circuit",
                                         [KN_LINK_IO] = "no answer",
                                         [KN_LINK_GONE] = "gone"};
     return words[status];
 }
 
 typedef struct options {
-    int baud; // 0: not said
+    int baud; // baud rate of the serial line; 0: not given in the URI
     double miss_ms;
 } options;
 
-// "KEY=VALUE&..." behind a '?'.
+// Parse "KEY=VALUE&...", the text behind a '?'. Return false at an unknown key or a value out of range.
 static bool parse_options(char *text, options *o)
 {
     for (char *next, *key = text; key && *key; key = next) {
@@ -34,16 +34,14 @@ static bool parse_options(char *text, options *o)
         *value++ = 0;
         double number = strtod(value, &end);
         if (end == value || *end) return false;
-        if (strcmp(key, "baud") == 0 && number >= 1 && number <= 1e8)
-            o->baud = (int)number;
-        else if (strcmp(key, "miss") == 0 && number >= 0.1 && number <= 60000)
-            o->miss_ms = number;
-        else
-            return false;
+        if (strcmp(key, "baud") == 0 && number >= 1 && number <= 1e8) o->baud = (int)number;
+        else if (strcmp(key, "miss") == 0 && number >= 0.1 && number <= 60000) o->miss_ms = number;
+        else return false;
     }
     return true;
 }
 
+// Return true for the address of a PCI function, DDDD:BB:DD.F.
 static bool is_function(const char *s)
 {
     for (const char *form = "xxxx:xx:xx.x"; *form; form++, s++) {
@@ -52,11 +50,10 @@ static bool is_function(const char *s)
     return *s == 0;
 }
 
-static bool is_name(const char *s)
-{
-    return *s && *s != '.' && strlen(s) < 200 && !strchr(s, '/');
-}
+// Return true for the name of a file in /dev/shm: no folder, not hidden.
+static bool is_name(const char *s) { return *s && *s != '.' && strlen(s) < 200 && !strchr(s, '/'); }
 
+// Open the transport of the scheme.
 static bool open_parsed(kn_link *link, const char *scheme, const char *where, const options *o, const char *sysfs,
                         char why[KN_LINK_WHY])
 {
@@ -66,6 +63,7 @@ static bool open_parsed(kn_link *link, const char *scheme, const char *where, co
     return kn_link_shm(link, where, why);
 }
 
+// Return true if this scheme may have this place; only uart has a rate.
 static bool good(const char *scheme, const char *where, const options *o)
 {
     if (strcmp(scheme, "uart") == 0) return *where == '/';
@@ -75,9 +73,11 @@ static bool good(const char *scheme, const char *where, const options *o)
     return strcmp(scheme, "shm") == 0 && is_name(where);
 }
 
-// text: the scheme; what is behind it, or NULL: why says what was expected.
+// Split a URI. text becomes the scheme. Return what follows the scheme; NULL if the URI is wrong, with what was
+// expected in why.
 static const char *parse(const char *uri, char text[KN_LINK_URI], options *o, char why[KN_LINK_WHY])
 {
+    // A URI that is too long becomes empty, and is then refused as it has no scheme.
     *o = (options){0, 1.6};
     size_t length = strlen(uri);
     memset(text, 0, KN_LINK_URI);

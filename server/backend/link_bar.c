@@ -1,4 +1,4 @@
-// Registers as memory: a PCI function's BAR, or a file that a simulated one serves.
+// A link to registers in memory: the BAR of a PCI function, or a file that a simulated device serves.
 #include "core/fixed.h"
 #include "hdl/registers.h"
 #include "server/backend/link.h"
@@ -16,6 +16,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+// Codes of the operations; time of polling before the first sleep, ns; time of a sleep, ns; largest number of links
+// that are open at once.
 enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
 typedef struct bar {
@@ -23,24 +25,28 @@ typedef struct bar {
     size_t bytes;
     uint32_t words;
     volatile uint32_t *word;
-    kn_shm *shm; // NULL: a real one, which traps what is written
+    kn_shm *shm; // doorbell of a simulated device; NULL: a real card, which notices each store
     kn_link_counts counts;
-    // of the request under way
-    bool asked, ones; // ones: a word of all ones was read
-    size_t at, done;  // its operation; of that, words done
+    // The request under way. `ones`: a word of all ones was read; `at`: position of the present operation; `done`:
+    // number of its words that are done.
+    bool asked, ones;
+    size_t at, done;
     kn_request request;
     kn_reply reply;
 } bar;
 
-// ---- memory that is taken away. The kernel unmaps a card that is removed, and a file that is cut off; whoever reads
-// there gets SIGBUS. Pages of all ones take its place, as a bus reads where nobody answers.
+// ---- memory that is taken away
+//
+// The kernel unmaps a card that is removed, and the end of a file that is cut off. Reading there raises SIGBUS. The
+// handler puts a page of all ones there, as a bus reads where nobody answers.
 
 static struct {
-    _Atomic uintptr_t from; // 0: free
+    _Atomic uintptr_t from; // start of the mapping; 0: this entry is free
     _Atomic size_t bytes;
 } watched[WATCHED];
-static struct sigaction before; // of who had the signal
+static struct sigaction before; // signal handler that was installed before this module's
 
+// Put a page of ones at the address if one of our links has it; otherwise restore the former handler.
 static void on_bus_error(int number, siginfo_t *info, void *context)
 {
     (void)context;
@@ -55,7 +61,8 @@ static void on_bus_error(int number, siginfo_t *info, void *context)
         errno = kept;
         return;
     }
-    sigaction(number, &before, NULL); // not ours: the same again, as without us
+    // the address is none of our mappings, so let the fault happen again without this handler
+    sigaction(number, &before, NULL);
 }
 
 static void install(void)
@@ -64,6 +71,7 @@ static void install(void)
     sigaction(SIGBUS, &action, &before);
 }
 
+// Register a mapping with the handler.
 static bool watch(void *at, size_t bytes)
 {
     static pthread_once_t once = PTHREAD_ONCE_INIT;
@@ -87,14 +95,19 @@ static void unwatch(void *at)
         }
 }
 
-// ---- words. Never memcpy: a BAR takes and gives 32 bits at a time, in order.
+// ---- words
+//
+// Words are copied one by one, never by memcpy, because a BAR transfers 32 bits at a time, in order.
 
+// Return true while the device has not yet handled the last doorbell.
 static bool ringing(const bar *b)
 {
     return b->shm &&
            __atomic_load_n(&b->shm->done, __ATOMIC_ACQUIRE) != __atomic_load_n(&b->shm->bell, __ATOMIC_RELAXED);
 }
 
+// Read a word. Note a word of all ones, the mark of a missing card. STATUS reads as busy while a doorbell has not been
+// handled.
 static uint32_t get(bar *b, uint32_t address)
 {
     uint32_t word = b->word[address];
@@ -103,6 +116,7 @@ static uint32_t get(bar *b, uint32_t address)
     return address == KN_REG_STATUS && ringing(b) ? word | KN_STATUS_BUSY : word;
 }
 
+// Write a word through the doorbell; the release makes the word visible before the count.
 static void ring(bar *b, uint32_t address, uint32_t word)
 {
     kn_shm *s = b->shm;
@@ -111,17 +125,15 @@ static void ring(bar *b, uint32_t address, uint32_t word)
     __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_RELEASE);
 }
 
-// False: the bell before has not been heard.
+// Write a word. Return false if the previous doorbell has not been handled yet.
 static bool put(bar *b, uint32_t address, uint32_t word)
 {
     bool bell = b->shm && (address == KN_REG_CONTROL || address == KN_REG_STATUS || address == KN_REG_FLAGS ||
                            address == KN_REG_STEP_SEQ);
     if (bell && ringing(b)) return false;
     __atomic_thread_fence(__ATOMIC_RELEASE);
-    if (!bell)
-        b->word[address] = word;
-    else
-        ring(b, address, word);
+    if (!bell) b->word[address] = word;
+    else ring(b, address, word);
     return true;
 }
 
@@ -134,6 +146,7 @@ static uint32_t number(const uint8_t *from, int bytes)
     return value;
 }
 
+// Answer with a bus error and skip the rest of the request.
 static kn_link_status refuse(bar *b)
 {
     b->reply.status = KN_REPLY_BUS;
@@ -149,6 +162,7 @@ static kn_link_status read_words(bar *b, uint32_t address, uint32_t count)
     return KN_LINK_OK;
 }
 
+// Write words. If the doorbell is not free, return LATE; the next call continues with the same word.
 static kn_link_status write_words(bar *b, const uint8_t *words, uint32_t address, uint32_t count)
 {
     if (address + count > b->words) return refuse(b);
@@ -169,27 +183,23 @@ static kn_link_status wait_word(bar *b, const uint8_t *operation, uint32_t addre
     return KN_LINK_OK;
 }
 
-// As far as it goes; LATE where a word that is waited for is not there.
+// Execute the request as far as possible. Return LATE if a WAIT has not yet read its value, or if the doorbell is not
+// free.
 static kn_link_status advance(bar *b)
 {
     kn_link_status status = KN_LINK_OK;
     while (status == KN_LINK_OK && b->at < b->request.size) {
         const uint8_t *operation = b->request.bytes + b->at + 1;
         uint32_t address = number(operation, 3), what = operation[-1];
-        if (what == READ)
-            status = read_words(b, address, operation[3]);
-        else if (what == WRITE)
-            status = write_words(b, operation + 4, address, operation[3]);
-        else
-            status = wait_word(b, operation, address);
+        if (what == READ) status = read_words(b, address, operation[3]);
+        else if (what == WRITE) status = write_words(b, operation + 4, address, operation[3]);
+        else status = wait_word(b, operation, address);
     }
     return status;
 }
 
-static bool gone(bar *b)
-{
-    return b->ones && b->word[KN_REG_ID] == UINT32_MAX;
-}
+// A word of all ones was read, and the ID register reads as all ones as well, so the card is gone.
+static bool gone(bar *b) { return b->ones && b->word[KN_REG_ID] == UINT32_MAX; }
 
 static kn_link_status submit(void *self, const kn_request *request)
 {
@@ -204,6 +214,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     return KN_LINK_OK;
 }
 
+// Execute the rest of the request, and return its reply if all operations are done.
 static kn_link_status look(bar *b, kn_reply *reply)
 {
     kn_link_status status = advance(b);
@@ -215,6 +226,7 @@ static kn_link_status look(bar *b, kn_reply *reply)
     return KN_LINK_OK;
 }
 
+// Poll without sleeping for SPIN_NS, then sleep NAP_NS between polls until the deadline.
 static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
 {
     bar *b = self;
@@ -228,15 +240,9 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
     }
 }
 
-static void forget(void *self)
-{
-    ((bar *)self)->asked = false;
-}
+static void forget(void *self) { ((bar *)self)->asked = false; }
 
-static void count(const void *self, kn_link_counts *counts)
-{
-    *counts = ((const bar *)self)->counts;
-}
+static void count(const void *self, kn_link_counts *counts) { *counts = ((const bar *)self)->counts; }
 
 static void close_bar(void *self)
 {
@@ -249,8 +255,9 @@ static void close_bar(void *self)
 
 // ---- opening
 
-// First without access, then with: where a process has locked all its memory, pages would else be made of every word.
-// Those that a tick needs of a file are made here, and not by the tick; a BAR has all of its.
+// Map the file without access first, and allow access afterwards. If the process locks all its memory, mapping with
+// access would allocate pages for every word. Touch the pages of a file that a tick needs, so that the tick meets no
+// page fault. For a BAR this is not necessary.
 static void *map(int fd, size_t bytes, bool shm)
 {
     void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
@@ -264,20 +271,18 @@ static void *map(int fd, size_t bytes, bool shm)
     return NULL;
 }
 
+// Open and lock the file, check its size and map it.
 static bool open_file(kn_link *link, const char *name, const char *path, bool shm, char why[KN_LINK_WHY])
 {
     struct stat s = {0};
     bar *b = calloc(1, sizeof *b);
     void *at = NULL;
     int fd = open(path, O_RDWR | O_SYNC | O_CLOEXEC);
-    if (fd < 0 || fstat(fd, &s))
-        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
-    else if (flock(fd, LOCK_EX | LOCK_NB))
-        snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+    if (fd < 0 || fstat(fd, &s)) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+    else if (flock(fd, LOCK_EX | LOCK_NB)) snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
     else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
         snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
-    else if (!b || !(at = map(fd, (size_t)s.st_size, shm)))
-        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+    else if (!b || !(at = map(fd, (size_t)s.st_size, shm))) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
     if (!at) {
         if (fd >= 0) close(fd);
         free(b);

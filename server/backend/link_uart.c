@@ -1,4 +1,4 @@
-// A serial line, or a pseudo-terminal.
+// A link over a serial line or a pseudo-terminal.
 #include "server/backend/link.h"
 #include "server/clock.h"
 #include <errno.h>
@@ -16,15 +16,17 @@
 typedef struct uart {
     int fd;
     bool asked;
-    kn_link_status down; // of a line that is no more
+    kn_link_status down; // reason why the line is gone; OK: the line works
     kn_framer framer;
     kn_request request;
     kn_link_counts counts;
     size_t out_at, out_size, in_at, in_size;
-    uint8_t out[1 + KN_FRAMER_WIRE]; // a 0x00 first, so that what stands on the line ends there
+    // Send a 0x00 first, so that a partial frame that is already on the line ends there.
+    uint8_t out[1 + KN_FRAMER_WIRE];
     uint8_t in[4096];
 } uart;
 
+// Note the first fatal error of the line; all later calls return it.
 static kn_link_status fallen(uart *u, kn_link_status status)
 {
     if (u->down == KN_LINK_OK) u->down = status;
@@ -36,6 +38,7 @@ static kn_link_status error(uart *u)
     return fallen(u, errno == EIO || errno == ENXIO || errno == ENODEV ? KN_LINK_GONE : KN_LINK_IO);
 }
 
+// Write as many bytes of the request as the line accepts now.
 static kn_link_status push(uart *u)
 {
     while (u->out_at < u->out_size) {
@@ -61,7 +64,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     return push(u);
 }
 
-// What has been read: a reply, or CRC when what came instead was broken.
+// Look for a reply in the bytes that were read. Return CRC if a damaged frame arrived instead.
 static kn_link_status hear(uart *u, kn_reply *reply)
 {
     kn_framer *f = &u->framer;
@@ -70,6 +73,8 @@ static kn_link_status hear(uart *u, kn_reply *reply)
         int64_t broken = f->crc + f->cobs + f->length;
         size_t payload = kn_framer_read(f, u->in + u->in_at, u->in_size - u->in_at, &used);
         u->in_at += used;
+        // A good frame is the reply to the request, or a stray reply (for example the reply to a request that was
+        // dropped).
         if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
             u->asked = false;
             u->counts.received++;
@@ -81,7 +86,7 @@ static kn_link_status hear(uart *u, kn_reply *reply)
     return KN_LINK_LATE;
 }
 
-// Returns LATE when nothing more is there.
+// Read the bytes that have arrived. Return LATE if there are none. Treat an end of file as a hang-up.
 static kn_link_status take(uart *u)
 {
     ssize_t n = read(u->fd, u->in, sizeof u->in);
@@ -92,6 +97,7 @@ static kn_link_status take(uart *u)
     return errno == EAGAIN || errno == EINTR ? KN_LINK_LATE : error(u);
 }
 
+// Sleep until the line can be read or written, or until the deadline.
 static kn_link_status doze(uart *u, int64_t deadline_ns)
 {
     int64_t left = deadline_ns - kn_now_ns();
@@ -102,10 +108,13 @@ static kn_link_status doze(uart *u, int64_t deadline_ns)
     return KN_LINK_OK;
 }
 
+// Look for a reply in the bytes read, send the rest of the request, read more bytes, and sleep if there is nothing to
+// do.
 static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *reply)
 {
     uart *u = self;
-    for (bool looked = false;; looked = true) { // whoever babbles holds nobody up
+    // Check the deadline in each turn, so that a line that never stops sending cannot delay the caller.
+    for (bool looked = false;; looked = true) {
         kn_link_status heard = hear(u, reply);
         if (heard != KN_LINK_LATE) return heard;
         if (looked && kn_now_ns() >= deadline_ns) return KN_LINK_LATE;
@@ -119,6 +128,7 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
     }
 }
 
+// Drop the request, and all bytes on their way in this module and in the kernel.
 static void forget(void *self)
 {
     uart *u = self;
@@ -152,7 +162,8 @@ static const struct {
               {1000000, B1000000}, {1152000, B1152000}, {1500000, B1500000}, {2000000, B2000000}, {2500000, B2500000},
               {3000000, B3000000}, {3500000, B3500000}, {4000000, B4000000}};
 
-static speed_t speed_of(int baud) // B0: none
+// Return the termios speed of a rate; B0 if there is none.
+static speed_t speed_of(int baud)
 {
     for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++)
         if (speeds[i].baud == baud) return speeds[i].speed;
@@ -169,7 +180,8 @@ bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
     return false;
 }
 
-// Raw, eight bits, no flow control, no modem lines. VMIN 1: with 0 an empty line and a hang-up both read as nothing.
+// Set the line to raw mode: eight bits, no flow control, no modem lines. VMIN is 1, because with VMIN 0 an empty line
+// and a hang-up could not be distinguished.
 static bool make_raw(int fd, int baud, speed_t speed)
 {
     struct termios t;
@@ -182,8 +194,8 @@ static bool make_raw(int fd, int baud, speed_t speed)
     return tcsetattr(fd, TCSANOW, &t) == 0;
 }
 
-// An adapter collects what comes for up to 16 ms unless told otherwise, by its driver or in sysfs. Where neither takes
-// it, it stays slow.
+// Set the USB adapter to low latency; otherwise the adapter collects input for up to 16 ms. The setting is made through
+// the driver or through sysfs. If neither accepts the setting, the adapter stays slow.
 static void hurry(int fd, const char *path, const char *sysfs)
 {
     struct serial_struct serial;
@@ -201,17 +213,20 @@ static void hurry(int fd, const char *path, const char *sysfs)
     close(timer);
 }
 
+// Lock the line for this process, set it to raw mode and drop old input.
 static bool take_line(uart *u, const char *path, int baud, speed_t speed, char why[KN_LINK_WHY])
 {
     if (flock(u->fd, LOCK_EX | LOCK_NB)) {
-        snprintf(why, KN_LINK_WHY, "%s: another program has it", path);
+        snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
         return false;
     }
     if (!make_raw(u->fd, baud, speed)) {
         snprintf(why, KN_LINK_WHY, "%s: %s: expected a serial line", path, strerror(errno));
         return false;
     }
-    if (baud) ioctl(u->fd, TIOCEXCL); // of a pseudo-terminal it would outlive us, its other end has it open
+    // Do not lock a pseudo-terminal: the program at its other end keeps it open, so the lock would outlive this
+    // process.
+    if (baud) ioctl(u->fd, TIOCEXCL);
     tcflush(u->fd, TCIOFLUSH);
     return true;
 }
@@ -226,7 +241,7 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     uart *u = calloc(1, sizeof *u);
     if (u) u->fd = fd;
     if (!u || !take_line(u, path, baud, speed_of(baud), why)) {
-        if (!u) snprintf(why, KN_LINK_WHY, "%s: memory is short", path);
+        if (!u) snprintf(why, KN_LINK_WHY, "%s: not enough memory", path);
         close(fd);
         free(u);
         return false;

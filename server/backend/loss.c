@@ -1,5 +1,6 @@
 #include "server/backend/loss.h"
 
+// Words and meanings of the reasons, indexed by kn_loss; the last entry means no loss.
 static const struct {
     const char *word, *means;
 } losses[KN_LOSS_COUNT + 1] = {
@@ -8,11 +9,5 @@ static const struct {
 #undef KN_LOSS_ROW
         [KN_LOSS_COUNT] = {"none", "in step"}};
 
-const char *kn_loss_word(kn_loss loss)
-{
-    return losses[loss].word;
-}
-const char *kn_loss_means(kn_loss loss)
-{
-    return losses[loss].means;
-}
+const char *kn_loss_word(kn_loss loss) { return losses[loss].word; }
+const char *kn_loss_means(kn_loss loss) { return losses[loss].means; }

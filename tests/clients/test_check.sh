@@ -10,13 +10,13 @@ dough=$KN_SOURCE/core/scenes/dough.yaml
 refuses 2 "knead check: --set material.k1: '300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material.k1=300
 refuses 2 "knead check: --quality quick: expected fast, balanced, accurate or own" "$dough" --quality quick
-refuses 2 "knead check: --quality fast: the scene names no point of quality, expected this left out" \
+refuses 2 "knead check: --quality fast: the scene has no quality points, expected this left out" \
     "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
 knead check "$dough" --quality fast | grep -q "^quality *fast: .*; in force" || fail "the point in force"
 refuses 2 "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
 refuses 2 "knead check: '': expected the name of a scene file" ''
 refuses 2 "knead check: unrecognized option '--wood'" "$dough" --wood
-refuses 2 "knead check: expected one scene file; --help tells the rest"
+refuses 2 "knead check: expected one scene file; see --help"
 
 # An unstable Runge-Kutta step is refused, and the message names the limit.
 knead check "$dough" --set solver.kind=rk4 >out 2>err
@@ -59,15 +59,15 @@ knead check tools.yaml --set support=none --set gravity='9.8 m/s^2' | grep -q '^
 
 # Two resolutions.
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
-knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice it outside: 3210 nodes" ||
+knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice that outside: 3210 nodes" ||
     fail "the box is not told"
-knead check "$fine" --set object.margin='5 cm' | grep -q "^accuracy *the tools reach all of it: uniform" || fail "a box that is the block"
+knead check "$fine" --set object.margin='5 cm' | grep -q "^accuracy *the tools reach the whole object: uniform" || fail "a box that is the block"
 knead check "$fine" --set object.accuracy=0 | grep -q "^accuracy" && fail "accuracy 0 makes a box"
 refuses 2 "knead check: --set object.accuracy: probes.plate.reach is missing, expected [x, x, y, y] with object.accuracy" \
     "$dough" --set object.accuracy='1 %'
 refuses 2 "$fine:8:13: object.size along z is 17 spacings, expected an even number with object.accuracy" \
     "$fine" --set object.size='[4.5 cm, 4.5 cm, 2.55 cm]'
-refuses 2 "$fine:8:13: object.accuracy: a fine box goes without pressure" "$fine" --set object.pressure=cells
+refuses 2 "$fine:8:13: object.accuracy: a fine box needs pressure: none" "$fine" --set object.pressure=cells
 refuses 2 "$fine:8:13: object.accuracy means nothing with 'structure: axis', expected it left out" "$fine" --set object.structure=axis
 refuses 2 "$fine:8:13: object.accuracy means nothing with object.mesh, expected it left out" \
     "$fine" --set object.mesh="$KN_SOURCE/tests/core/meshes/cube-41.msh" --set object.mesh_unit=mm
@@ -75,9 +75,9 @@ knead check "$fine" --set object.structure=axis --set object.accuracy=0 >/dev/nu
 refuses 2 "$fine:8:13: object.accuracy: a fine box needs the implicit solver" "$fine" --set solver.kind=rk4 --set solver.dt='1 us'
 refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach ends at -1 m along x, expected 1 m or more" \
     "$fine" --set probes.spatula.reach='[1 m, -1 m, 0, 0]'
-refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all others are beside the object, expected a reach on it" \
+refuses 2 "knead check: --set probes.spatula.reach: probes.spatula.reach and all others lie outside the object, expected a reach on it" \
     "$fine" --set probes.spatula.reach='[1 m, 2 m, 0, 0]' --set probes.fingertip.reach='[1 m, 2 m, 0, 0]'
-refuses 2 "knead check: $dough: states no object.accuracy, expected it with --log" "$dough" --log none.lcmlog
+refuses 2 "knead check: $dough: has no object.accuracy, which --log needs" "$dough" --log none.lcmlog
 refuses 2 "knead check: none.lcmlog: No such file or directory, expected an LCM event log" "$fine" --log none.lcmlog
 
 # A material file of one's own. Its path is relative to the scene's folder, or to this folder when --set names it.
@@ -93,14 +93,14 @@ sed 's/k1: 5 kPa, //' folder/mine.yaml >folder/bad.yaml
 refuses 2 "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material=folder/bad.yaml
 echo 'support: none' >>folder/mine.yaml
-refuses 2 "folder/own.yaml:9:11: support stands in folder/mine.yaml, expected a material and its density alone" folder/own.yaml
+refuses 2 "folder/own.yaml:9:11: support is in folder/mine.yaml, expected only a material and its density there" folder/own.yaml
 
 # A plastic material: one damper in effect, or a warning. For a stroke the program tells the range of lengths.
 knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"
 ! grep -q "^warning.*c/c2" out || fail "dough-plastic warns of itself"
 knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *|c/c2 - 1| is up to 94 %, above 5 %" || fail "c1 too small"
 knead check "$dough" --set material.stroke='[0.02, 0.98]' |
-    grep -q "^stroke *a 0.02 to 0.98 around 0.2: left alone an edge is 0.2041 to 10 times as long" || fail "stroke"
+    grep -q "^stroke *a 0.02 to 0.98 around 0.2: without load an edge has 0.2041 to 10 times its" || fail "stroke"
 
 # Structure, gas, and combinations that are impossible.
 pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml

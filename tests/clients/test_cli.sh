@@ -51,7 +51,7 @@ for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
 done
 begins 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
 begins 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
-begins 2 'knead web: --listen-fd 0: expected a socket that listens' knead web --listen-fd 0
+begins 2 'knead web: --listen-fd 0: expected a listening socket' knead web --listen-fd 0
 begins 2 'knead web: page: expected an option' knead web page
 begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
@@ -62,7 +62,7 @@ begins 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
 begins 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
 begins 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
 begins 2 'knead tradeoff: --dt 2 ms: expected' knead tradeoff --dt '2 ms' scene log
-begins 2 'knead tradeoff: bad.csv: no record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
+begins 2 'knead tradeoff: bad.csv: not a record of an LCM event log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" bad.csv
 begins 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
 
 # A malformed backend URI is bad input, found before a log or a scene is read. A missing device is a failure of the
@@ -84,6 +84,6 @@ begins 2 'knead probe: tcpq://127.0.0.1:7700: expected udpm://GROUP:PORT' knead 
 begins 2 'knead probe: udpm://: expected udpm://GROUP:PORT' knead probe --mesh-url udpm://
 begins 2 'knead probe: file://x: expected udpm://GROUP:PORT' env LCM_DEFAULT_URL=file://x knead probe
 ip route del 224.0.0.0/4 dev lo
-begins 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the group' knead probe
+begins 3 'knead probe: udpm://239.255.76.67:7667?ttl=0: the multicast group is not routed' knead probe
 
 exit $failed

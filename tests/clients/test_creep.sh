@@ -41,7 +41,7 @@ refuses 2 "knead creep: --param d1=3Pa: '3Pa' has another dimension, expected so
 refuses 2 "knead creep: --param k=5kPa: expected PART=VALUE with a part of s1|d1" creep voigt --param k=5kPa
 refuses 2 "knead creep: --param d1: d1 needs 0 <= p0 < p1, finite" creep d --param d1='exp(1 kPa*s, 1 1/Pa, 9 Pa, 8 Pa)'
 refuses 2 "knead creep: --param s1: s1 needs a finite modulus above 0" creep s --param s1='0 Pa'
-refuses 2 "knead creep: --param s1=1Pa: dough is no expression, expected --set KEY=VALUE" creep dough --param s1=1Pa
+refuses 2 "knead creep: --param s1=1Pa: dough is not an expression, expected --set KEY=VALUE" creep dough --param s1=1Pa
 refuses 2 "knead creep: --set x=1: s is an expression, expected --param, or a scene" creep s --set x=1
 refuses 2 "knead creep: --load 50: expected weights above 0 like 50gf or 10gf,30gf,0.5N" creep dough --load 50
 refuses 2 "knead creep: --hold 0: expected a time like 60 or '1000 ms'" creep dough --hold 0
@@ -50,7 +50,7 @@ refuses 2 "knead creep: --lattice 3x3: expected cells along x, y, z like 4x4x4, 
 refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s|d, s-d, d or (s|d)-d, force-dependent only in series; without --lattice any element runs" \
     creep zener --param s1=1kPa --param d1='1 kPa*s' --param s2=1kPa --lattice 2x2x2
 refuses 2 "missing.yaml:1:1: No such file or directory, expected a scene file" creep missing.yaml
-refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; --help tells the rest" creep
+refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help" creep
 begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"
 begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --png folder
 mkdir bare && ln -s "$(command -v sh)" bare/sh

@@ -24,17 +24,17 @@ grep -q "^All three with the fewest parts: (d) and (f)\." catalogue || fail "(d)
 says 'd-(d|s)' 'element     (s|d)-d, jeffreys: 1 spring, 2 dampers; figure 2 (d)' \
     's|d          no, in parallel one that has none takes it back (Table 1b): s' \
     'every part of the series has a damper: s|d, d' 'has all three properties of a rheological object' \
-    'impedance   Z(p) = (b1 p + b2 p^2) / (1 + a1 p)' 'at last     fluid' 'at once     dashpot' \
+    'impedance   Z(p) = (b1 p + b2 p^2) / (1 + a1 p)' 'long term   fluid' 'instant     dashpot' \
     'parameters  3 of 3' 'as Maxwell units side by side (s-d)|d' "of the paper's figure 2: d f;"
-says zener 'at last     solid' 'at once     spring' 'class       standard linear solid' \
+says zener 'long term   solid' 'instant     spring' 'class       standard linear solid' \
     'the rule says "decreases" here and "remains" of (s|d)-s, the same one-port'
 says 's-(s|d)' 'the rule says "remains" here and "decreases" of (s-d)|s, the same one-port'
-says '((s-d)|d)-d' 'parameters  3 of 4 can be identified: it is more complicated than what it does' 'class       Jeffreys'
+says '((s-d)|d)-d' 'parameters  3 of 4 can be identified: the element has more parts than its response shows' 'class       Jeffreys'
 says s 'not rheological: no residual deformation, vibration remains' 'swings for ever'
 
 refuses 2 "EXPR:1:3: unknown element 'x', expected s, d, a name like voigt, or (" 's-x'
 refuses 2 "EXPR:1:1: ends here, expected s, d, a name like voigt, or (" ''
-refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest"
-refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; --help tells the rest" --catalogue s
+refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; see --help"
+refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; see --help" --catalogue s
 refuses 2 "knead element: unrecognized option '--wood'" --wood
 exit $failed

@@ -48,7 +48,7 @@ grep -q '^k1 *>= ' hold.txt && grep -q '^c1/k1 *5\.[23]' hold.txt && grep -q '^a
 awk -F, 'BEGIN { print "time [s],modulus [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 / 0.3 }' all.csv >modulus.csv
 knead identify relax modulus.csv --no-models >modulus.txt 2>err || fail "modulus: $(cat err)"
 grep -q 'in units of the modulus' modulus.txt && ! grep -q '^k1 ' modulus.txt && ok "a modulus: in its units, and no k1" || fail "modulus"
-begun=yes refuses 2 "knead identify relax: --out m.yaml: without the strain that was held there is no material, expected it in the file or by --strain" identify relax modulus.csv --out m.yaml
+begun=yes refuses 2 "knead identify relax: --out m.yaml: no material without the held strain, expected it in the file or by --strain" identify relax modulus.csv --out m.yaml
 knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && grep -q 'k1: .*>= .*nothing had flowed' m.yaml &&
     ok "with --strain it makes one, which says that k1 is a bound" || fail "modulus with --strain: $(cat err)"
 
@@ -89,7 +89,7 @@ knead identify relax below.csv >out 2>err
 [ $? = 2 ] && grep -q '^below.csv:[0-9]*:1: a stress of .* expected one above 0, or --noise constant$' err && ok "a stress below 0 has no logarithm" || fail "below: $(cat err)"
 awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 90; i++) printf "%d,%.1f\n", i, i < 30 ? 1000 : 500 }' >drop.csv
 knead identify relax drop.csv --no-models --out drop.yaml >out 2>err
-[ $? = 1 ] && grep -q 'not written, no scene takes it: material.*expected a number' err && [ ! -e drop.yaml ] && grep -q '^beta' out && ok "a stress that drops is not the element, and makes no material" ||
+[ $? = 1 ] && grep -q 'not written, no scene accepts it: material.*expected a number' err && [ ! -e drop.yaml ] && grep -q '^beta' out && ok "a stress that drops is not the element, and makes no material" ||
     fail "drop: $(cat err)"
 awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 60; i++) printf "%d,%.1f\n", i, 1000 + i }' >rise.csv
 knead identify relax rise.csv >out 2>err
@@ -103,9 +103,9 @@ knead identify relax furlong.csv --height '1 cm' >out 2>err
 [ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected one of displacement, e.g. m" ] &&
     ok "a unit that is none" || fail "furlong: $(cat err)"
 sed 1d hold.csv >strainless.csv
-begun=yes refuses 2 "knead identify relax: --out m.yaml: without the strain that was held there is no material, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml
+begun=yes refuses 2 "knead identify relax: --out m.yaml: no material without the held strain, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml
 awk -F, 'BEGIN { print "# area: 1 cm^2\ntime [s],load [N]" } NR > 2 { printf "%s,%.7g\n", $1, $2 * 1e-4 }' hold.csv >load.csv
-refuses 2 "load.csv:2:1: a load without the strain, by which the section has grown, expected a line '# strain: 10 %' or '# section: constant', --strain or --constant-area" identify relax load.csv
+refuses 2 "load.csv:2:1: a load without the strain, which is needed for the area, expected a line '# strain: 10 %' or '# section: constant', --strain or --constant-area" identify relax load.csv
 knead identify relax load.csv --constant-area --no-models >out 2>err && sed '1i # section: constant' load.csv >section.csv &&
     knead identify relax section.csv --no-models >out 2>err && ok "and what it expects is taken" || fail "load: $(cat err)"
 printf 'mine\n' >mine.yaml

@@ -67,7 +67,7 @@ awk '$1 == "k1:" { k = $2 } END { exit !(k > 3 * 46091 * 0.95 && k < 3 * 46091 *
     ok "--shear: three times as much in compression" || fail "--shear"
 
 swept 0.01 burgers --param s1='2 MPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' --freq 0.0005:0.5:31
-knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'no material of a scene is it, the nearest' out && [ -s nearest.yaml ] &&
+knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'a scene cannot have this element; the nearest' out && [ -s nearest.yaml ] &&
     ok "an element that no scene can have: the nearest, and that it is not it" || fail "nearest: $(cat err)"
 far='(s|d)-d, which a scene can load, does not describe these data: it is [0-9.]* % off on average, (s|d)-s-d [0-9.]* %'
 grep -q "^note: $far\$" out && grep -q "^# Beware: $far.\$" nearest.yaml && ok "output and material say how far it is off" || fail "how far: $(cat out nearest.yaml)"
@@ -78,12 +78,12 @@ knead identify sweep swb.csv --out absurd.yaml >out 2>err
     ok "an element that is beside all data makes no material" || fail "absurd: $(cat err)"
 swept 0 maxwell --param s1='10 kPa' --param d1='50 kPa*s' $range && sed '1s/Pa/MPa/g' sweep.csv >stiff.csv
 knead identify sweep stiff.csv --out stiff.yaml >out 2>err
-[ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q '^note: no scene takes this material: material.k1 is 1e+10 Pa, out of range' out &&
-    grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene takes it: material.k1' err && ok "a material that no scene takes is not written" ||
+[ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q '^note: no scene accepts this material: material.k1 is 1e+10 Pa, out of range' out &&
+    grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene accepts it: material.k1' err && ok "a material that no scene takes is not written" ||
     fail "no scene takes it: $(cat out err)"
 swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
 knead identify sweep sweep.csv --out absurd.yaml >out 2>err
-[ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'no material of a scene is it, the nearest' out || fail "absurd, too: $(cat err)"
+[ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'a scene cannot have this element; the nearest' out || fail "absurd, too: $(cat err)"
 if command -v gnuplot >/dev/null; then
     knead identify sweep sweep.csv --png fit.png --report report >out 2>err || fail "--png, --report: $(cat err)"
     head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || fail "--png, --report"

@@ -77,7 +77,7 @@ TEST("objects of different shapes are refused, by how much they differ")
     char error[300];
     AT_END(kn_still_free) kn_still a = sheet(11, 0, 0), b = sheet(11, 0.003f, 0);
     CHECK(!kn_match_make(&m, &a, &b, error, sizeof error));
-    CHECK(strstr(error, "up to 3 mm apart, expected objects of one shape") != NULL);
+    CHECK(strstr(error, "up to 3 mm apart, expected objects of the same shape") != NULL);
 }
 
 TESTS_MAIN

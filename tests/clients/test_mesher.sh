@@ -24,7 +24,7 @@ done <"$bad/expected"
 
 # ---- wrong arguments
 surface=$KN_SOURCE/tests/clients/surfaces/block.obj
-refuses 2 "knead mesh: expected one .obj, .stl or .msh file; --help tells the rest"
+refuses 2 "knead mesh: expected one .obj, .stl or .msh file; see --help"
 refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
 refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected .obj or .stl" "$meshes/block.msh" --size 5mm
 refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" -o x.msh
@@ -56,15 +56,15 @@ refused() { refuses 2 "$1:$2" "$1" --size 1cm -o x.msh; }
 refused hole.obj "11:1: the surface has holes: 4 edges belong to one triangle only, the first to triangle 2; expected a closed surface"
 refused three.obj "15:1: triangles 6, 9 and 13 share one edge, expected two at every edge"
 refused turned.obj "16:1: triangles 5 and 12 face opposite ways, expected all to face outwards"
-refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 is not of the first"
+refused two.obj "25:1: 2 closed surfaces, expected one: triangle 13 does not belong to the first"
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0.3 0\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 1 3 2\n' >flat.obj
-refused flat.obj "1:1: the surface encloses nothing, expected a body of some volume"
+refused flat.obj "1:1: the surface encloses no volume, expected a body"
 refused points.obj "1:1: no triangles, expected a closed surface"
 refused number.obj "2:5: no vertex so far with this number, expected 1 to 1"
 refused text.obj "2:7: not a finite number, expected a coordinate"
 refused face.obj "2:1: a face of 2 corners, expected 3 or more"
 refused empty.stl "1:1: empty, expected a closed surface"
-refused prose.stl "1:1: no STL: neither binary nor text, expected 'solid'"
+refused prose.stl "1:1: not an STL file: neither binary nor text, expected 'solid'"
 refused corner.stl "5:1: a facet of 2 corners, expected 3"
 refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for them, not 200"
 [ -e x.msh ] && fail "a mesh of a surface that was refused"
@@ -72,9 +72,9 @@ refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for
 # ---- without the programs
 mkdir empty
 PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: gmsh is not installed, expected it: apt-get install gmsh" "$surface" --size 1cm -o x.msh
+    "knead mesh: $surface: gmsh is not installed: apt-get install gmsh" "$surface" --size 1cm -o x.msh
 PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: tetgen is not installed, expected it: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
+    "knead mesh: $surface: tetgen is not installed: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
     --tool tetgen
 [ $failed = 0 ] || exit 1
 for tool in gmsh tetgen; do

@@ -26,7 +26,7 @@ paste <(grep '^ *[0-9]' small) <(grep '^ *[0-9]' linear) >both # 5 columns of ea
 [ "$(wc -l <both)" = 3 ] && awk '{ a = $2 / $7 - 1; b = $3 / $8 - 1; if (a * a > 1e-6 || b * b > 1e-6) exit 1 }' both || fail "small swings are not linear: $(cat both)"
 knead sweep dough --freq 1:2:2 --amplitude 1% >out
 awk '$1 == "1" { thin = $3 } END { exit !(thin < 1e6) }' out || fail "dough does not thin: $(cat out)"
-begun=yes refuses 2 "knead relax: dough: (s1|d1)-d2: answers at once with a dashpot, so a step of strain needs an infinite stress, expected --ramp RATE, e.g. --ramp 10%/s" relax dough
+begun=yes refuses 2 "knead relax: dough: (s1|d1)-d2: responds as a dashpot at first, so a step of strain needs an infinite stress, expected --ramp RATE, e.g. --ramp 10%/s" relax dough
 refuses 2 "knead relax: --ramp 5: expected a strain per second like 10%/s, or a speed like '1 mm/s'" relax dough --ramp 5
 refuses 2 "knead relax: --strain 150%: expected a share of the height between 0 and 100 %, like 10%" relax dough --strain 150%
 begun=yes refuses 2 "knead relax: --lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%/s" relax s --param s1=1kPa --lattice 2x2x2

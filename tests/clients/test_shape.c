@@ -428,8 +428,8 @@ TEST("where nothing explains it the least off is nearest, and none that is less 
     c[1].no_gas_left = true;
     kn_verdict_make(&v, 3, c, &e);
     CHECK(v.best == 2 && v.rival == 0 && !v.explained && v.delta[0] < v.delta[2]);
-    CHECK(strstr(v.words, "both comes nearest and is 10.0 times") &&
-          strstr(v.words, "diagonals is nearly as near, 10.5"));
+    CHECK(strstr(v.words, "both comes nearest and is off by 10.0 times") &&
+          strstr(v.words, "diagonals is nearly as close, 10.5"));
     for (int i = 0; i < 3; i++) c[i].sum = 0.01 * off[i] * off[i] * e.readings;
     kn_verdict_make(&v, 3, c, &e);
     CHECK(v.best == 0 && v.rival == 2 && v.explained); // the fewest numbers that explain the data
@@ -502,7 +502,7 @@ TEST("points that lack a coordinate are left out, rows of a force in a wrong pla
     kn_hear();
     CHECK(kn_shape_measured(&e, &o, c) == KN_EXIT_USAGE);
     kn_hear_end();
-    CHECK(strstr(kn_heard, "disorder.csv:102:1: time begins anew, expected one press in a file"));
+    CHECK(strstr(kn_heard, "disorder.csv:102:1: time restarts, expected one press per file"));
     kn_candidate_free(c);
 }
 
@@ -533,10 +533,10 @@ TEST(
     if (in) fclose(in);
     CHECK(strstr(line, "rows.csv, 'contact_fz' over 'time' of plate: "));
     CHECK(strstr(line, "diagonals explains it"));
-    CHECK(strstr(line, "note       the scene's object.pressure=object is left out"));
+    CHECK(strstr(line, "note       the scene's object.pressure=object is ignored"));
     write_text("other.csv", "time_s,probe,force_n\n0,thumb,1\n1,thumb,2\n");
-    REFUSES("other.csv:1:8: 2 rows of another probe than 'plate', expected rows of it", SMALL, "--depth", "depth.png",
-            "--force", "other.csv");
+    REFUSES("other.csv:1:8: 2 rows, all of another probe than 'plate', expected rows of it", SMALL, "--depth",
+            "depth.png", "--force", "other.csv");
 }
 
 // ---- bad input: one line each, exit 2
@@ -568,7 +568,7 @@ TEST("images that are none are told in one line")
     fclose(f);
     fclose(half);
     REFUSES("nosuch.png: No such file", SMALL, "--depth", "nosuch.png");
-    REFUSES("words.png: is no PNG, expected a range image", SMALL, "--depth", "words.png");
+    REFUSES("words.png: is not a PNG, expected a range image", SMALL, "--depth", "words.png");
     REFUSES("color.png: 8 bits of colour, expected 16 bits of grey", SMALL, "--depth", "color.png");
     REFUSES("bare.png: does not say step_mm, expected a range image of knead view --depth, or --step", SMALL, "--depth",
             "bare.png");
@@ -577,12 +577,12 @@ TEST("images that are none are told in one line")
     REFUSES("odd.png: top_mm is x, expected a place in mm", SMALL, "--depth", "odd.png");
     REFUSES("wide.png: 9000 x 2 pixels, expected at most 8192 on a side", SMALL, "--depth", "wide.png");
     REFUSES("half.png: ", SMALL, "--depth", "half.png");
-    REFUSES("nothing.png: every pixel is 0, expected to see something", SMALL, "--depth", "nothing.png", "--step",
-            "1 um", "--pixel", "0.2 mm", "--left", "-6 mm", "--top", "6 mm");
-    REFUSES("full.png: sees something of 12", SMALL, "--depth", "full.png", "--step", "1 um", "--pixel", "0.04 mm",
+    REFUSES("nothing.png: every pixel is 0, expected an object", SMALL, "--depth", "nothing.png", "--step", "1 um",
+            "--pixel", "0.2 mm", "--left", "-6 mm", "--top", "6 mm");
+    REFUSES("full.png: shows an extent of 12", SMALL, "--depth", "full.png", "--step", "1 um", "--pixel", "0.04 mm",
             "--left", "-6 mm", "--top", "6 mm");
-    REFUSES("full.png: stands 200 mm high, expected about the object's 30 mm", SMALL, "--depth", "full.png", "--step",
-            "10 um", "--pixel", "0.2 mm", "--left", "-32 mm", "--top", "32 mm");
+    REFUSES("full.png: shows a height of 200 mm, expected about the object's 30 mm", SMALL, "--depth", "full.png",
+            "--step", "10 um", "--pixel", "0.2 mm", "--left", "-32 mm", "--top", "32 mm");
     REFUSES("/: ", SMALL, "--depth", "/");
 }
 
@@ -598,22 +598,21 @@ TEST("what cannot be asked for is told in one line")
     write_text("few.csv", "x_mm,y_mm,z_mm\n20,20,30\n");
     write_text("flat.csv", "x_mm,y_mm\n20,20\n");
     REFUSES("expected one scene", "--depth", "depth.png");
-    REFUSES("expected --depth IMAGE.png or --points FILE.csv: a shape", SMALL);
+    REFUSES("expected a shape: --depth IMAGE.png or --points FILE.csv", SMALL);
     REFUSES("--nonsense: unknown option", SMALL, "--nonsense");
     REFUSES("--at x: expected hold, end, or seconds", SMALL, "--depth", "depth.png", "--at", "x");
     REFUSES("--at 99: the press ends at", SMALL, "--depth", "depth.png", "--at", "99");
-    REFUSES("--at: 2 moments, expected one of each of the 1 surfaces", SMALL, "--depth", "depth.png", "--at",
-            "hold,end");
+    REFUSES("--at: 2 times for 1 surfaces, expected one for each", SMALL, "--depth", "depth.png", "--at", "hold,end");
     REFUSES("--pixel 0.2: expected a length above 0", SMALL, "--depth", "depth.png", "--pixel", "0.2");
     REFUSES("--down 5 m: expected a depth", SMALL, "--depth", "depth.png", "--down", "5 m");
     REFUSES("a press of 28 mm, expected at most 24 mm", SMALL, "--depth", "depth.png", "--down", "28 mm");
-    REFUSES("--only diagonal: 'diagonal' is no structure", SMALL, "--depth", "depth.png", "--only", "diagonal");
+    REFUSES("--only diagonal: unknown structure 'diagonal'", SMALL, "--depth", "depth.png", "--only", "diagonal");
     REFUSES("--only mesh: dough-small.yaml has no such structure without --mesh", SMALL, "--depth", "depth.png",
             "--only", "mesh");
     REFUSES("--mesh: expected --mesh-unit", SMALL, "--depth", "depth.png", "--mesh", "x.msh");
     REFUSES("--mesh nosuch.msh: no such file", SMALL, "--depth", "depth.png", "--mesh", "nosuch.msh", "--mesh-unit",
             "mm");
-    REFUSES("--probe thumb: the scene has none of that name", SMALL, "--depth", "depth.png", "--probe", "thumb");
+    REFUSES("--probe thumb: the scene has no probe of that name", SMALL, "--depth", "depth.png", "--probe", "thumb");
     REFUSES("depth.png: is being read", SMALL, "--depth", "depth.png", "--out-depth", "depth.png");
     REFUSES("--hold: expected no --log", SMALL, "--depth", "depth.png", "--hold", "3", "--log", "x.lcmlog");
     REFUSES("x.lcmlog: No such file", SMALL, "--depth", "depth.png", "--log", "x.lcmlog");
@@ -622,19 +621,19 @@ TEST("what cannot be asked for is told in one line")
     REFUSES("late.csv: 0 readings between", SMALL, "--depth", "depth.png", "--force", "late.csv");
     REFUSES("back.csv: 3 readings between", SMALL, "--depth", "depth.png", "--force", "back.csv");
     REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
-    REFUSES("few.csv: 1 points of the surface", SMALL, "--points", "few.csv");
+    REFUSES("few.csv: 1 points on the surface", SMALL, "--points", "few.csv");
     REFUSES("no column z", SMALL, "--points", "flat.csv");
     record_press();
     REFUSES("missed.lcmlog: the finger never touches the object in it", SMALL, "--depth", "depth.png", "--log",
             "missed.lcmlog", "--probe", "finger", "--force", "force.csv");
-    REFUSES(
-        "bun.msh: is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm but for a tenth; is --mesh-unit mm right?",
-        SMALL, "--depth", "depth.png", "--mesh", KN_SOURCE_DIR "/core/scenes/meshes/bun.msh", "--mesh-unit", "mm");
+    REFUSES("bun.msh: the mesh is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm within 10 %; is --mesh-unit "
+            "mm right?",
+            SMALL, "--depth", "depth.png", "--mesh", KN_SOURCE_DIR "/core/scenes/meshes/bun.msh", "--mesh-unit", "mm");
     REFUSES("--png p.png: expected --depth or a force, points are not drawn", SMALL, "--points", "points.csv", "--png",
             "p.png", "--out", "early.yaml");
     CHECK(access("early.yaml", F_OK) != 0);
-    REFUSES("--finer: mesh has elements of its own, expected a block", KN_SOURCE_DIR "/core/scenes/bun.yaml", "--depth",
-            "depth.png", "--finer");
+    REFUSES("--finer: mesh is a mesh, expected a block", KN_SOURCE_DIR "/core/scenes/bun.yaml", "--depth", "depth.png",
+            "--finer");
 }
 
 static size_t bytes_of(const char *path)

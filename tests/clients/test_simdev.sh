@@ -23,19 +23,18 @@ done
 knead-simdev --help >/dev/full 2>err
 [ $? -eq 3 ] || fail "a full disk"
 
-refuses 2 "knead-simdev: no way in: expected one of --uart and --bar NAME"
+refuses 2 "knead-simdev: no connection: expected one of --uart and --bar NAME"
 refuses 2 "knead-simdev: --uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
 refuses 2 "knead-simdev: a/b: expected --bar with a name of 1 to 199 letters, without /" --bar a/b
-refuses 2 "knead-simdev: --link: expected --uart beside it" --bar x --link y
-refuses 2 "knead-simdev: spin=1: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip,spin=1
-refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE], a rate of 0 to 1; --help has the names" --uart --fault flip=2
-refuses 2 "knead-simdev: flip: expected --uart: memory has no frames" --bar x --fault flip
+refuses 2 "knead-simdev: --link: expected --uart with it" --bar x --link y
+refuses 2 "knead-simdev: spin=1: expected --fault NAME[=RATE] with a rate of 0 to 1; --help lists the names" --uart --fault flip,spin=1
+refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE] with a rate of 0 to 1; --help lists the names" --uart --fault flip=2
+refuses 2 "knead-simdev: flip: expected --uart, since memory has no frames" --bar x --fault flip
 refuses 2 "knead-simdev: 1,2: expected --caps with 0..16,0..20,1..10" --uart --caps 1,2
 refuses 2 "knead-simdev: 1x: expected --seed with a whole number" --uart --seed 1x
-refuses 2 "knead-simdev: fast: expected --engine golden, rtl or nano" --uart --engine fast
-refuses 2 "knead-simdev: torn: expected --engine golden: the circuit steps when it is asked" --uart --engine rtl --fault torn
-refuses 2 "knead-simdev: --caps: expected --engine golden: the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
-refuses 2 "knead-simdev: --caps: expected --engine golden: the small circuit is built for 5,7,4" --uart --engine nano --caps 1,2,3
+refuses 2 "knead-simdev: fast: expected --engine golden or rtl" --uart --engine fast
+refuses 2 "knead-simdev: torn: expected --engine golden, since the circuit steps only on request" --uart --engine rtl --fault torn
+refuses 2 "knead-simdev: --caps: expected --engine golden, since the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
 refuses 2 "knead-simdev: more: expected options only" --uart more
 begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file

@@ -128,14 +128,14 @@ TEST("what is kept is not played again; another log, or other sets, are refused 
     CHECK(said("kept: its runs are of another scene, expected"));
     record("tradeoff.lcmlog", 0.002);
     CHECK(RUN(SMALL, "--resume", "kept") == KN_EXIT_USAGE && said("of another log, expected"));
-    CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a sweep's, expected an empty folder"));
+    CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a folder of knead tradeoff --resume"));
 }
 
 TEST("a budget that nothing meets is told by the exit code, one that all meet takes the nearest")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--iterations", "8", "--budget-us", "0.001") == KN_EXIT_FAILED &&
-          said("--budget-us 0.001: no point"));
+          said("--budget-us 0.001: no usable point"));
     CHECK(RUN(SMALL, "--iterations", "1,12", "--budget-us", "1e6") == KN_EXIT_OK && said("1e+06 us"));
     CHECK(!said("iterations=1'"));
 }
@@ -231,7 +231,7 @@ TEST("bad options are refused")
 {
     static const char *const bad[][3] = {{"--iterations", "0", "expected at most 32 whole numbers"},
                                          {"--iterations", "4,", "expected at most 32 whole numbers"},
-                                         {"--solver", "euler", "expected of blend"},
+                                         {"--solver", "euler", "expected any of blend"},
                                          {"--precision", "f16", "expected f32, f64"},
                                          {"--dt", "0.3 ms", "expected at most 32 times"},
                                          {"--dt", "1", "expected at most 32 times"},

@@ -96,15 +96,15 @@ TEST("a file of the user's begins with a profile and changes it; what is wrong i
     CHECK(scene && scene->device.mass_kg == 0.3 && scene->device.force_limit_n == 8.0);
     CHECK(scene && strstr(scene->text, "profile: falcon\n"));
     CHECK(ftruncate(fd, 0) == 0 && pwrite(fd, wrong, strlen(wrong), 0) == (ssize_t)strlen(wrong));
-    CHECK(!with(set) && strstr(error, "gravity stands in"));
+    CHECK(!with(set) && strstr(error, "gravity is in"));
     close(fd);
     unlink(path);
 }
 
 TEST("a basis that is no permutation or left-handed, and a rotation that is none, are refused")
 {
-    CHECK(!with("{profile: touch, basis: [1, 1, 3]}") && strstr(error, "no permutation"));
-    CHECK(!with("{profile: touch, basis: [1, 2.5, 3]}") && strstr(error, "no permutation"));
+    CHECK(!with("{profile: touch, basis: [1, 1, 3]}") && strstr(error, "not a permutation"));
+    CHECK(!with("{profile: touch, basis: [1, 2.5, 3]}") && strstr(error, "not a permutation"));
     CHECK(!with("{profile: touch, basis: [2, 1, 3]}") && strstr(error, "left-handed"));
     CHECK(!with("{profile: touch, rotation: [1, 0, 0, 1]}") && strstr(error, "unit quaternion"));
 }

@@ -79,7 +79,7 @@ TEST("a text whose mesh has moved finds it beside the log, and is the same scene
     // one.
     copy(TEXT_CUBE, in_folder("cube.msh"));
     CHECK(!kn_scene_parse("scene.yaml", scene->text, size, NULL, 0, error, sizeof error));
-    CHECK(strncmp(error, "scene.yaml:5:14: object.mesh_hash is 050304b91b7c46d9, but the mesh is ", 71) == 0);
+    CHECK(strncmp(error, "scene.yaml:5:14: object.mesh_hash is 050304b91b7c46d9, but the mesh has ", 72) == 0);
     OWN(kn_scene) *beside =
         kn_scene_parse_beside(in_folder("moved/log"), "scene.yaml", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(same(scene, beside));

@@ -74,7 +74,7 @@ TEST("the text of its scene is the scene from any folder; moved it is the same, 
     CHECK(strstr(error, "probes.stamp.mesh: No such file or directory, expected a closed surface"));
     write_box(in_folder("stamp.stl"), 20, 15, 13, 0); // another tool in the same place
     CHECK(!kn_scene_parse("x.yaml", scene->text, size, NULL, 0, error, sizeof error));
-    CHECK(strstr(error, ": probes.stamp.mesh_hash is ") && strstr(error, "it was changed since"));
+    CHECK(strstr(error, ": probes.stamp.mesh_hash is ") && strstr(error, "the file has changed since"));
     OWN(kn_scene) *moved =
         kn_scene_parse_beside(in_folder("moved/log"), "x.yaml", scene->text, size, NULL, 0, error, sizeof error);
     CHECK(moved && moved->text_hash == scene->text_hash && strcmp(moved->text, scene->text) != 0);

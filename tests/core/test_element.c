@@ -102,9 +102,9 @@ TEST("a wrong expression gives the column, what is wrong and what was expected")
     check_refused("s|", "EXPR:1:3: ends here, expected s, d, a name like voigt, or (");
     check_refused("s||d", "EXPR:1:3: '|', expected s, d, a name like voigt, or (");
     check_refused("s-(d|s", "EXPR:1:7: not closed, expected -, | or )");
-    check_refused("s-d)", "EXPR:1:4: nothing is open here, expected -, | or the end");
-    check_refused("s d", "EXPR:1:3: cannot go on here, expected -, | or the end");
-    check_refused("s+d", "EXPR:1:2: cannot go on here, expected -, | or the end");
+    check_refused("s-d)", "EXPR:1:4: no ( is open here, expected -, | or the end");
+    check_refused("s d", "EXPR:1:3: cannot continue here, expected -, | or the end");
+    check_refused("s+d", "EXPR:1:2: cannot continue here, expected -, | or the end");
     check_refused("s-dough", "EXPR:1:3: unknown element 'dough', expected s, d, a name like voigt, or (");
     check_refused("s1|d1", "EXPR:1:1: unknown element 's1', expected s, d, a name like voigt, or (");
     check_refused("voigtd", "EXPR:1:1: unknown element 'voigtd', expected s, d, a name like voigt, or (");

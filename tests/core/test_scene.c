@@ -385,7 +385,7 @@ TEST("a bad --set is told by its key")
         {"material.c_max=1 Pa s", "material.c_min is missing, expected it beside material.c_max"},
         {"material={c_max: 1 Pa s, c_min: 2 Pa s}", "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
         {"material={c_max: 3 Pa s, c_min: 2 Pa s, beta: 1 1/MPa}",
-         "material.beta beside c_max and c_min, expected either pair"},
+         "material.beta is given beside c_max and c_min, expected only one of the pairs"},
         {"material={damper: ramp, c_max: 1 Pa s, c_min: 2 Pa s}",
          "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
         {"material={damper: constant, c2: 1 Pa s, c_max: 1 Pa s}",
@@ -401,7 +401,7 @@ TEST("a bad --set is told by its key")
         {"material.stroke=[0.5, 1.5]", "1.5 is out of range, expected a list of 2, each from 0 to 1"},
         {"probes.plate.size=1 cm", "1 value given, expected a list of 2, each from 0.0001 to 10 m"},
         {"probes.plum.size=1 cm", "no probe 'plum', expected one that the scene has"},
-        {"probes.plate.name=finger", "probe 'finger' is there already, expected another name"},
+        {"probes.plate.name=finger", "probe 'finger' exists already, expected another name"},
         {"object={size: [6 cm, 6 cm, 4 cm], spacing: 2 cm}",
          "probes.finger.radius is 0.015 m, expected at least object.spacing, 0.02 m"},
         {"probes=[]", "expected one key of one probe, e.g. probes.plate.size"},
@@ -412,8 +412,8 @@ TEST("a bad --set is told by its key")
                                       "expected a whole number (0.007142857143 m would be)"},
         {"quality.slow.passes=1", "unknown key, did you mean quality.fast.passes?"},
         {"object.spacing=1e-5 m", "object: size and spacing make 7.506e+10 nodes, expected at most 4194304"},
-        {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is there already, in line 1, expected it once"},
-        {"density=*a", "anchors, aliases and tags are not read, expected a plain value"},
+        {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is given already in line 1, expected it once"},
+        {"density=*a", "anchors, aliases and tags are not supported, expected a plain value"},
         {"K1=3", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
         {"density", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
     };
@@ -431,7 +431,7 @@ TEST("a point that the scene has not is told by --quality")
     kn_scene *scene = parse(in_cm, (const char *[]){"quality.balanced.passes=2", "quality=fast"}, 2);
     CHECK_STR(error, "--quality fast: the scene has no quality.fast, expected balanced, or own");
     CHECK(!scene && !parse(in_cm, (const char *[]){"quality=fast"}, 1));
-    CHECK_STR(error, "--quality fast: the scene names no point of quality, expected this left out");
+    CHECK_STR(error, "--quality fast: the scene has no quality points, expected this left out");
     CHECK(!kn_quality_set("quick"));
 }
 

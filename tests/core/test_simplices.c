@@ -110,7 +110,7 @@ TEST("nodes in one place are found across the borders of whatever sorts them")
                 s->x_m[i][k] = a->x_m[i % 27][k] + shift + (k == 0 && i >= 27 ? 0.02 : 0) + (i >= 27 ? off : 0);
         for (int e = 0; e < 96; e++)
             for (int k = 0; k < 4; k++) s->element[e][k] = a->element[e % 48][k] + (e < 48 ? 0 : 27);
-        CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "different nodes in one place"));
+        CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "different nodes at one place"));
     }
 }
 
@@ -127,7 +127,7 @@ TEST("elements flat throughout are refused, whose worst one alone would pass")
     OWN(kn_simplices) *s = block(3, 3, 2, 0.01);
     CHECK(kn_simplices_check(s, error, sizeof error));
     for (int i = 0; i < s->node_count; i++) s->x_m[i][2] *= 0.05;
-    CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "flat or drawn out throughout (mean quality"));
+    CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "flat or elongated on average (mean quality"));
 }
 
 TEST("in the scene's frame an object stands on the table, centred over the origin")

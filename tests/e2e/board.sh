@@ -1,4 +1,4 @@
-# Sourced behind kneadd.sh by the end-to-end tests with a simulated board: a knead-simdev, its words in board.txt.
+# Sourced after kneadd.sh by the end-to-end tests with a simulated board: a knead-simdev, whose output is in board.txt.
 board() { # board OPTION...: serves when it returns
     local tries
     rm -f board board.txt
@@ -14,4 +14,4 @@ kill_board() {
     kill -KILL $simdev
     wait $simdev 2>/dev/null
 }
-hash_of() { sed -n 's/^hash //p' "$1"; } # of knead replay
+hash_of() { sed -n 's/^hash //p' "$1"; } # from the output of knead replay

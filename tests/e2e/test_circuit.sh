@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# kneadd --backend pty: under a hand that presses, the board (a process behind a pseudo-terminal, or a piece of memory) killed and started
-# again meanwhile (twice; KN_KILLS=N): the force is the same as if nothing had happened, to the bit. Then the log again on the board,
-# in its own time, killed at random as well (3 times; KN_REPLAY_KILLS=N).
+# kneadd --backend pty: under a hand that presses. The board (a process behind a pseudo-terminal, or a piece of memory)
+# is killed and started again meanwhile (twice; KN_KILLS=N). The force is the same to the bit as if nothing had
+# happened. Then the log is replayed on the board in the board's own time, again with random kills (3 times;
+# KN_REPLAY_KILLS=N).
 # night: kills of a board in real time; server.device and server.circuit hold its rules
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2} replay_kills=${KN_REPLAY_KILLS:-3}
 RANDOM=${KN_SEED:-1}
-get_in_step() { # returns once the circuit is in step, so that to kill it is to lose it; gives it 20 s
+get_in_step() { # return once the circuit is in step, so that a kill is a loss; wait at most 20 s
     local tries
     for ((tries = 0; tries < 200; tries++)); do
         ctl --json status | grep -q '"state": *"in_step"' && return
@@ -56,7 +57,7 @@ check "a good part of the ticks was the circuit's" [ "$on" -ge 2000 ]
 check "it was lost as often as it was killed, and came back" [ "$lost" -ge "$kills" ] 
 check "kneadd said why: $(grep -m1 'circuit lost' kneadd.err)" grep -q 'circuit lost, .* so far: \(removed\|timeout\): ' kneadd.err
 check "it never gave another number than its twin" grep -q 'different 0,' kneadd.err
-check "and had the twin's state at the end" grep -q "its state is the twin's" kneadd.err
+check "and had the twin's state at the end" grep -q "its state equals the twin's" kneadd.err
 check "the forces are those of a run without a circuit" verifies press.lcmlog
 kill_board
 
@@ -75,12 +76,12 @@ for way in "--uart --link $PWD/board" "--bar knead-test-$$"; do
 done
 rm -f "/dev/shm/knead-test-$$"
 
-# One replay after the other until the board has been killed often enough.
+# Start one replay after the other until the board has been killed often enough.
 kill=0 replay= differ=0 runs=0 losses=0 back=0
 end_replay() {
     wait "$replay"
     losses=$((losses + $(grep -oE 'lost [0-9]+' killed.txt | grep -oE '[0-9]+' || echo 0)))
-    ! grep -q "its state at the end is the twin's" killed.txt || back=$((back + 1))
+    ! grep -q "its final state equals the twin's" killed.txt || back=$((back + 1))
     [ "$(hash_of killed.txt)" = "$(hash_of twin.txt)" ] || differ=$((differ + 1))
     runs=$((runs + 1))
 }
@@ -92,7 +93,7 @@ while [ $kill -lt "$replay_kills" ]; do
         pause 0.3
     }
     pause "0.$((100 + RANDOM % 300))"
-    kill -0 "$replay" 2>/dev/null || continue # that one would not have met it
+    kill -0 "$replay" 2>/dev/null || continue # that replay would not have met the kill
     kill_board
     kill=$((kill + 1))
     board --uart --link "$PWD/board"
@@ -100,7 +101,7 @@ done
 end_replay
 grep circuit killed.txt
 check "killed $kill times in $runs replays, it changes no bit" [ $differ = 0 ]
-check "each was a loss: $losses" [ $((10 * losses)) -ge $((8 * kill)) ] # one may come before it is back from the last
+check "each was a loss: $losses" [ $((10 * losses)) -ge $((8 * kill)) ] # a kill may come before it is in step again
 check "and it came back: in step at the end of $back" [ $((2 * back)) -ge $runs ]
 kill_board
 start_kneadd dough-small.yaml --backend fixed --set solver.passes=1 --set solver.iterations=3

@@ -15,7 +15,7 @@ expect 'knead ctl: control: No such file or directory: is kneadd running' 3 ctl 
 expect 'expected --control PATH of 1 to 107 bytes' 2 \
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control "$(printf '%0108d' 0)"
 touch file
-expect '--control file: exists and is no socket' 3 \
+expect '--control file: exists and is not a socket' 3 \
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control file
 
 # A finger presses, holds while the dough under it is reset, lifts and presses again. Then an emergency stop and a
@@ -72,7 +72,7 @@ end
 check "an emergency stop is a mode: $(tr '\n' ' ' <mode)" \
     [ "$(grep -c '^ESTOP \(after\|later\)$' mode)" = 2 ]
 check "which a recover ends" grep -q '^IDLE recovered$' mode
-check "its fault and the way back are told" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?an operator's recover" probes
+check "its fault and the way back are told" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?send recover" probes
 check "no hand felt anything meanwhile" grep -q 'taken to 0 N\|latched' second.err
 check "the log replays over stop and recover to the bit" verifies stop.lcmlog
 logcheck stop.lcmlog >stop.txt
@@ -97,7 +97,7 @@ check "no hand feels anything" python3 -c '
 import json
 s = json.load(open("held.json"))
 assert s["force"]["force_max_n"] == 0 and all(p["fault"] == "emergency stop" for p in s["probes"]), s'
-check "that start says so" [ "$(grep -c '^kneadd: an emergency stop stands: .* until knead ctl recover$' kneadd.log)" = 1 ]
+check "that start says so" [ "$(grep -c '^kneadd: an emergency stop is in force: .* until knead ctl recover$' kneadd.log)" = 1 ]
 ctl recover >/dev/null
 ctl load >load.out
 check "until a recover: $(mode)" [ "$(mode) $(served)" = "IDLE 3" ]
@@ -163,7 +163,7 @@ check "a reader that has gone does not end it at a load: $(cat loaded)" grep -q 
 ctl stop >/dev/null 2>&1
 wait $!
 check "in the end it says what is missing: $(tail -1 err)" \
-    grep -q 'standard output could not be written to its end' err
+    grep -q 'standard output could not be written completely' err
 check "and exits with 3" [ "$(cat code)" = 3 ]
 
 # An emergency stop works however many requests came before on its connection, and whatever they wait for.

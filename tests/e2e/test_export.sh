@@ -74,19 +74,19 @@ exported flat flat 8e-4
 refused "nothing to export" 2 'expected a LOG or --scene' --vtk x
 refused "nothing to write" 2 'expected --vtk DIR, --ply PATH or --csv FILE' press.lcmlog
 refused "no such log" 2 'nosuch.lcmlog: .*expected an LCM event log' nosuch.lcmlog --vtk x
-refused "a log that is none" 2 'expected an LCM event log|no record of an LCM event log' press.csv --vtk x
+refused "a log that is none" 2 'expected an LCM event log|not a record of an LCM event log' press.csv --vtk x
 refused "a folder with something in it" 2 'press: is not empty, expected a new folder' press.lcmlog --vtk press
-refused "a file where a folder is to be" 2 'press.csv: is no folder' press.lcmlog --vtk press.csv
+refused "a file where a folder is to be" 2 'press.csv: is not a folder' press.lcmlog --vtk press.csv
 refused "a folder in none" 3 'nosuch/x: No such file' press.lcmlog --vtk nosuch/x
 refused "a table in none" 3 'nosuch/x.csv: No such file' press.lcmlog --csv nosuch/x.csv --vtk x
 refused "a file that is being read" 2 'press.lcmlog: is being read' press.lcmlog --csv press.lcmlog
-refused "two outputs in one place" 2 'expected a path of its own' press.lcmlog --csv x --vtk x
-refused "two outputs in one place, told otherwise" 2 'expected a path of its own' press.lcmlog --csv x --vtk ./x --at 0.1
-refused "with a slash behind it" 2 'expected a path of its own' press.lcmlog --vtk x --ply x/
+refused "two outputs in one place" 2 'expected a separate path' press.lcmlog --csv x --vtk x
+refused "two outputs in one place, told otherwise" 2 'expected a separate path' press.lcmlog --csv x --vtk ./x --at 0.1
+refused "with a slash behind it" 2 'expected a separate path' press.lcmlog --vtk x --ply x/
 ln -s . here
-refused "by a link" 2 'expected a path of its own' press.lcmlog --csv x --ply here/x --at 0.1
+refused "by a link" 2 'expected a separate path' press.lcmlog --csv x --ply here/x --at 0.1
 mkdir empty
-refused "one output in another" 2 'expected a path of its own for each output, none in another' press.lcmlog --vtk empty --csv empty/x
+refused "one output in another" 2 'expected a separate path for each output, none inside another' press.lcmlog --vtk empty --csv empty/x
 refused "nowhere" 2 "^knead export: --vtk '': expected a value$" press.lcmlog --vtk ''
 refused "a table nowhere" 2 "^knead export: --csv '': expected a value$" press.lcmlog --csv ''
 for text in ' 1' 0x2 1e inf nan +; do
@@ -121,7 +121,7 @@ refused "a scene that is none" 2 'nosuch.yaml:1:1: ' --scene nosuch.yaml --vtk x
 head -c 300000 press.lcmlog >cut.lcmlog
 knead export cut.lcmlog --vtk cut >out 2>err
 check "a damaged log is used up to there" [ -e cut/object.pvd ]
-check "and says so: $(cat err)" grep -q "what stands before it was used" err
+check "and says so: $(cat err)" grep -q "the part before it was used" err
 (ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv) >out 2>err
 got=$?
 check "a disk that is full is told ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'

@@ -19,7 +19,7 @@ beside=("${small[@]}" --set probes.spatula.reach='[1 mm, 2 mm, -2 mm, 2 mm]')
 knead check "$fine" "${beside[@]}" --set object.margin='0.1 mm' --log press.lcmlog >missed
 check "a box that is too small, of the same scene, does not" [ $? = 1 ]
 check "and says what may help" grep -q 'a larger object.margin' missed
-outside='spatula pressed up to 1 mm outside of its reach, for [0-9]+ ms in all: cells are coarse there'
+outside='spatula pressed up to 1 mm outside its reach, for [0-9]+ ms in all, where the cells are coarse'
 check "nor does a reach that the hand leaves, which is told" grep -qE "^warning   $outside$" missed
 check "but only then" eval '! grep warning kept'
 knead replay "$fine" press.lcmlog "${beside[@]}" >replayed 2>warned

@@ -50,7 +50,7 @@ check "each trouble was one line" [ "$(told 'no JSON at byte') $(told 'haply los
 check "an arm that is found is greeted: axes, preset" [ "$(last 10)" -ge 4 ]
 check "the grip turns the tool and presses its button" \
     [ "$(awk -F, '$1 == "pose" && $11 > 0.707 && $14 > 0.707 && $15 == 2' hear.csv | wc -l)" -gt 100 ]
-check "no pose was refused by kneadd's owner of the tool" grep -q 'forces of others 0' hand.txt
+check "no pose was refused by kneadd's owner of the tool" grep -q 'forces for other clients 0' hand.txt
 stop_kneadd
 
 start_kneadd dough-small.yaml # restarted, since its dough has no dent

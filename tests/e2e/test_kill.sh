@@ -156,5 +156,5 @@ check "jelly has none of it" grep -q '^kneadd: nothing to restore' kneadd.log
 stop_kneadd
 expect 'No such file' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir nowhere
 chmod 777 state
-expect 'everybody may write there' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir state
+expect 'writable by everybody' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir state
 exit $failed

@@ -33,7 +33,7 @@ cp key open && chmod 644 open
 refuses 'open: others may read or write it, expected mode 0600' --key open
 
 start_kneadd dough-small.yaml --lan card --peer 10.9.0.2
-check "that an address proves nothing is said" grep -q 'that is no authentication' kneadd.log
+check "that an address proves nothing is said" grep -q 'this is no authentication' kneadd.log
 check "a hand on the other host is pushed back" poke KNEAD_KEY=
 there ip route change 224.0.0.0/4 dev card2 src 10.9.0.3
 poke KNEAD_KEY= >out 2>&1

@@ -20,6 +20,6 @@ cp press.lcmlog there
 check "with the mesh beside the log it verifies" verifies there/press.lcmlog
 sed 's/^-25 -25 0$/-25.5 -25 0/' there/bread.msh >here/bread.msh
 cmp -s here/bread.msh there/bread.msh && echo "FAIL the mesh was not edited" && failed=1
-expect 'object.mesh_hash is .*: it was changed since' 2 knead replay press.lcmlog
+expect 'object.mesh_hash is .*: the file has changed since' 2 knead replay press.lcmlog
 check "but beside the log the old one is found" verifies there/press.lcmlog
 exit $failed

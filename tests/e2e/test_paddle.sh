@@ -38,8 +38,8 @@ check "the dough holds it: pushed back, it does not come as deep as it does in a
 check "pressing does not buzz: the force changes by less than 3 % in a millisecond" \
     awk -F, 'NR > 1 { if (f > 0.5 && $4 > 0.5) { n += $4; d += $4 > f ? $4 - f : f - $4 } f = $4 } END { exit !(n > 0 && d < 0.03 * n) }' paddle.csv
 check "in air it is left alone" [ "$(column '$2 > -0.01 && $4 > 0.01' paddle.csv)" = 0 ]
-check "garbage and wrong bits are told" [ "$(told 'bytes that are no frame')" -ge 1 ]
-check "but not one by one" [ "$(told 'bytes that are no frame')" -le 10 ]
+check "garbage and wrong bits are told" [ "$(told 'bytes that are not part of a frame')" -ge 1 ]
+check "but not one by one" [ "$(told 'bytes that are not part of a frame')" -le 10 ]
 check "and counted" [ "$(count bad)" -gt 100 ]
 check "what the paddle heard was whole, but for frames that a cable or an opening cut" \
     [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f8)" -le 3 ]

@@ -14,7 +14,7 @@ stop_logger
 check "the hand's own recording verifies" verifies press.lcmlog
 check "so does lcm-logger's, from the server's start to its stop, over two sessions" verifies bus.lcmlog
 check "and says how much that is" grep -Eq '^verified [0-9]{4,} forces, 1 probe$' bus.lcmlog.said
-expect 'had been kneaded before this log begins' 2 knead replay second.lcmlog
+expect 'was already deformed when this log begins' 2 knead replay second.lcmlog
 
 knead replay "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog --csv a.csv --hash >a && knead replay press.lcmlog --csv b.csv --hash >b
 check "two replays have one hash" cmp -s a b

@@ -37,19 +37,19 @@ check "with a setting of its own it is another computation" [ -s other.csv -a ! 
 
 # The next life has the same object.
 start_kneadd dough-small.yaml --control control --state-dir state
-check "$(grep 'as it was set' kneadd.log)" \
-    grep -q '^kneadd: as it was set before: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
+check "$(grep 'settings restored' kneadd.log)" \
+    grep -q '^kneadd: settings restored: material.k1=600 gf/cm^3, device.clamp=2 N$' kneadd.log
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 check "what is set is in the status" \
     [ "$(field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
-expect 'device.clamp: allows a hand more' 2 ctl set 'device.clamp=100 N'
+expect 'device.clamp: relaxes a limit for the hand' 2 ctl set 'device.clamp=100 N'
 expect 'another lattice' 2 ctl set 'object.spacing=5 mm'
 expect 'another tool' 2 ctl set 'probes.finger.radius=2 cm'
 expect 'a damper where there was none' 2 ctl set material.damper=none
 expect 'set material.c9: unknown key' 2 ctl set material.c9=1
 expect "set 'nonsense': expected KEY=VALUE" 2 ctl set nonsense
 expect 'set: expected KEY=VALUE' 2 ctl set
-expect 'device.zero: allows a hand more' 2 ctl set 'device.zero=4 ms'
+expect 'device.zero: relaxes a limit for the hand' 2 ctl set 'device.zero=4 ms'
 expect 'another solver.dt' 2 ctl set 'solver.dt=0.01 ms'
 expect 'another mesh.rate' 2 ctl set 'mesh.rate=45 Hz'
 expect 'other mesh.measures' 2 ctl set mesh.measures=stress
@@ -67,7 +67,7 @@ start_kneadd "$PWD/dough-small.yaml" --control control --state-dir state --set '
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 stop_kneadd
 start_kneadd dough-small.yaml --control control --state-dir state --set 'device.clamp=1 N'
-check "a lower limit of the start wins: $(grep 'left out' kneadd.err)" grep -q "left out: device.clamp allows a hand more" kneadd.err
+check "a lower limit of the start wins: $(grep 'left out' kneadd.err)" grep -q "left out: device.clamp relaxes a limit for the hand" kneadd.err
 check "over the same object: $(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 stop_kneadd
 
@@ -81,7 +81,7 @@ printf "o'brien:\$y\$j9: 1\n" >quoted
 printf '{MIIEpAIBAAKCAQEA0: 1}\n' >letters
 printf 'matreial: 1\n' >typo.yaml
 for file in shadow quoted letters; do
-    expect "$file:1:.*unknown key \.\.\. \(knead check" 2 ctl load $file
+    expect "$file:1:.*unknown key \.\.\. \(see knead check" 2 ctl load $file
 done
 python3 -c 'import json, os, socket
 for size in range(400, 512): # an answer longer than a reply is cut off
@@ -96,7 +96,7 @@ s = socket.socket(socket.AF_UNIX); s.connect("control")
 s.sendall(json.dumps({"command": "load", "scene": "x\nkneadd: control: uid 0 pid 1: forged"}).encode() + b"\n"); s.recv(9999)'
 check "no path is a line of its own" [ "$(grep -c '^kneadd: control: uid 0 pid 1: forged' kneadd.err)" = 0 ]
 sed 's/profile: [a-z]*/profile: bench\n    clamp: 90 N/; s/^device: *bench/device: {profile: bench, clamp: 90 N}/' "$KN_SOURCE/core/scenes/dough-small.yaml" >strong.yaml
-expect 'device.clamp: allows a hand more than the scene of the start' 2 ctl load strong.yaml
+expect 'device.clamp: relaxes a limit for the hand beyond the scene at the start' 2 ctl load strong.yaml
 check "the old one serves on" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "another one: $(ctl load "$KN_SOURCE/core/scenes/jelly.yaml")" grep -q '^scene  *jelly.yaml' <(ctl status)
 check "and back: $(ctl load "$KN_SOURCE/core/scenes/dough-small.yaml")" grep -q '^scene  *dough-small.yaml' <(ctl status)

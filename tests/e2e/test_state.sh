@@ -50,7 +50,7 @@ stop_logger
 knead replay late.lcmlog --snapshot late --verify >out 2>&1
 late=$?
 check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
-    [ $late = 1 -a "$(grep -c 'an undo of what was kneaded before this log begins' out)" -ge 1 ]
+    [ $late = 1 -a "$(grep -c 'an undo to a state before this log begins' out)" -ge 1 ]
 # An emergency stop survives a kill and a restart, also in the log of that run. A recover ends the stop for good.
 mkdir held
 start_kneadd dough-small.yaml --control control --state-dir held
@@ -60,7 +60,7 @@ wait $server 2>/dev/null
 start_logger held.lcmlog
 start_kneadd dough-small.yaml --control control --state-dir held
 held=$(field '["mode"]')
-told=$(grep '^kneadd: an emergency stop stands' kneadd.log)
+told=$(grep '^kneadd: an emergency stop is in force' kneadd.log)
 knead probe --path poke --tries 1 --quiet >/dev/null 2>held.err
 felt=$(field '["force"]["force_max_n"]')
 freed=$(ctl recover)
@@ -79,7 +79,7 @@ stop_kneadd
 
 start_kneadd jelly.yaml --control control --state-dir kept
 expect 'restore: ' 2 ctl restore
-expect 'undo: nothing has been kneaded' 2 ctl undo
+expect 'undo: nothing to undo' 2 ctl undo
 expect 'restore: expected "generation", a whole number' 2 ctl restore first
 expect 'restore: generation 0: expected 1 or more' 2 ctl restore 0
 stop_kneadd

@@ -74,7 +74,7 @@ SSH
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
     check "a host that is not there is told by the exit code" [ $? = 3 ]
-    check "and by what is missing" grep -q 'runs have no result; with --resume the others would be kept' dead
+    check "and by what is missing" grep -q 'runs have no result; --resume DIR would keep the others' dead
 fi
 
 # --write replaces the block, and nothing else.
@@ -101,7 +101,7 @@ scene
 printf 'quality: {chosen: fast, fast: {spacing: 5 mm, precision: f64}, accurate: {spacing: 10 mm}}\n' >>scene.yaml
 knead tradeoff scene.yaml press.lcmlog --quick --solver blend --iterations 2,4 --write >written
 check "points of a lattice of its own are written" [ $? = 0 ]
-check "and that the accurate one of another is gone" grep -q '^the accurate that was there is gone' written
+check "and that the accurate one of another is gone" grep -q '^removed the old point accurate' written
 for point in fast balanced accurate; do
     knead check scene.yaml --quality $point >checked
     check "$point is of that lattice and precision" eval 'grep -q "175 nodes" checked && grep -q "^solver .* f64" checked'

@@ -49,7 +49,7 @@ done
 expect "a picture nowhere" 2 "^knead view: --png '': expected a value$" knead view --scene "$scene" --png ''
 expect "drawn by nothing" 2 '^knead view: KNEAD_GL=foo: expected osmesa or egl$' env KNEAD_GL=foo knead view --scene "$scene" --png x.png
 if night; then
-    expect "too narrow for four" 2 '^knead view: --size 48x32: expected 16 pixels or more for each of 4 pictures side by side$' \
+    expect "too narrow for four" 2 '^knead view: --size 48x32: expected at least 16 pixels for each of 4 pictures side by side$' \
         knead view "$scene" "$scene" "$scene" "$scene" --png x.png --size 48x32
     expect "and not" 0 '^$' knead view "$scene" "$scene" "$scene" "$scene" --png four.png --size 64x16
 fi
@@ -80,7 +80,7 @@ fi
 kill $hand
 stop_kneadd
 start_kneadd dough-small.yaml
-expect "what the server does not tell" 2 '--color stress: the scene that is served has no such mesh.measures' \
+expect "what the server does not tell" 2 '--color stress: the served scene has no such mesh.measures' \
     knead view --png x.png --color stress --size 320x180 --wait 20
 stop_kneadd
 start_kneadd dough-small.yaml --set mesh.measures=both
@@ -141,14 +141,14 @@ for bad in 5 '5 mm' '-1 kPa' 'much'; do
     expect "a scale that is none" 2 "^knead view: --top $bad: expected a von Mises stress above 0, e.g. '5 kPa'$" \
         knead view --png x.png --color stress --top "$bad"
 done
-expect "what the bus does not tell" 2 'is the surface alone, expected a log or --scene$' knead view --png x.png --style edges
+expect "what the bus does not tell" 2 'kneadd serves the surface alone, expected a log or --scene$' knead view --png x.png --style edges
 
 expect "a range image" 0 '^$' knead view press.lcmlog --depth depth.png --size 300x200
 picture depth.png 300 200
 check "of 16-bit grey" [ "$(od -An -tu1 -j24 -N2 depth.png | tr -d ' ')" = 160 ]
 check "tells its scale in the file" grep -qa 'height_mm = step_mm \* (value - 1)' depth.png
 check "and here" grep -q 'height above the table = 0.001 mm \* (value - 1), 0: nothing there; pixel 0.5 mm' out
-expect "seen from above alone" 2 'is seen straight from above' knead view press.lcmlog --depth x.png --azimuth 3
+expect "seen from above alone" 2 'the view is straight from above' knead view press.lcmlog --depth x.png --azimuth 3
 expect "two things" 2 'expected one of them$' knead view press.lcmlog --depth x.png --png x.png
 
 expect "two objects, and how far they are apart" 0 '^$' knead view --compare press.lcmlog "$scene" --png two.png
@@ -163,11 +163,11 @@ if night; then
 fi
 expect "two moments of three" 2 '2 moments of 3 objects' knead view press.lcmlog press.lcmlog press.lcmlog --at 1,2 --png x.png
 expect "one and another of its moments" 0 '^$' knead view press.lcmlog --at 1,2 --compare --png x2.png --size 960x180
-expect "no moment" 2 'expected seconds, or end; as many as 4' knead view press.lcmlog --at 1,,2 --png x.png
+expect "no moment" 2 'expected up to 4 times in seconds, or end' knead view press.lcmlog --at 1,,2 --png x.png
 expect "one compared with itself" 0 '^$' knead view --compare press.lcmlog press.lcmlog --png same.png --size 960x240
 check "is nowhere from it" grep -q '; up to 0 mm apart$' out
 expect "three things" 2 'expected two objects, there are 3' knead view --compare press.lcmlog "$scene" "$scene" --png x.png
-expect "of two shapes" 2 'mm apart, expected objects of one shape' knead view --compare "$scene" "$KN_SOURCE/core/scenes/bun.yaml" --png x.png
+expect "of two shapes" 2 'mm apart, expected objects of the same shape' knead view --compare "$scene" "$KN_SOURCE/core/scenes/bun.yaml" --png x.png
 if night; then
     for camera in front back left right top corner; do
         expect "from $camera" 0 '^$' knead view press.lcmlog --camera $camera --png $camera.png --size 160x90
@@ -191,13 +191,13 @@ check "is not as at rest" [ "$(cmp -s snapshot.png rest.png; echo $?)" = 1 ]
 expect "beside what it was" 0 '^$' knead view kept "$scene" --compare --scene "$scene" --png pressed.png
 check "it was kneaded" grep -Eq 'up to [0-9]*[.]?[0-9]*[1-9][0-9]* mm apart$' out
 expect "without its scene" 2 'kept: is a snapshot, expected --scene FILE' knead view kept --png x.png
-expect "of another" 2 'kept: another scene: of dough-small.yaml, expected clay.yaml$' \
+expect "of another" 2 'kept: another scene: dough-small.yaml, expected clay.yaml$' \
     knead view kept --scene "$KN_SOURCE/core/scenes/clay.yaml" --png x.png
 head -c 2000 kept >cut
 expect "a part of one" 2 'cut: truncated: 2000 bytes of' knead view cut --scene "$scene" --png x.png
 head -c 2000 /dev/zero >zeros
 expect "what is none of them" 2 'zeros: expected an LCM event log, a snapshot or a scene$' knead view zeros --png x.png
-expect "a scene beside a log" 2 'expected a snapshot of it, or nothing else' knead view press.lcmlog --scene "$scene" --png x.png
+expect "a scene beside a log" 2 'expected a snapshot of it, or no other file' knead view press.lcmlog --scene "$scene" --png x.png
 
 video() { knead view press.lcmlog --size 160x90 --from 1.2 --to 1.7 --fps 10 "$@"; }
 if command -v ffmpeg >/dev/null; then
@@ -215,12 +215,12 @@ if command -v ffmpeg >/dev/null; then
     printf '#!/bin/sh\nhead -c 1000 >/dev/null\necho no good >&2\necho no room left >&2\nexit 1\n' >fake/ffmpeg
     chmod +x fake/ffmpeg
     cp press.mp4 kept.mp4
-    PATH=$PWD/fake:$PATH expect "ffmpeg's own complaint" 3 'ffmpeg made no film of it: no room left$' video --video kept.mp4
+    PATH=$PWD/fake:$PATH expect "ffmpeg's own complaint" 3 'ffmpeg could not make the film: no room left$' video --video kept.mp4
     check "leaves the film that was there" cmp -s press.mp4 kept.mp4
     printf '#!/bin/sh\nexec <&-\nsleep 0.5\n' >fake/ffmpeg
-    PATH=$PWD/fake:$PATH expect "an ffmpeg that reads nothing" 3 'ffmpeg made no film of it: it said nothing$' \
+    PATH=$PWD/fake:$PATH expect "an ffmpeg that reads nothing" 3 'ffmpeg could not make the film: it printed no message$' \
         video --video kept.mp4 --size 640x360
-    PATH=$PWD/fake:$PATH expect "and one that had room for all of it" 3 'ffmpeg made no film of it' video --video kept.mp4 --size 16x16 --fps 1
+    PATH=$PWD/fake:$PATH expect "and one that had room for all of it" 3 'ffmpeg could not make the film' video --video kept.mp4 --size 16x16 --fps 1
     check "leaves it, too" cmp -s press.mp4 kept.mp4
     printf '#!/bin/sh\nsleep 1000 & echo $! >child\nwait\n' >fake/ffmpeg
     PATH=$PWD/fake:$PATH knead view press.lcmlog --video never.mp4 --size 640x360 >out 2>err &
@@ -244,13 +244,13 @@ if command -v ffmpeg >/dev/null; then
     check "and leaves nothing" [ -z "$(compgen -G 'never*')" ]
     expect "a film round a snapshot" 0 '^$' knead view kept --scene "$scene" --orbit 90 --seconds 1 --fps 8 --size 160x90 --video round.mp4
     check "is as long as asked for" grep -q '8 pictures, 1.0 s$' out
-    expect "a film of what rests" 2 'or --orbit and --seconds; what is at rest' knead view kept --scene "$scene" --video x.mp4
+    expect "a film of what rests" 2 'or --orbit and --seconds; an object at rest' knead view kept --scene "$scene" --video x.mp4
 fi
 bare=$PWD/bare
 mkdir -p bare folder/ffmpeg && ln -s "$(command -v knead)" bare/knead
-expect "no ffmpeg" 3 'no films without the program ffmpeg: install the package ffmpeg$' \
+expect "no ffmpeg" 3 'ffmpeg is not installed, which films need: install the package ffmpeg$' \
     env PATH="$bare" knead view press.lcmlog --video x.mp4
-expect "a folder of that name" 3 'no films without the program ffmpeg: install the package ffmpeg$' \
+expect "a folder of that name" 3 'ffmpeg is not installed, which films need: install the package ffmpeg$' \
     env PATH="$bare:$PWD/folder" "$(command -v knead)" view press.lcmlog --video x.mp4
 expect "a film that is none" 2 '--video x.avi: expected .mp4, ' knead view press.lcmlog --video x.avi
 expect "a film of nothing" 2 'expected a log, or --seconds N' knead view --video x.mp4

@@ -110,7 +110,7 @@ def downloads(page, server):
 def orders(page, server):
     asked = (("set", {"name": "k1", "value": 9000}, True, "before."), ("reset", {}, True, "as new"), ("undo", {}, True, "Undone"),
              ("snapshot", {}, True, "on disk"), ("restore", {}, True, "as in snapshot"), ("estop", {}, True, "Stopped"),
-             ("recover", {}, True, "Recovered"), ("quality", {"name": "own"}, True, "taken"),
+             ("recover", {}, True, "Recovered"), ("quality", {"name": "own"}, True, "Quality set"),
              ("measure", {"name": "none"}, True, "Coloured"), ("measure", {"name": "nosuch"}, False, "mesh.measures"))
     for id, (do, fields, good, words) in enumerate(asked, 70):
         page.send_request(id, do, **fields)

@@ -291,7 +291,7 @@ def by_recordings(page, bus):
     check("then the page has the tool again", until(lambda: ready(page)), page.now()["status"])
     answer = asks(page, "verify", value=7)
     check("no such recording: told", not answer["ok"] and "no such" in answer["words"], answer)
-    check("nothing to stop: told", "Nothing" in asks(page, "stop", value=1)["words"])
+    check("nothing to stop: told", "neither" in asks(page, "stop", value=1)["words"])
     click(page, "reset")
 
 
@@ -324,7 +324,7 @@ def by_material(page):
     before = page.run("return about.material.k1")
     page.run("""const s = document.getElementById('m-k1');
         s.value = 30; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));""")
-    check("a slider: taken, with what the object stores", said(page, "Taken"), page.text("said"))
+    check("a slider: taken, with what the object stores", said(page, "Set:"), page.text("said"))
     wanted = before * 10 ** 0.3
     check("kneadd's spring is what the slider says", any(abs(float(s.split("=")[1].split()[0]) / wanted - 1) < 1e-3
                                                          for s in ctl("status")["set"] if s.startswith("material.k1=")),
@@ -343,7 +343,7 @@ def by_material(page):
     check("a material that the object cannot go on in: refused in kneadd's words",
           said(page, "a damper where there was none"), page.text("said"))
     choose(page, "material", "dough")
-    check("one that it can go on in: taken", said(page, "Taken") and
+    check("one that it can go on in: taken", said(page, "Set:") and
           until(lambda: abs(page.run("return about.material.k1") / before - 1) < 1e-3), page.text("said"), before)
     choose(page, "scene", "dough.yaml")
     check("another scene: served, and shown", until(lambda: page.text("names").startswith("dough.yaml"), 20),

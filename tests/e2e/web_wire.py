@@ -329,8 +329,8 @@ def requests(server):
     wire = Wire(server)
     wire.state()
     for do, fields, words in [
-            ("scene", {"name": "nosuch.yaml"}, "no such name"), ("material", {"name": "gold"}, "no such name"),
-            ("set", {"name": "k9", "value": 1}, "no such name"), ("quality", {"name": "best"}, "expected"),
+            ("scene", {"name": "nosuch.yaml"}, "unknown name"), ("material", {"name": "gold"}, "unknown name"),
+            ("set", {"name": "k9", "value": 1}, "unknown name"), ("quality", {"name": "best"}, "expected"),
             ("set", {"name": "k1", "value": -1}, "expected")]:
         answer = wire.ask(do, **fields)
         check(f"{do} {fields}: refused in words", answer and not answer["ok"] and words in answer["words"], answer)

@@ -1,14 +1,12 @@
 #!/usr/bin/env bash
-# The driver against the circuits themselves, the large and the small one, under Verilator in knead-simdev: identify, load, ticks,
-# faults, kills (KN_TICKS=N, KN_KILLS=N; the small one does a tenth of those ticks).
-# night: Verilates two circuits
+# The driver against the Verilated circuit in knead-simdev: identify, load, ticks, faults, kills (KN_TICKS=N,
+# KN_KILLS=N).
+# night: a circuit under Verilator
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 timeout 1 knead-simdev --uart --engine rtl >serves 2>said
 [ $? = 3 ] && echo "skipped: $(cat said)" && exit 77
 grep -q '^rtl behind knead_link: ' serves || { echo "FAIL the circuit's own link is not before it: $(cat serves)" && fail=1; }
-ticks=${KN_TICKS:-300}
 cd "$KN_BUILD" || exit 1
-KN_ENGINE=rtl KN_TICKS=$ticks tests/test_server_device || fail=1
-KN_ENGINE=nano KN_TICKS=$((ticks / 10)) KN_KILLS=${KN_KILLS:-2} tests/test_server_device || fail=1
+KN_ENGINE=rtl KN_TICKS=${KN_TICKS:-300} tests/test_server_device || fail=1
 exit $fail

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The lattice as a circuit and as core/fixed: the same bits in random models (KN_MODELS=N of them, KN_SEED=N).
+# The lattice as a circuit and as core/fixed give the same bits in random models (KN_MODELS=N of them, KN_SEED=N).
 # night: Verilates a circuit
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++

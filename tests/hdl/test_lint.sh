@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every module of hdl/rtl is one file of its name, in Verilog-2005, every width explicit; no warning is waived.
+# Every module of hdl/rtl is one file of its name, in Verilog-2005, with every width explicit. No warning is waived.
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator
 for file in "$rtl"/*.v; do

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The engine's sums, its doorbell and its AXI4-Lite slave, proved.
+# Proofs of the engine's sums, its doorbell and its AXI4-Lite slave.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need yosys yosys-smtbmc z3

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The link, proved: in step again behind any 0x00, whole frames and no others executed, a bus that keeps its protocol.
+# Proofs of the link: it is in step again behind any 0x00, executes whole frames and no others, and keeps the protocol
+# of the bus.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need yosys yosys-smtbmc z3

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The serial line's sender and receiver, proved: what is sent is heard, always; from any state a quiet line leads to idle.
+# Proofs of the serial line's sender and receiver: every byte sent is heard, and from any state a quiet line leads to
+# idle.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need yosys yosys-smtbmc z3

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The circuit's registers and the simulated device's answer alike, whatever a host asks (KN_CASES=N transfers, KN_SEED=N).
+# The circuit's registers and the simulated device's give the same answers to any request of a host (KN_CASES=N
+# transfers, KN_SEED=N).
 # night: Verilates a circuit
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++

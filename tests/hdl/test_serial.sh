@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The link on two wires, bit by bit: rates that are off, glitches, breaks, noise, floods (KN_CASES=N, KN_SEED=N). 5 clocks a bit are the
-# fewest with which a rate may be 3 % off.
+# The link on two wires, bit by bit: rates that are off, glitches, breaks, noise, floods (KN_CASES=N, KN_SEED=N). Five
+# clocks a bit are the fewest with which a rate may be 3 % off.
 # night: Verilates two circuits
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++

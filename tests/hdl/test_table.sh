@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# hdl/README.md says of formats and registers what the circuit and the host read.
+# The tables in hdl/README.md are the formats and registers that the circuit and the host use.
 source "$KN_SOURCE/tests/hdl/tools.sh"
 "$KN_BUILD/hdl/knead_table" --markdown >table.md
 sed -n '/^| format |/,/^$/p; /^| register |/,/^$/p; /^| window |/,/^$/p' "$KN_SOURCE/hdl/README.md" | sed -e '$ { /^$/d }' >readme.md

@@ -1,16 +1,17 @@
-# What the tests of the circuit share. Sourced by bash, in an empty working directory, with KN_SOURCE and KN_BUILD.
+# Shared functions of the circuit's tests. Sourced by bash in an empty working directory, with KN_SOURCE and KN_BUILD.
 #
-#     need PROGRAM...                   skips the test (77) where one is missing
-#     bench TOP BENCH [OPTION]...       $bench is hdl/sim/BENCH.cpp round the Verilated hdl/rtl/TOP.v, with the C code that the circuit is
-#                                       held to; kept in $KN_BUILD/hdl, OPTION is verilator's
-#     prove NAME MODE DEPTH FILE...     hdl/formal/NAME.v holds of the modules hdl/rtl/FILE: bmc, in every run of DEPTH clocks; induction,
-#                                       in every run. Registers that NAME.v does not reset begin with anything
-#     mutant [SKIP:]DEPTH FILE SED      that proof fails within DEPTH clocks when FILE is changed by SED: it has teeth; the first SKIP clocks
-#                                       are not looked at
-#     cover DEPTH                       what that proof covers is reached
+#     need PROGRAM...                   skip the test (77) if one is missing
+#     bench TOP BENCH [OPTION]...       build $bench: hdl/sim/BENCH.cpp around the Verilated hdl/rtl/TOP.v, with the C
+#                                       code that it is compared with; kept in $KN_BUILD/hdl, OPTION is verilator's
+#     prove NAME MODE DEPTH FILE...     prove hdl/formal/NAME.v of the modules hdl/rtl/FILE. MODE bmc: in every run of
+#                                       DEPTH clocks; induction: in every run. Registers that NAME.v does not reset
+#                                       begin with any content
+#     mutant [SKIP:]DEPTH FILE SED      check that the proof fails within DEPTH clocks when SED changes FILE, so that it
+#                                       proves something; the first SKIP clocks are not examined
+#     cover DEPTH                       check that the proof's cover points are reached
 fail=0
 rtl=$KN_SOURCE/hdl/rtl
-tables=$KN_BUILD/hdl # what hdl/table.c printed
+tables=$KN_BUILD/hdl # output of hdl/table.c
 
 need() {
     local program
@@ -21,7 +22,7 @@ need() {
 
 bench() {
     local top=$1 name=$2 built
-    built=$(IFS=_ && tr -dc 'a-zA-Z0-9_' <<<"$*") && built=$KN_BUILD/hdl/$built # another one for each set of options
+    built=$(IFS=_ && tr -dc 'a-zA-Z0-9_' <<<"$*") && built=$KN_BUILD/hdl/$built # one for each set of options
     shift 2
     mkdir -p "$built" && rm -f "$built/bench"
     gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
@@ -34,7 +35,8 @@ bench() {
     bench=$built/bench
 }
 
-# smt2 FROM: the proof of the modules in FROM as a formula. A line of the proof "// peek: WIRE = INSTANCE.SIGNAL" lets it see a register.
+# smt2 FROM: write the proof of the modules in FROM as a formula. A line "// peek: WIRE = INSTANCE.SIGNAL" in the proof
+# gives it access to a register.
 smt2() {
     local file files=() peeks
     for file in "${proof[@]}"; do files+=("$1/$file"); done
@@ -44,7 +46,7 @@ smt2() {
         write_smt2 -wires proof.smt2" >/dev/null 2>&1 || { grep ERROR yosys.log; exit 1; }
 }
 
-# solve WANTED LINE MODE...: the solver's verdict, and how long it took
+# solve WANTED LINE MODE...: print the solver's verdict and its time
 solve() {
     local wanted=$1 line=$2 begun=${EPOCHREALTIME/[.,]/} verdict took
     shift 2

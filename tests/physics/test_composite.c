@@ -231,7 +231,7 @@ TEST("what cannot have a fine box is refused in words")
     }
     kn_model_def def = local(8, 0.005, true);
     def.pressure = KN_PRESSURE_CELLS;
-    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box goes without pressure") == 0);
+    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box needs pressure: none") == 0);
     def = local(8, 0.005, true);
     memcpy(def.fine, (int[2][3]){{0, 0, 0}, {16, 16, 12}}, sizeof def.fine);
     CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box needs coarse cells around it") == 0);

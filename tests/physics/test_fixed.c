@@ -105,7 +105,7 @@ TEST("what integers cannot be is refused by name")
     def.support = KN_SUPPORT_NONE;
     refused(def, "no inertia");
     def = fixed(press_def(1)), def.material = jelly(), def.pressure = KN_PRESSURE_CELLS, def.inside_pressure_pa = 1e6;
-    refused(def, "gas at the step's begin");
+    refused(def, "gas from the start of the step");
     def = fixed(ball_def(1)), def.material = jelly(), def.probe[0].foundation_n_m3 = 1e9;
     refused(def, "a softer one");
     def = fixed(press_def(1)), def.material.ratio = 0.2, def.material.stroke[0] = 0.02, def.material.stroke[1] = 0.98;

@@ -131,7 +131,7 @@ TEST("a line is a request however it comes in pieces, and each gets one line bac
     close(fd);
     fd = dial();
     CHECK(send(fd, "{\"e\":", 5, 0) == 5 && shutdown(fd, SHUT_WR) == 0);
-    CHECK(strstr(hear(c, fd), "no JSON at byte"));
+    CHECK(strstr(hear(c, fd), "not JSON at byte"));
     close(fd);
     kn_control_close(c);
     CHECK(access(path, F_OK) != 0);
@@ -182,14 +182,14 @@ TEST("what is no JSON object is told where, and nothing is asked")
 {
     static const struct {
         const char *line, *says;
-    } bad[] = {{"\n", "no JSON at byte"},
-               {"reset\n", "no JSON at byte"},
-               {"{\"a\":1\n", "no JSON at byte"},
-               {"{\"a\":1}{}\n", "no JSON at byte"},
-               {"{\"a\":1,\"a\":2}\n", "no JSON at"},
-               {"[1]\n", "expected one object per line"},
-               {"\xff\xfe{}\n", "no JSON at byte"},
-               {"{\"a\":1e999}\n", "no JSON at byte"}};
+    } bad[] = {{"\n", "not JSON at byte"},
+               {"reset\n", "not JSON at byte"},
+               {"{\"a\":1\n", "not JSON at byte"},
+               {"{\"a\":1}{}\n", "not JSON at byte"},
+               {"{\"a\":1,\"a\":2}\n", "not JSON at"},
+               {"[1]\n", "expected one JSON object per line"},
+               {"\xff\xfe{}\n", "not JSON at byte"},
+               {"{\"a\":1e999}\n", "not JSON at byte"}};
     OWN(kn_control) *c = start();
     int fd = dial();
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
@@ -214,7 +214,7 @@ TEST("a line of a megabyte is one complaint, deep nesting another, random bytes 
     memset(many, '[', 4000);
     many[4000] = '\0';
     CHECK_STR(say(c, fd, many), "");
-    CHECK(strstr(say(c, fd, "\n"), "more than 64 of [ and {"));
+    CHECK(strstr(say(c, fd, "\n"), "more than 64 brackets [ and {"));
     unsigned random = 1;
     for (int round = 0; round < 60; round++) {
         for (size_t k = 0; k < 500; k++) many[k] = (char)((random = random * 1664525u + 1013904223u) >> 24 | 1);
@@ -288,7 +288,7 @@ TEST("a ninth peer takes the place of the one that was silent for longest")
     CHECK_STR(say(c, fd[3], "{\"command\":"), ""); // begins a request and does not finish it
     int late = dial();
     CHECK_STR(say(c, late, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
-    CHECK(strstr(hear(c, fd[3]), "yours was silent for longest"));
+    CHECK(strstr(hear(c, fd[3]), "yours was silent the longest"));
     CHECK_STR(hear(c, fd[3]), "closed");
     close(fd[3]);
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
@@ -331,7 +331,7 @@ TEST("the socket is nobody else's to write to, replaces a dead one, and neither 
     CHECK(again);
     kn_control_close(again);
     close(open(at.sun_path, O_CREAT | O_WRONLY, 0600));
-    CHECK(!kn_control_open(at.sun_path, &def, error, sizeof error) && strstr(error, "exists and is no socket"));
+    CHECK(!kn_control_open(at.sun_path, &def, error, sizeof error) && strstr(error, "exists and is not a socket"));
     CHECK(access(at.sun_path, F_OK) == 0 && unlink(at.sun_path) == 0);
     CHECK(!kn_control_open("/nowhere/at/all", &def, error, sizeof error));
     CHECK_STR(error, "--control /nowhere/at/all: No such file or directory");
@@ -442,7 +442,8 @@ static const char *heard(int fd) // without a turn of the server
 TEST(
     "at its end what was said is answered, in order, but what is slow is refused; a slow answer that is there is given")
 {
-    static const char refused[] = "{\"ok\":false,\"error\":\"the server is ending: this is not done\"}\n";
+    static const char refused[] =
+        "{\"ok\":false,\"error\":\"the server is stopping: the command is not carried out\"}\n";
     kn_control *c = start();
     sem_init(&hurry, 0, 1);
     int fd = dial(), second = dial(), third = dial();

@@ -7,9 +7,9 @@
 #include <errno.h>
 #include <unistd.h>
 
-// A loop with its keeper on a directory, and a finger over the dough; one call per tick. The keeper's thread runs when
-// a test says so.
-#define AIR 0.049 // heights of the finger's centre, m: its radius is 15 mm, the dough 30 mm high
+// A rig: a loop with its keeper on a directory, and a finger above the dough. One call per tick. The keeper's thread
+// runs when a test calls it.
+#define AIR 0.049 // heights of the finger's centre, m; its radius is 15 mm, the dough 30 mm high
 #define DEEP 0.037
 
 #if defined(KN_SANITIZED)
@@ -25,11 +25,12 @@ typedef struct rig {
     kn_pose pose;
     int64_t tick;
     kn_tick_out out;
-    kn_event restored; // the last one
+    kn_event restored; // the last restore event
     int restores, saves_seen;
     double steepest_n;
 } rig;
 
+// Start a server on a directory.
 static void serve(rig *r, const char *directory)
 {
     char error[512] = "";
@@ -49,6 +50,7 @@ static rig *rig_open(void)
     return r;
 }
 
+// Stop the server; the directory stays.
 static void end(rig *r)
 {
     kn_keeper_close(&r->keeper);
@@ -64,12 +66,14 @@ static void rig_close(rig *r)
 
 OWNS(rig, rig_close)
 
-static void write_files(rig *r) // the thread's whole life, if it had this moment
+// Run the keeper's thread until nothing is left to write.
+static void write_files(rig *r)
 {
     r->keeper.ending = true;
     kn_keeper_run(&r->keeper);
 }
 
+// Move the finger to a height and run a tick. Take its force and restore events from the records.
 static void tick(rig *r, double z_m)
 {
     double before_n = r->out.force[1].force_n[2], vz = (z_m - r->pose.position_m[2]) / 1e-3;
@@ -79,7 +83,8 @@ static void tick(rig *r, double z_m)
     kn_loop_post(&r->lent.loop, 1, &r->pose);
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns()};
     kn_loop_tick(&r->lent.loop, &wake);
-    r->lent.loop.execution_ns = 0; // on a slow machine it would be an overload
+    // A slow machine would otherwise count as an overload.
+    r->lent.loop.execution_ns = 0;
     for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {
@@ -91,12 +96,14 @@ static void tick(rig *r, double z_m)
     r->steepest_n = fmax(r->steepest_n, fabs(r->out.force[1].force_n[2] - before_n));
 }
 
+// Move the finger to a height in so many ms.
 static void move(rig *r, double z_m, int ms)
 {
     double from_m = r->pose.position_m[2];
     for (int i = 1; i <= ms; i++) tick(r, from_m + (z_m - from_m) * i / ms);
 }
 
+// Press the dough to a height, and lift the finger again.
 static void press(rig *r, double z_m)
 {
     move(r, AIR, 450);
@@ -105,14 +112,8 @@ static void press(rig *r, double z_m)
     move(r, AIR, 300);
 }
 
-static const kn_state *object(rig *r)
-{
-    return r->lent.backend.state(r->lent.backend.self);
-}
-static uint64_t hash(rig *r)
-{
-    return kn_state_hash(r->lent.model, object(r));
-}
+static const kn_state *object(rig *r) { return r->lent.backend.state(r->lent.backend.self); }
+static uint64_t hash(rig *r) { return kn_state_hash(r->lent.model, object(r)); }
 
 TEST("nothing is written of an object that nobody touches; of one that is kneaded, at most every half second")
 {
@@ -133,12 +134,12 @@ TEST("nothing is written of an object that nobody touches; of one that is kneade
     CHECK(before >= 7 && shortest >= 499 && r->keeper.errors == 0);
     CHECK(kn_keeper_age_ms(&r->keeper) >= 0 && kn_keeper_age_ms(&r->keeper) < 60000);
 
-    // left alone it creeps, ever less
+    // Left alone it creeps ever less, so it is written ever less often.
     int64_t early = r->keeper.saves;
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
     int64_t middle = r->keeper.saves;
     CHECK(middle - early <= 20);
-    if (SANITIZED) return; // for which 150 s are a minute
+    if (SANITIZED) return; // 150 s would take it a minute
     for (int i = 0; i < 140000; i++) tick(r, AIR), write_files(r);
     int64_t late = r->keeper.saves;
     for (int i = 0; i < 10000; i++) tick(r, AIR), write_files(r);
@@ -164,14 +165,15 @@ TEST("a server that starts goes on with the last object, tells it by an event of
     CHECK(r->restored.arg[0] == (double)generation && r->restored.arg[1] == 1849);
     CHECK(r->lent.loop.servo.generation == 1);
     move(r, DEEP, 300);
-    CHECK(r->out.force[1].contacts == 0 && r->out.force[1].force_n[2] == 0); // it is inside: lift it
+    CHECK(r->out.force[1].contacts == 0 && r->out.force[1].force_n[2] == 0); // the tool is inside: it must be lifted
     r->steepest_n = 0;
     press(r, DEEP - 2e-3);
     CHECK(r->keeper.errors == 0 && kn_keeper_age_ms(&r->keeper) >= 0);
 }
 
 static bool broken;
-static int64_t unwritten; // writes, of each failed save the only one
+static int64_t unwritten; // writes that failed; each failed save makes one
+// A write that fails as on a full disk while `broken` is set.
 static ssize_t no_write(int fd, const void *bytes, size_t size)
 {
     errno = ENOSPC;
@@ -179,7 +181,8 @@ static ssize_t no_write(int fd, const void *bytes, size_t size)
     return broken ? -1 : kn_files_system.write(fd, bytes, size);
 }
 
-typedef struct ear { // what is said on stderr meanwhile
+// The text printed on stderr while it listens.
+typedef struct ear {
     FILE *file;
     int before;
 } ear;
@@ -192,7 +195,7 @@ static ear hear(void)
     return e;
 }
 
-// How many lines, and the sum of the saves that they say failed.
+// Stop listening. Return the number of lines; *sum is the sum of the failed saves that they report.
 static int heard(ear *e, long long *sum)
 {
     char line[512];
@@ -229,7 +232,7 @@ TEST("a full disk is counted, once a save, and told in a line a second that add 
     long long told;
     move(r, DEEP, 1400);
     for (int i = 0; i < 2000; i++) tick(r, DEEP), write_files(r);
-    int most = 2 + (int)((kn_now_ns() - from_ns) / 1000000000); // lines: one a second
+    int most = 2 + (int)((kn_now_ns() - from_ns) / 1000000000); // most lines: one a second
     CHECK(r->keeper.errors >= 3 && r->keeper.errors == unwritten && r->keeper.store.generation == good);
     CHECK(r->lent.loop.servo.ticks == ticks + 3400);
     int64_t errors = r->keeper.errors;
@@ -249,6 +252,7 @@ typedef struct running {
     _Atomic int64_t tick;
 } running;
 
+// The servo's thread: move the finger towards z_m at 10 um a tick.
 static void *run(void *arg)
 {
     running *x = arg;
@@ -261,6 +265,7 @@ static void *run(void *arg)
     return NULL;
 }
 
+// Wait for so many ticks.
 static void await(running *x, int64_t ticks)
 {
     for (int64_t until = x->tick + ticks; x->tick < until;) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
@@ -274,7 +279,7 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     pthread_create(&servo, NULL, run, &x);
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
     kn_answer none = kn_keeper_undo(&r->keeper, &r->lent.loop);
-    CHECK(!none.ok && strstr(none.error, "nothing has been kneaded"));
+    CHECK(!none.ok && strstr(none.error, "nothing to undo"));
     none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0);
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);
@@ -284,13 +289,13 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     await(&x, 1300);
     kn_answer pressed = kn_keeper_snapshot(&r->keeper);
     CHECK(pressed.ok && pressed.generation > 1 && pressed.state_hash != untouched.state_hash);
-    kn_answer undone = kn_keeper_undo(&r->keeper, &r->lent.loop); // under the tool
+    kn_answer undone = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo under the tool
     CHECK(undone.ok && undone.tick > pressed.tick && undone.generation == 0);
     kn_answer again = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, pressed.generation);
     CHECK(again.ok && again.state_hash == pressed.state_hash && again.generation == pressed.generation);
     none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 999);
     CHECK(!none.ok && !strcmp(none.error, "restore: generation 999: none"));
-    kn_answer back = kn_keeper_undo(&r->keeper, &r->lent.loop); // of the restore
+    kn_answer back = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo of the restore
     CHECK(back.ok);
     x.stop = true;
     r->keeper.ending = true;

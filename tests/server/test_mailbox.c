@@ -3,7 +3,7 @@
 #include <pthread.h>
 #include <stdint.h>
 
-typedef struct letter { // all words equal, or the letter was torn
+typedef struct letter { // all words are equal, unless the letter was torn
     uint64_t word[32];
 } letter;
 
@@ -26,6 +26,7 @@ TEST("the reader gets the latest letter, and the same one again until a newer ca
 
 enum { LETTERS = 200000 };
 
+// The writer thread.
 static void *write_letters(void *box)
 {
     for (uint64_t n = 1; n <= LETTERS; n++) {

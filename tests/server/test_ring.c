@@ -12,7 +12,7 @@ TEST("records come out in the order they went in; a full ring refuses and keeps 
     for (int n = 0; n < 4; n++) CHECK(kn_ring_push(&ring, &n));
     int refused = 99;
     CHECK(!kn_ring_push(&ring, &refused));
-    for (int n = 0; n < 10; n++) { // round the end several times
+    for (int n = 0; n < 10; n++) { // wrap around several times
         const int *front = kn_ring_front(&ring);
         CHECK(front && *front == n);
         kn_ring_pop(&ring);
@@ -26,6 +26,7 @@ typedef struct record {
     uint64_t n, copy[15];
 } record;
 
+// The writer thread: fill every word of a record with its number, so that a torn record shows.
 static void *push_records(void *ring)
 {
     for (uint64_t n = 0; n < RECORDS; n++) {

@@ -258,7 +258,7 @@ TEST("a file of another scene, lattice, material or version is refused by name")
 {
     static const struct {
         const char *scene, *set, *why;
-    } table[] = {{"jelly.yaml", NULL, "another scene: of dough-small.yaml, expected jelly.yaml"},
+    } table[] = {{"jelly.yaml", NULL, "another scene: dough-small.yaml, expected jelly.yaml"},
                  {"dough-small.yaml", "object.spacing=5 mm", "another lattice"},
                  {"dough-small.yaml", "material.k1=300 gf/cm^3", "another material or structure"},
                  {"dough-small.yaml", "probes.finger.radius=2 cm", ""}};
@@ -279,10 +279,10 @@ TEST("a file of another scene, lattice, material or version is refused by name")
     static const struct {
         size_t at; // offset of a byte in the file's header; the byte is increased by one
         const char *why;
-    } head[] = {{8, "another version: of format 4, expected 3"},
-                {24, "another version: of knead "}, // part of the version text
-                {56, "another scene: of eough-small.yaml, expected dough-small.yaml"},
-                {128, "another state hash than it says"}};
+    } head[] = {{8, "another version: format 4, expected 3"},
+                {24, "another version: knead "}, // part of the version text
+                {56, "another scene: eough-small.yaml, expected dough-small.yaml"},
+                {128, "state hash: does not match the lattice"}};
     for (size_t t = 0; t < sizeof head / sizeof *head; t++) {
         bytes[head[t].at]++;
         crypto_generichash(bytes + size - 32, 32, bytes, size - 32, NULL, 0);
@@ -345,7 +345,7 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     CHECK(kn_store_load(&s, r->saved.generation - 6, &r->found, name, NULL, why, sizeof why));
     for (int i = 1; i < KN_STORE_STAY; i++) CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why));
     there = files_in(r->directory);
-    CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 that stay are there"));
+    CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 snapshots that stay exist"));
     CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && files_in(r->directory) == there);
     kn_store_close(&s);
 }
@@ -381,7 +381,7 @@ TEST(
     kn_store_close(&s);
     if (geteuid() == 0 && chown(r->directory, 1, 1) == 0) {
         CHECK(kn_store_open(&s, r->directory, r->scene, r->model, error, sizeof error) == 2);
-        CHECK(strstr(error, "somebody else's"));
+        CHECK(strstr(error, "owned by another user"));
         kn_store_close(&s);
     }
 }

@@ -42,10 +42,10 @@ has 'tty       /dev/ttyACM0  2341:0043  Arduino Uno'
 has 'ready: knead hand paddle --tty /dev/ttyACM0, scene with `device: unknown`'
 has 'tty       /dev/ttyUSB0  0403:6001  FT232R USB UART'
 has '0403:cb48  Falcon HAPTIC'
-has 'no driver here for Novint Falcon'
+has 'no driver for Novint Falcon'
 has '`device: falcon` in the scene'
 has '046d:c626  Space?[31mNavigator'
-has 'spacenavd is not running, and a puck is there'
+has 'spacenavd is not running, but a puck is plugged in'
 hasnt 'a mouse'
 
 spacenavd "$SPNAV_SOCKET" 60 & daemon=$!

@@ -54,7 +54,7 @@ if chown 0:4002 root/dev/ttyACM? 2>/dev/null && chown 0:4003 root/dev/ttyUSB0 &&
     as_nobody 65534 ""
     [ "$(line LACKS knead)" = 'sudo usermod -aG knead $USER; log in again' ] || fail "no member of knead: $(cat out)"
     [ "$(line LACKS serial)" = 'sudo usermod -aG serial $USER; log in again' ] || fail "no member of serial: $(cat out)"
-    [ "$(grep -c ' group  *serial, which /dev/ttyACM0 belongs to' out)" = 1 ] || fail "one line for one group: $(cat out)"
+    [ "$(grep -c ' group  *serial, owns /dev/ttyACM0' out)" = 1 ] || fail "one line for one group: $(cat out)"
     grep -q 'closed' out && fail "a group that the mode grants nothing: $(cat out)"
     as_nobody 65534 "knead serial"
     for group in knead serial; do

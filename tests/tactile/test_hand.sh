@@ -13,7 +13,7 @@ expect "--force-limit -1 N: expected something like '3.3 N'" paddle --force-limi
 expect "--origin 0,0,6: expected three lengths like '0,0,6 cm'" paddle --origin 0,0,6
 expect "--origin 0,0: expected three lengths" paddle --origin 0,0
 expect "--origin 0,0,nan m: expected three lengths" paddle --origin '0,0,nan m'
-expect '--basis XXZ: the basis is no permutation' paddle --basis XXZ
+expect '--basis XXZ: the basis is not a permutation' paddle --basis XXZ
 expect '--basis X-YZ: the basis is left-handed' paddle --basis X-YZ
 expect '--basis XYZX: more than three axes' paddle --basis XYZX
 expect '--scale 0: expected a number above 0' paddle --scale 0

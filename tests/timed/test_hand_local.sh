@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# knead hand with the local model, by the simulated paddle and arm: behind a link of 20 ms, where forces are refused. And a
-# force in kneadd's name that no physics makes. By its numbers all this is tests/tactile/test_link.c's; here real devices' protocols,
-# a real bus and real clocks are between, and what knead hand says is read.
+# knead hand with the local model on the simulated paddle and arm, behind a link of 20 ms, where forces are refused; and
+# a force in kneadd's name that no physics makes. tests/tactile/test_link.c covers the numbers. This test has the
+# protocols of real devices, a real bus and real clocks, and checks the lines that knead hand prints.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
@@ -10,7 +10,7 @@ holds() { awk "BEGIN { exit !($1) }"; }
 rows() { awk -F, "NR > 1 && ($1) { n++ } END { print n + 0 }" paddle.csv; } # $1 ms $2 z $3 asked $4 given $5 enabled
 told() { grep -c -- "$1" hand.err; }
 count() { grep -oE "$1 [0-9]+" hand.txt | grep -oE '[0-9]+$' | head -1; }
-# hold SECONDS OPTION...: the paddle in a hand that presses every 4 s, for so long
+# hold SECONDS OPTION...: the paddle in a hand that presses every 4 s, for that time
 hold() {
     paddle tty 100 >paddle.csv 2>paddle.err & paddle=$!
     sleep 0.3
@@ -20,7 +20,7 @@ hold() {
     wait $paddle 2>/dev/null
     cat hand.txt hand.err
 }
-calm() { # the force changes little from one ms to the next; $1: the column of what is given
+calm() { # the force changes little from one ms to the next; $1: the column of the force given
     awk -F, -v c="$1" 'NR > 1 { if (f > 0.3 && $c > 0.3) { n += $c; d += $c > f ? $c - f : f - $c } f = $c }
         END { exit !(n > 0 && d < 0.03 * n) }' "$2"
 }
@@ -56,7 +56,7 @@ hold 5 --local
 check "a kneadd that sends no contacts is told, and 0 N given" [ "$(told 'start kneadd with --local-model')" = 1 ]
 check "whatever its forces are" [ "$(rows '$4 != 0')" = 0 ]
 
-# a message in kneadd's name, in mid-press: 60 N, which no tool of this device's can be given by physics
+# a message in kneadd's name in the middle of a press: 60 N, more than the physics can give to any tool of this device
 wild finger 60 20 & wild=$!
 hold 8
 wait $wild

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# tests/tactile/test_link.c with real processes: kneadd killed (kill -9) and frozen at random instants of a press (4 times; KN_KILLS=N for
-# more), under two devices, by whose own clocks the one that renders forces gives 0 N 20 ms after the last one, the one that renders the
-# local model 300 ms after it.
+# tests/tactile/test_link.c with real processes. kneadd is killed (kill -9) and frozen at random instants of a press (4
+# times; KN_KILLS=N for more) under two devices. By its own clock the device that renders forces gives 0 N 20 ms after
+# the last force, the one that renders the local model 300 ms after it.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 kills=${KN_KILLS:-4}
 RANDOM=1

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# knead latency: a pose waits much less for its tick when ticks follow the poses than on a grid of its own; everything is
-# counted, and the contract has its exit codes. Bad input: e2e.latency.
+# knead latency: a pose waits much less for its tick when the ticks follow the poses than when they are on a grid of
+# their own. Everything is counted, and the contract has its exit codes. Bad input: e2e.latency.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 small=$KN_SOURCE/core/scenes/dough-small.yaml
 
-# of NAME KEY FILE: a number of a series in the JSON
+# print a number of a series in the JSON: of NAME KEY FILE
 of() { /usr/bin/python3 -c 'import json, sys; print(json.load(open(sys.argv[3]))["series"][sys.argv[1]][sys.argv[2]])' "$@"; }
-sound() { # counts agree, percentiles rise, stages do not exceed the whole
+sound() { # counts agree, percentiles rise, the stages do not exceed the total
     /usr/bin/python3 - "$1" <<'END'
 import json, sys
 series = json.load(open(sys.argv[1]))["series"]

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# tests/tactile/test_link.c on a real bus: two devices behind a link that loses, repeats and swaps, then with a key behind one that does
-# everything at once; KN_LINK_SECONDS=N for more than 3 s. Neither kneadd nor a device breaks a rule, and KNEAD_HEALTH tells what the
-# link did.
+# tests/tactile/test_link.c on a real bus: two devices behind a link that loses, repeats and swaps datagrams, then with
+# a key behind one that does everything at once; KN_LINK_SECONDS=N for more than 3 s. Neither kneadd nor a device breaks
+# a rule, and KNEAD_HEALTH reports what the link did.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 seconds=${KN_LINK_SECONDS:-3}
 far=udpm://239.255.76.67:7671?ttl=0
@@ -17,7 +17,7 @@ row() {
     KNEAD_KEY= link 'udpm://239.255.76.67:7667?ttl=0' "$far" 0 1e6 "$@" >link.txt & link=$!
     sleep 0.2
     LCM_DEFAULT_URL=$far presser near "$seconds.4" x=-0.015 >near.txt & near=$!
-    sleep 0.3 # the first that is let in has the ticks follow its poses
+    sleep 0.3 # the ticks follow the poses of the first device that is let in
     LCM_DEFAULT_URL=$far presser far "$seconds" x=0.015 local >far.txt
     wait $near
     stop_kneadd >/dev/null
@@ -32,8 +32,8 @@ row() {
     check "$*: no rule is broken, by kneadd, a device with forces, one with the local model" \
         [ "$(number broken served.txt) $(number broken near.txt) $(number broken far.txt)" = "0 0 0" ]
 }
-# counts NAME WHAT: whether kneadd's own count of the poses' numbers is what the link did to them, within a tenth of that, and 10 that
-# were under way when either began or ended
+# counts NAME WHAT: kneadd's own count of the poses' numbers equals what the link did to them, within a tenth of that
+# plus 10 that were under way when either began or ended
 counts() {
     awk -v n="$(number "$1" health.txt)" -v did="$(way poses "$2")" 'BEGIN { d = n - did; most = 10 + 0.1 * did; exit !(d <= most && d >= -most) }'
 }

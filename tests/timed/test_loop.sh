@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# A simulated device in a hand on a real bus: calm near kneadd, refused its forces 20 ms away, calm there with the local model. What else
-# it feels is tests/clients/test_device.c's, and the options of such a hand clients.cli's.
+# A simulated device in a hand on a real bus: calm near kneadd, refused its forces 20 ms away, calm there with the local
+# model. tests/clients/test_device.c covers what else it feels, clients.cli the options of such a hand.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # of a line of the table
+number() { sed -n "s/^  $1 *\([0-9.-]*\).*/\1/p" "$2"; } # a number of a line of the table
 holds() { awk "BEGIN { exit !($1) }"; }
 # feel NAME OPTION...: exit 0 when it was calm
 feel() { knead probe --hold '1 s' "${@:2}" >"$1.txt" 2>"$1.err" || { cat "$1.txt" "$1.err"; return 1; }; }

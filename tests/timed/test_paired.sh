@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# A hand presses the dough of 847 nodes for 20 s (KN_SECONDS=N for more), idle and with every processor loaded (KN_LOAD=no or yes: one
-# of them): what makes a tick late, the machine or kneadd? Two references on the servo's core know of the machine, in the same run:
-# kneadd's own sentinel, below the servo, and a witness ahead of it (tool_paired.c), which no servo can delay. Counts and ratios of that
-# run are judged; times are told.
+# A hand presses the dough of 847 nodes for 20 s (KN_SECONDS=N for more), idle and with every processor loaded
+# (KN_LOAD=no or yes: only one of them). The test decides whether the machine or kneadd makes a tick late. Two
+# references on the servo's core observe the machine in the same run: kneadd's own sentinel, below the servo, and a
+# witness ahead of it (tool_paired.c), which no servo can delay. Counts and ratios of that run are judged; times are
+# only printed.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 seconds=${KN_SECONDS:-20}
 [ "$KN_REALTIME" != off ] && chrt -f 99 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
@@ -30,7 +31,7 @@ run() { # run NAME
     check "$1: and the sentinel: $(summary 2) times, $(summary 3) explained" [ "$(summary 2)" = "$(summary 3)" ]
     n=$(number woken_half judged.txt)
     check "$1: a tenth of those of 0.5 ms is unexplained at most, or two" holds "$(number unexplained_half judged.txt) <= 2 + 0.1 * $n"
-    # counts of rare things scatter by their roots
+    # counts of rare events scatter by their square roots
     check "$1: the servo is 1 ms late as seldom as its references: 1.5 times and 0.01 %" \
         holds "$(summary 2) <= 1.5 * $(summary 7) + 1e-4 * $ticks + 3 * sqrt($(summary 2) + $(summary 7))"
     check "$1: one tick in a thousand at most took longer than its millisecond and ten times the median, but by the machine" \

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Two fingers, each a hand of its own (two processes), lift a piece of dough, and their log replays to the bit. What they feel is
-# tests/clients/test_device.c's.
+# Two fingers, each a hand of its own (two processes), lift a piece of dough, and their log replays to the bit.
+# tests/clients/test_device.c covers what they feel.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 finger() { knead probe --probe "$1" --path "$KN_SOURCE/clients/examples/$1.csv" --tries 1 --quiet 2>"$1.err"; }
 
-# Both wait for the same KNEAD_SCENE, which comes every second: that is what lets them begin together.
+# Both wait for the same KNEAD_SCENE, which comes every second, so they begin together.
 start_logger pinch.lcmlog
 start_kneadd pinch.yaml
 finger thumb & thumb=$!

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A reset every 12 ms under a hand in the air costs no ticks beside as many questions that change nothing.
+# A reset every 12 ms under a hand in the air costs no ticks in comparison with as many requests that change nothing.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 hold() { # hold COMMAND LOG: sets lost, the ticks that were late or missed
     start_logger "$2"

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# kneadd frozen for 5, 20, 50 and 200 ms at random instants of a press (kill -STOP and -CONT, 3 times each; KN_STALLS=N for more): cycles
-# that it missed are counted and skipped, none is made up for, two cycles later it is on time; every step is 1 ms, as its log replays
-# to the bit; forces keep the rules of core/safety.h on either side, and a device that hears nothing gives 0 N after 20 ms. In virtual
-# time the same is tests/tactile/test_link.c's; here a real clock, a real stop and what is said of it are.
+# kneadd is frozen for 5, 20, 50 and 200 ms at random instants of a press (kill -STOP and -CONT, 3 times each;
+# KN_STALLS=N for more). Cycles that it missed are counted and skipped, none is made up for, and two cycles later it is
+# on time. Every step is 1 ms, as its log replays to the bit. Forces keep the rules of core/safety.h on both sides, and
+# a device that hears nothing gives 0 N after 20 ms. tests/tactile/test_link.c does the same in virtual time; here the
+# clock and the stops are real, and the lines that kneadd prints are checked.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 stalls=${KN_STALLS:-3}
 RANDOM=1
@@ -20,7 +21,7 @@ done
 sleep 1
 kill $hand
 wait $hand
-pause 1.5 # its session ends
+pause 1.5 # until its session ends
 lines=$(grep -c '^Overrun' kneadd.err)
 began=$(date +%s%N)
 for ((n = 0; n < 30; n++)); do # ten a second, of 20 ms each
@@ -29,12 +30,12 @@ for ((n = 0; n < 30; n++)); do # ten a second, of 20 ms each
     kill -CONT $server
     pause 0.08
 done
-pause 1.5 # told
+pause 1.5 # until the line is printed
 lines=$(($(grep -c '^Overrun' kneadd.err) - lines))
 burst_ms=$((($(date +%s%N) - began) / 1000000))
 stop_kneadd
 stop_logger
-# a stall: 3 cycles missed and more; normal again: in its own cycle, with none missed and less than 0.5 ms late
+# a stall: 3 missed cycles or more; normal again: the tick is in its own cycle, none missed and less than 0.5 ms late
 awk -F, 'NR > 1 {
         gap = $3 == session ? $1 - last - 1 : 0 # rows are of sessions only
         began = $10 > $9 ? $10 : $9

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# steady, the judge of the tests that keep a millisecond's time: what is wrong fails, whatever load it is; what fails while its world
-# stands still is skipped, and says why.
+# steady, the judge of the tests that keep a millisecond's time: a fault fails under any load; a test that fails while
+# the machine stands still is skipped and says why.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh" # check
 
 program() { cat >"$1" && chmod +x "$1"; }
-# is CODE OPTION... COMMAND: steady ends with CODE; its words are in out
+# is CODE OPTION... COMMAND: steady ends with CODE; its output is in out
 is() {
     steady "${@:2}" >out 2>&1
     [ $? = "$1" ] || { cat out; return 1; }
@@ -18,7 +18,7 @@ program fails <<'SH'
 echo "the reason"
 exit ${1:-1}
 SH
-program stands <<'SH' # its world does not run for 30 ms: itself, its witnesses
+program stands <<'SH' # stops its world for 30 ms: itself and its witnesses
 #!/bin/sh
 setsid --wait sh -c "kill -STOP -$$ $PPID; sleep 0.03; kill -CONT -$$ $PPID"
 exit $1
@@ -49,7 +49,7 @@ for wrong in "" "--timeout soon true" "--timeout 1" "--attempts 2 true"; do
 done
 
 if [ "$KN_REALTIME" != off ] && chrt -f 99 true 2>/dev/null; then
-    # ahead of everything, on a processor of ours, for longer than the kernel allows
+    # ahead of everything, on one of our processors, for longer than the kernel allows
     program spins <<'SH'
 #!/bin/sh
 timeout 1.5 taskset -c "$(taskset -cp $$ | sed 's/.*[ ,-]//')" chrt -f 99 sh -c 'while :; do :; done'

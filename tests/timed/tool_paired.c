@@ -1,17 +1,18 @@
-// paired: who made a tick of kneadd late, the machine or kneadd? Two parts that know nothing of its own sentinel.
+// paired: decide whether the machine or kneadd made a tick of kneadd late, in two parts that are independent of
+// kneadd's own sentinel.
 //
-//     paired witness PROCESSOR SECONDS     a thread ahead of the servo, FIFO 99, on that processor, which no servo can
-//                                          delay: how late it was, every 0.5 ms, from 0.1 ms on: "due_ns late_ns"
-//     paired judge TRACE WITNESS           that, and what `kneadd --trace` says of its ticks, in numbers:
+//     paired witness PROCESSOR SECONDS     a thread ahead of the servo (FIFO 99) on that processor, which no servo can
+//                                          delay: its lateness, every 0.5 ms, from 0.1 ms on: "due_ns late_ns"
+//     paired judge TRACE WITNESS           that and the ticks of `kneadd --trace`, as numbers:
 //
 //     ticks N, woken_1ms N unexplained_1ms N, the same of 0.5 ms (half) and overruns            of the servo
-//     unexplained_long N: overruns that are ten times the median tick or 3 ms, too
+//     unexplained_long N: overruns that are also longer than ten times the median tick or 3 ms, whichever is less
 //     wakes N late_1ms N late_half N                                                            of the witness
 //     execution_us p50 F p99 F p99_9 F max F undisturbed_max F
 //
-// woken: late after its deadline or after the tick before; a tick that ends when the next is due already is an overrun.
-// Explained: the witness was late within 2 ms of it. Execution: from the wake to the end of all that belongs to a tick,
-// which the next one's asked_ns tells; undisturbed_max without ticks in which the witness was late.
+// woken: late after its deadline or after the end of the tick before. An overrun is a tick that ends when the next one
+// is already due. Explained: the witness was late within 2 ms of it. Execution: from the wake to the end of all work of
+// a tick, which the next tick's asked_ns gives. undisturbed_max leaves out ticks in which the witness was late.
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
@@ -43,6 +44,7 @@ static int64_t now_ns(void)
     return t.tv_sec * 1000 * MS + t.tv_nsec;
 }
 
+// Sleep until every half millisecond at FIFO 99 and record each wake that is 0.1 ms late or more.
 static int witness(int processor, double seconds)
 {
     cpu_set_t its;
@@ -56,11 +58,13 @@ static int witness(int processor, double seconds)
     int64_t start_ns = now_ns(), due_ns = start_ns, end_ns = due_ns + (int64_t)(1e9 * seconds), wakes = 0;
     while ((due_ns += PERIOD) < end_ns) {
         struct timespec due = {due_ns / (1000 * MS), due_ns % (1000 * MS)};
-        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR);
+        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL) == EINTR)
+            ;
         int64_t woken_ns = now_ns();
         wakes++;
         if (woken_ns - due_ns >= STALL && stall_count < stall_room) stalls[stall_count++] = (stall){due_ns, woken_ns};
-        while (due_ns + PERIOD <= woken_ns) due_ns += PERIOD; // cycles that passed are skipped
+        // Skip the cycles that passed.
+        while (due_ns + PERIOD <= woken_ns) due_ns += PERIOD;
     }
     printf("wakes %" PRId64 " from %" PRId64 " to %" PRId64 "\n", wakes, start_ns, end_ns);
     for (int64_t i = 0; i < stall_count; i++)
@@ -79,7 +83,9 @@ static bool add(stall s)
     return true;
 }
 
-static bool stalled(int64_t from_ns, int64_t to_ns) // stalls are in order; ticks, too
+// Return true if the witness was late in this time. Stalls and ticks are both in order, so the search goes on from the
+// last place.
+static bool stalled(int64_t from_ns, int64_t to_ns)
 {
     static int64_t at;
     while (at < stall_count && stalls[at].to_ns + 100 * MS < from_ns) at++;
@@ -99,6 +105,7 @@ typedef struct count {
 static int64_t *executions, execution_count, *undisturbed, undisturbed_count;
 static count whole, half, overrun;
 
+// Count a tick as late or not, explained or not, and the execution of the tick before it.
 static void judge_tick(const tick *t, const tick *last)
 {
     bool busy = t->asked_ns > t->due_ns, late = t->late_ns >= MS / 2;
@@ -108,7 +115,9 @@ static void judge_tick(const tick *t, const tick *last)
     half.unexplained += late && !explained;
     whole.all += t->late_ns >= MS;
     whole.unexplained += t->late_ns >= MS && !explained;
-    int64_t took_ns = t->asked_ns - last->woke_ns; // the tick before, if there is a row of it
+    // The execution of the tick before is known only if that tick is in the trace: its number must fit the cycles that
+    // passed.
+    int64_t took_ns = t->asked_ns - last->woke_ns; // execution of the tick before
     if (last->woke_ns == 0 || t->number - last->number != 1 + (woke_ns - t->due_ns) / MS) return;
     bool excused = stalled(last->woke_ns, t->asked_ns);
     executions[execution_count++] = took_ns;
@@ -128,8 +137,9 @@ static double quantile_us(double q)
     return execution_count ? 1e-3 * (double)executions[(int64_t)(q * (double)(execution_count - 1))] : 0.0;
 }
 
-// A processor that others share may be three times as slow all the while, in pieces that no witness sees: a tick is long
-// beyond its millisecond, and beyond ten times the median of the run or 3 ms.
+// Return the number of undisturbed ticks that are too long: longer than 1 ms, and longer than ten times the median of
+// the run or 3 ms, whichever is less. A shared processor may be three times as slow all the time, in pieces that no
+// witness sees; hence the margin.
 static int64_t long_ones(void)
 {
     int64_t found = 0, most_ns = (int64_t)fmin(1e4 * quantile_us(0.5), 3e6);
@@ -137,6 +147,7 @@ static int64_t long_ones(void)
     return found;
 }
 
+// Read both files, judge the ticks that the witness covers, and print the numbers.
 static int judge(const char *trace_name, const char *witness_name)
 {
     FILE *trace = fopen(trace_name, "r"), *seen = fopen(witness_name, "r");
@@ -160,10 +171,10 @@ static int judge(const char *trace_name, const char *witness_name)
     tick t, last = {0};
     while (fgets(line, sizeof line, trace)) {
         if (sscanf(line,
-                   "%" SCNd64 ",%*[^,],%*[^,],%*[^,],%*[^,],%" SCNd64 ",%*[^,],%*[^,],%" SCNd64 ",%" SCNd64
-                   ",%" SCNd64,
-                   &t.number, &t.woke_ns, &t.due_ns, &t.asked_ns, &t.late_ns) != 5 || t.number == last.number)
-            continue; // the header; another probe's row
+                   "%" SCNd64 ",%*[^,],%*[^,],%*[^,],%*[^,],%" SCNd64 ",%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64,
+                   &t.number, &t.woke_ns, &t.due_ns, &t.asked_ns, &t.late_ns) != 5 ||
+            t.number == last.number)
+            continue; // the header, or another probe's row
         bool seen_all = t.due_ns > start_ns + MARGIN && t.woke_ns < end_ns - MARGIN;
         ticks += seen_all;
         if (seen_all) judge_tick(&t, &last);
@@ -172,11 +183,14 @@ static int judge(const char *trace_name, const char *witness_name)
     qsort(executions, (size_t)execution_count, sizeof *executions, ascending);
     qsort(undisturbed, (size_t)undisturbed_count, sizeof *undisturbed, ascending);
     printf("ticks %" PRId64 " woken_1ms %" PRId64 " unexplained_1ms %" PRId64 " woken_half %" PRId64
-           " unexplained_half %" PRId64 " overruns %" PRId64 " unexplained_overruns %" PRId64 " unexplained_long %" PRId64 "\n",
-           ticks, whole.all, whole.unexplained, half.all, half.unexplained, overrun.all, overrun.unexplained, long_ones());
+           " unexplained_half %" PRId64 " overruns %" PRId64 " unexplained_overruns %" PRId64
+           " unexplained_long %" PRId64 "\n",
+           ticks, whole.all, whole.unexplained, half.all, half.unexplained, overrun.all, overrun.unexplained,
+           long_ones());
     printf("wakes %" PRId64 " late_1ms %" PRId64 " late_half %" PRId64 "\n", wakes, later, late);
     printf("execution_us p50 %.0f p99 %.0f p99_9 %.0f max %.0f undisturbed_max %.0f\n", quantile_us(0.5),
-           quantile_us(0.99), quantile_us(0.999), quantile_us(1.0), undisturbed_count ? 1e-3 * (double)undisturbed[undisturbed_count - 1] : 0.0);
+           quantile_us(0.99), quantile_us(0.999), quantile_us(1.0),
+           undisturbed_count ? 1e-3 * (double)undisturbed[undisturbed_count - 1] : 0.0);
     return 0;
 }
 
