@@ -1,6 +1,4 @@
 #include "clients/viewer/camera.h"
-#include "clients/viewer/vec.h"
-#include <math.h>
 #include <string.h>
 
 #define FILL 0.86f     // fraction of the picture's height or width that the box fills
@@ -11,7 +9,7 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
     float a = (float)(azimuth_deg * M_PI / 180), e = (float)(elevation_deg * M_PI / 180);
     memcpy(right, (float[]){cosf(a), sinf(a), 0}, 3 * sizeof *right);
     memcpy(back, (float[]){sinf(a) * cosf(e), -cosf(a) * cosf(e), sinf(e)}, 3 * sizeof *back);
-    kn_cross(up, back, right);
+    kn_crossf(up, back, right);
 }
 
 // Return the smallest distance at which the whole box with half sides `half` is inside the picture.
@@ -23,8 +21,8 @@ static float distance_for(const float half[3], double azimuth_deg, double elevat
         const float p[3] = {corner & 1 ? half[0] : -half[0], corner & 2 ? half[1] : -half[1],
                             corner & 4 ? half[2] : -half[2]};
         // Each corner needs a distance at which it is within FILL of the picture's half width and half height.
-        const float x = fabsf(kn_dot(p, right)) / aspect, y = fabsf(kn_dot(p, up));
-        distance = fmaxf(distance, kn_dot(p, back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
+        const float x = fabsf(kn_dotf(p, right)) / aspect, y = fabsf(kn_dotf(p, up));
+        distance = fmaxf(distance, kn_dotf(p, back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
     }
     return distance;
 }

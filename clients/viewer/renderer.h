@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_VIEWER_RENDERER_H
 #define KN_CLIENTS_VIEWER_RENDERER_H
-// Renderer of an object: its skin, lit from the left of the viewer, with a cast shadow and the lines of the lattice;
+// Renderer of an object: its surface, lit from the left of the viewer, with a cast shadow and the lines of the lattice;
 // the probes, with an arrow for the force on the hand; and a table with squares of 1 cm (or the power of ten that
-// fits). The skin may be coloured by values (scale.h), and the lattice may be shown as bare lines.
+// fits). The surface may be coloured by values (label.h), and the lattice may be shown as bare lines.
 //
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw for each picture -> kn_renderer_close
 //
@@ -30,9 +30,9 @@ typedef struct kn_view_probe {
 } kn_view_probe;
 
 typedef enum kn_view_style {
-    KN_VIEW_LINED, // the skin with the lines of the lattice on it
-    KN_VIEW_SOLID, // the skin without lines
-    KN_VIEW_WIRE,  // only the lines of the lattice on the skin; the skin between the lines is transparent
+    KN_VIEW_LINED, // the surface with the lines of the lattice on it
+    KN_VIEW_SOLID, // the surface without lines
+    KN_VIEW_WIRE,  // only the lines of the lattice on the surface; the surface between the lines is transparent
     KN_VIEW_EDGES  // every edge of the lattice, including those inside the object
 } kn_view_style;
 
@@ -74,9 +74,9 @@ kn_view_scene kn_view_scene_default(void);
 // sentence in error.
 kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
-// Set the object's topology and its rest shape. The rest shape determines the creases (skin.h) and the camera's
+// Set the object's topology and its rest shape. The rest shape determines the creases (shading.h) and the camera's
 // position, so the camera does not move while the object is deformed. May be called again. Return false if the mesh is
-// invalid (skin.h) or memory is short; the old mesh is then gone.
+// invalid (shading.h) or memory is short; the old mesh is then gone.
 bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*rest)[3], int triangle_count,
                       const int (*triangle)[3]);
 
