@@ -5,9 +5,7 @@
 #include "clients/knead/foot.h"
 #include "clients/knead/live.h"
 #include "clients/tactile/hand_options.h"
-#include "clients/tactile/mount.h"
 #include "clients/tactile/paddle.h"
-#include "clients/tactile/spacenav.h"
 #include "server/clock.h"
 #include <errno.h>
 #include <inttypes.h>
@@ -67,14 +65,6 @@ static void on_signal(int number)
 
 static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
 
-// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
-static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
-{
-    for (int i = 0; i < def->probe_count; i++)
-        if (name ? !strcmp(def->probe[i].name, name) : !kn_foot_flat(def->probe[i].shape)) return &def->probe[i];
-    return name || def->probe_count == 0 ? NULL : &def->probe[0];
-}
-
 // Set up the renderer from the scene's device and the tool. Options of the command line take precedence.
 static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
 {
@@ -109,7 +99,7 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
 
 static int use_scene(hand *h, const kn_scene *scene)
 {
-    const kn_probe_def *tool = find_tool(&scene->model, h->opt.probe);
+    const kn_probe_def *tool = kn_foot_choose_tool(&scene->model, h->opt.probe);
     if (!tool)
         return kn_complain("hand", KN_EXIT_USAGE, "%s has no probe %s", scene->name, h->opt.probe ? h->opt.probe : "");
     strcpy(h->probe, tool->name);
@@ -151,7 +141,7 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
 }
 
 // Report stops of the renderer: the impulse guard, a link that is too slow, and missing contacts.
-static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now_ms)
+static void tell_stop(told *t, const kn_device_session *r, const char *then, int64_t now_ms)
 {
     const kn_render *n = &r->render;
     if (n->reflexes > t->reflexes) fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
@@ -172,9 +162,9 @@ static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now
 }
 
 // Report watchdog trips, faults of kneadd, and missing forces.
-static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
+static void tell_session(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
-    const kn_tether *r = &n->tether;
+    const kn_device_session *r = &n->session;
     const char *then = "0 N; 1.2 s of silence, then a new session";
     bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
     // If the tick lasted 10 ms or more, this process itself stood still, so neither the device nor kneadd caused the
@@ -214,21 +204,21 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
 // Overwrite one terminal line with the tool's position, its force and the state of the link.
 static void tell_tool(const kn_bridge_news *n)
 {
-    const double *x = n->position_m, *f = n->tether.render.given_n;
+    const double *x = n->position_m, *f = n->session.render.given_n;
     printf("\r%6.1f %6.1f %6.1f mm  %6.2f %6.2f %6.2f N  %-28s", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2], f[0], f[1], f[2],
-           !n->there                                 ? "no device"
-           : n->tether.mode == KN_TETHER_SILENT      ? "silent"
-           : n->tether.render.stop == KN_RENDER_FAR  ? "round trip above 5 ms: 0 N"
-           : n->tether.flags & KN_FLAG_REENGAGE_LIFT ? "lift the tool"
-           : n->tether.flags & KN_FLAG_ENGAGED ? n->tether.render.def.local ? "in the model, local" : "in the model"
-                                               : n->state);
+           !n->there                                  ? "no device"
+           : n->session.mode == KN_SESSION_SILENT     ? "silent"
+           : n->session.render.stop == KN_RENDER_FAR  ? "round trip above 5 ms: 0 N"
+           : n->session.flags & KN_FLAG_REENGAGE_LIFT ? "lift the tool"
+           : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
+                                                : n->state);
     fflush(stdout);
 }
 
 // Print the counters of the whole run.
 static void summarise(const kn_bridge_news *n, const char *name, bool motors)
 {
-    const kn_tether *t = &n->tether;
+    const kn_device_session *t = &n->session;
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
@@ -267,7 +257,7 @@ static int watch(hand *h)
                                "the %s kept its motor on during 100 ms of silence: if this program dies, the force "
                                "stays. --no-watchdog accepts that",
                                name);
-        tell_tether(&h->told, n, name, now_ms);
+        tell_session(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         if (follow) tell_tool(n);
     }

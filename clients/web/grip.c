@@ -53,16 +53,6 @@ void kn_web_take_samples(kn_web *w)
     }
 }
 
-// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
-static const kn_probe_def *choose_tool(const kn_web *w)
-{
-    const kn_model_def *def = &w->live.scene->model;
-    for (int i = 0; i < def->probe_count; i++)
-        if (w->probe ? !strcmp(def->probe[i].name, w->probe) : !kn_foot_flat(def->probe[i].shape))
-            return &def->probe[i];
-    return w->probe || def->probe_count == 0 ? NULL : &def->probe[0];
-}
-
 // Return true if the hand can continue in the new scene. This is the case if the tool, the size of the object and the
 // spacing of the nodes are unchanged, so that only the material differs.
 static bool goes_on(const kn_web *w, const kn_probe_def *tool)
@@ -109,7 +99,7 @@ kn_camera_view kn_web_camera(const kn_web *w)
 void kn_web_take_scene(kn_web *w)
 {
     if (!w->live.scene || (w->live.scene == w->scene && w->live.scene->text_hash == w->scene_hash)) return;
-    const kn_probe_def *tool = choose_tool(w);
+    const kn_probe_def *tool = kn_foot_choose_tool(&w->live.scene->model, w->probe);
     const bool on = goes_on(w, tool);
     if (!on) kn_web_let_go(w);
     // The reach depends on the scene and must be opened again in any case.
