@@ -4,6 +4,16 @@
 #define FILL 0.86f     // fraction of the picture's height or width that the box fills
 #define HEADROOM 0.45f // space above the object for a lifted probe and its arrow, as a fraction of the object's height
 
+static void perspective_matrix(float out[16], float tan_half_y, float aspect, float near, float far)
+{
+    for (int i = 0; i < 16; i++) out[i] = 0;
+    out[0] = 1 / (tan_half_y * aspect);
+    out[5] = 1 / tan_half_y;
+    out[10] = (far + near) / (near - far);
+    out[11] = -1;
+    out[14] = 2 * far * near / (near - far);
+}
+
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3])
 {
     float a = (float)(azimuth_deg * M_PI / 180), e = (float)(elevation_deg * M_PI / 180);
@@ -45,7 +55,7 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
         distance = fmaxf(distance, distance_for(half, deg, v->elevation_deg, v->aspect));
     for (int i = 0; i < 3; i++) c->eye[i] = target[i] + distance * c->back[i];
     kn_mat_view(view, c->right, c->up, c->back, c->eye);
-    kn_mat_perspective(perspective, c->tan_half, v->aspect, 0.1f * distance, distance + 20 * scale);
+    perspective_matrix(perspective, c->tan_half, v->aspect, 0.1f * distance, distance + 20 * scale);
     kn_mat_mul(c->matrix, perspective, view);
 }
 

@@ -38,11 +38,6 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
 
 static inline float kn_dotf(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-static inline void kn_subf(float out[3], const float a[3], const float b[3])
-{
-    for (int i = 0; i < 3; i++) out[i] = a[i] - b[i];
-}
-
 static inline void kn_crossf(float out[3], const float a[3], const float b[3]) // out must be neither a nor b
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -78,25 +73,6 @@ static inline void kn_mat_view(float out[16], const float right[3], const float 
         out[12 + row] = -kn_dotf(axis[row], eye);
         out[4 * row + 3] = 0;
     }
-    out[15] = 1;
-}
-
-static inline void kn_mat_perspective(float out[16], float tan_half_y, float aspect, float near, float far)
-{
-    for (int i = 0; i < 16; i++) out[i] = 0;
-    out[0] = 1 / (tan_half_y * aspect);
-    out[5] = 1 / tan_half_y;
-    out[10] = (far + near) / (near - far);
-    out[11] = -1;
-    out[14] = 2 * far * near / (near - far);
-}
-
-static inline void kn_mat_orthographic(float out[16], float half, float near, float far)
-{
-    for (int i = 0; i < 16; i++) out[i] = 0;
-    out[0] = out[5] = 1 / half;
-    out[10] = 2 / (near - far);
-    out[14] = (far + near) / (near - far);
     out[15] = 1;
 }
 

@@ -181,7 +181,7 @@ kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *p, float square_m)
     return a;
 }
 
-kn_drawn_solid kn_drawn_ball(const kn_drawn_shapes *t, const float at_m[3], double radius_m)
+static kn_drawn_solid ball_at(const kn_drawn_shapes *t, const float at_m[3], double radius_m)
 {
     const frame f = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {at_m[0], at_m[1], at_m[2]}};
     return solid_at(&f, &t->ball, 0, radius_m, radius_m, radius_m);
@@ -267,7 +267,7 @@ static void cover_probe(const kn_dirty_region_def *d, const kn_drawn_shapes *too
     for (int end = 0; end < 2; end++) {
         float at[3];
         for (int i = 0; i < 3; i++) at[i] = a.tail[i] + (end ? a.length : 0) * a.direction[i];
-        const kn_drawn_solid around_end = kn_drawn_ball(tools, at, wide);
+        const kn_drawn_solid around_end = ball_at(tools, at, wide);
         cover_solid(d, e, &around_end);
     }
 }

@@ -37,7 +37,6 @@ void kn_drawn_shapes_load(kn_drawn_shapes *shapes, const kn_view_scene *scene);
 // Fill in the solids of a probe. Return their number.
 int kn_drawn_probe_solids(const kn_drawn_shapes *shapes, const kn_view_probe *probe,
                           kn_drawn_solid out[KN_DRAWN_SOLIDS_MAX]);
-kn_drawn_solid kn_drawn_ball(const kn_drawn_shapes *shapes, const float at_m[3], double radius_m);
 
 // Return the force arrow of a probe. `square_m`: side of the squares drawn on the table, m.
 kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *probe, float square_m);

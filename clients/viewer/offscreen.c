@@ -193,8 +193,8 @@ static kn_gl_proc egl_get_proc(const char *name) { return (kn_gl_proc)egl.GetPro
 // function.
 static const char *load_functions(kn_gl *gl, kn_gl_proc (*get_proc)(const char *name))
 {
-#define LOAD(type, name)                                                                                               \
-    gl->name = (type)get_proc("gl" #name);                                                                             \
+#define LOAD(name)                                                                                                     \
+    gl->name = (__typeof__(gl->name))get_proc("gl" #name);                                                             \
     if (!gl->name) return "gl" #name;
     KN_GL_FUNCTIONS(LOAD)
 #undef LOAD

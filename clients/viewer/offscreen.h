@@ -15,69 +15,28 @@
 //
 // Nothing links libGL. The addresses of OpenGL's functions come from the context, so a process can also load a
 // desktop's libGL without a conflict.
+#define GL_GLEXT_PROTOTYPES // the types of the functions below
 #include <GL/glcorearb.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 // Functions of OpenGL 3.3 core that the viewer calls. To use a new function, add one line to the list.
+// clang-format off
 #define KN_GL_FUNCTIONS(X)                                                                                             \
-    X(PFNGLATTACHSHADERPROC, AttachShader)                                                                             \
-    X(PFNGLBINDBUFFERPROC, BindBuffer)                                                                                 \
-    X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                                                                       \
-    X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)                                                                     \
-    X(PFNGLBINDTEXTUREPROC, BindTexture)                                                                               \
-    X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                                                                       \
-    X(PFNGLBLENDFUNCPROC, BlendFunc)                                                                                   \
-    X(PFNGLBLITFRAMEBUFFERPROC, BlitFramebuffer)                                                                       \
-    X(PFNGLBUFFERDATAPROC, BufferData)                                                                                 \
-    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                         \
-    X(PFNGLCLEARPROC, Clear)                                                                                           \
-    X(PFNGLCOLORMASKPROC, ColorMask)                                                                                   \
-    X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                           \
-    X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                           \
-    X(PFNGLCREATESHADERPROC, CreateShader)                                                                             \
-    X(PFNGLCULLFACEPROC, CullFace)                                                                                     \
-    X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                           \
-    X(PFNGLDELETESHADERPROC, DeleteShader)                                                                             \
-    X(PFNGLDISABLEPROC, Disable)                                                                                       \
-    X(PFNGLDISABLEVERTEXATTRIBARRAYPROC, DisableVertexAttribArray)                                                     \
-    X(PFNGLDRAWARRAYSPROC, DrawArrays)                                                                                 \
-    X(PFNGLDRAWBUFFERPROC, DrawBuffer)                                                                                 \
-    X(PFNGLENABLEPROC, Enable)                                                                                         \
-    X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray)                                                       \
-    X(PFNGLFRAMEBUFFERRENDERBUFFERPROC, FramebufferRenderbuffer)                                                       \
-    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D)                                                             \
-    X(PFNGLGENBUFFERSPROC, GenBuffers)                                                                                 \
-    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                                                                       \
-    X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)                                                                     \
-    X(PFNGLGENTEXTURESPROC, GenTextures)                                                                               \
-    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                                                                       \
-    X(PFNGLGETERRORPROC, GetError)                                                                                     \
-    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)                                                                   \
-    X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                                                                             \
-    X(PFNGLGETSTRINGPROC, GetString)                                                                                   \
-    X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                                                                 \
-    X(PFNGLLINKPROGRAMPROC, LinkProgram)                                                                               \
-    X(PFNGLPOLYGONOFFSETPROC, PolygonOffset)                                                                           \
-    X(PFNGLREADBUFFERPROC, ReadBuffer)                                                                                 \
-    X(PFNGLREADPIXELSPROC, ReadPixels)                                                                                 \
-    X(PFNGLRENDERBUFFERSTORAGEMULTISAMPLEPROC, RenderbufferStorageMultisample)                                         \
-    X(PFNGLSCISSORPROC, Scissor)                                                                                       \
-    X(PFNGLSHADERSOURCEPROC, ShaderSource)                                                                             \
-    X(PFNGLTEXIMAGE2DPROC, TexImage2D)                                                                                 \
-    X(PFNGLTEXPARAMETERIPROC, TexParameteri)                                                                           \
-    X(PFNGLUNIFORM1FPROC, Uniform1f)                                                                                   \
-    X(PFNGLUNIFORM1IPROC, Uniform1i)                                                                                   \
-    X(PFNGLUNIFORM3FVPROC, Uniform3fv)                                                                                 \
-    X(PFNGLUNIFORM4FVPROC, Uniform4fv)                                                                                 \
-    X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)                                                                     \
-    X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                                 \
-    X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)                                                               \
-    X(PFNGLVIEWPORTPROC, Viewport)
+    X(AttachShader) X(BindBuffer) X(BindFramebuffer) X(BindRenderbuffer) X(BindTexture) X(BindVertexArray)             \
+    X(BlendFunc) X(BlitFramebuffer) X(BufferData) X(CheckFramebufferStatus) X(Clear) X(ColorMask) X(CompileShader)     \
+    X(CreateProgram) X(CreateShader) X(CullFace) X(DeleteProgram) X(DeleteShader) X(Disable)                           \
+    X(DisableVertexAttribArray) X(DrawArrays) X(DrawBuffer) X(Enable) X(EnableVertexAttribArray)                       \
+    X(FramebufferRenderbuffer) X(FramebufferTexture2D) X(GenBuffers) X(GenFramebuffers) X(GenRenderbuffers)            \
+    X(GenTextures) X(GenVertexArrays) X(GetError) X(GetProgramInfoLog) X(GetProgramiv) X(GetUniformLocation)           \
+    X(LinkProgram) X(PolygonOffset) X(ReadBuffer) X(ReadPixels) X(RenderbufferStorageMultisample) X(Scissor)           \
+    X(ShaderSource) X(TexImage2D) X(TexParameteri) X(Uniform1f) X(Uniform1i) X(Uniform3fv) X(Uniform4fv)               \
+    X(UniformMatrix4fv) X(UseProgram) X(VertexAttribPointer) X(Viewport)
+// clang-format on
 
 typedef struct kn_gl {
-#define KN_GL_MEMBER(type, name) type name;
+#define KN_GL_MEMBER(name) __typeof__(gl##name) *name;
     KN_GL_FUNCTIONS(KN_GL_MEMBER)
 #undef KN_GL_MEMBER
 } kn_gl;

@@ -71,7 +71,8 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
     }
 }
 
-bool kn_range_look(kn_range *r, const uint16_t *level)
+// Fill in lowest_m and highest_m from the levels. Return false if nothing is visible.
+static bool find_limits(kn_range *r, const uint16_t *level)
 {
     const size_t pixels = (size_t)r->width * (size_t)r->height;
     uint16_t low = 0, high = 0;
@@ -89,7 +90,7 @@ void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const
     memset(level, 0, (size_t)r->width * (size_t)r->height * sizeof *level);
     for (int t = 0; t < triangle_count; t++)
         draw_triangle(r, (const float *const[3]){now[triangle[t][0]], now[triangle[t][1]], now[triangle[t][2]]}, level);
-    kn_range_look(r, level);
+    find_limits(r, level);
 }
 
 // ---- file
@@ -165,7 +166,7 @@ bool kn_range_load(const char *path, const kn_range_given *given, kn_range *r, u
         return false;
     // An image without any surface is useless to every caller.
     const bool told = take_numbers(path, found, given, r, error, error_size);
-    if (told && kn_range_look(r, *level)) return true;
+    if (told && find_limits(r, *level)) return true;
     if (told) snprintf(error, error_size, "%s: every pixel is 0, expected an object", path);
     free(*level);
     *level = NULL;

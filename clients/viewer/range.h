@@ -29,9 +29,6 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
 void kn_range_draw(kn_range *range, const float (*now)[3], int triangle_count, const int (*triangle)[3],
                    uint16_t *level);
 
-// Fill in lowest_m and highest_m from the levels. Return false if nothing is visible.
-bool kn_range_look(kn_range *range, const uint16_t *level);
-
 #define KN_RANGE_MOST 8192 // largest width or height of an image that can be read, pixels
 
 // Write a range image. `title`: text that says which object is shown. On failure return false and put one sentence in

@@ -180,6 +180,15 @@ static void aim(kn_renderer *r, const kn_view_scene *scene)
     r->side = (int)floor(scene->azimuth_deg / 90 + 1e-9) & 3;
 }
 
+static void orthographic_matrix(float out[16], float half, float near, float far)
+{
+    for (int i = 0; i < 16; i++) out[i] = 0;
+    out[0] = out[5] = 1 / half;
+    out[10] = 2 / (near - far);
+    out[14] = (far + near) / (near - far);
+    out[15] = 1;
+}
+
 // Place the light at the upper left of the viewer, whatever the azimuth.
 static void light_up(kn_renderer *r, const kn_view_scene *scene)
 {
@@ -188,7 +197,7 @@ static void light_up(kn_renderer *r, const kn_view_scene *scene)
     memcpy(r->key, back, sizeof r->key);
     for (int i = 0; i < 3; i++) eye[i] = 0.5f * (r->mesh->rest_low[i] + r->mesh->rest_high[i]) + 2 * radius * back[i];
     kn_mat_view(view, right, up, back, eye);
-    kn_mat_orthographic(box, radius, 0.5f * radius, 4 * radius);
+    orthographic_matrix(box, radius, 0.5f * radius, 4 * radius);
     kn_mat_mul(r->light, box, view);
 }
 

@@ -27,11 +27,16 @@ static int compare(const void *pa, const void *pb)
     return a->triangle < b->triangle ? -1 : a->triangle > b->triangle;
 }
 
+static void subtract(float out[3], const float a[3], const float b[3])
+{
+    for (int i = 0; i < 3; i++) out[i] = a[i] - b[i];
+}
+
 static void face_normal(const int t[3], const float (*xyz)[3], float normal[3])
 {
     float u[3], v[3];
-    kn_subf(u, xyz[t[1]], xyz[t[0]]);
-    kn_subf(v, xyz[t[2]], xyz[t[0]]);
+    subtract(u, xyz[t[1]], xyz[t[0]]);
+    subtract(v, xyz[t[2]], xyz[t[0]]);
     kn_crossf(normal, u, v);
     kn_normalizef(normal);
 }
@@ -40,7 +45,7 @@ static void face_normal(const int t[3], const float (*xyz)[3], float normal[3])
 static float side_squared(const int t[3], const float (*xyz)[3], int corner)
 {
     float d[3];
-    kn_subf(d, xyz[t[(corner + 1) % 3]], xyz[t[(corner + 2) % 3]]);
+    subtract(d, xyz[t[(corner + 1) % 3]], xyz[t[(corner + 2) % 3]]);
     return kn_dotf(d, d);
 }
 
@@ -173,8 +178,8 @@ void kn_shaded_mesh_destroy(kn_shaded_mesh *s)
 static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 {
     float u[3], v[3], c[3];
-    kn_subf(u, xyz[t[(corner + 1) % 3]], xyz[t[corner]]);
-    kn_subf(v, xyz[t[(corner + 2) % 3]], xyz[t[corner]]);
+    subtract(u, xyz[t[(corner + 1) % 3]], xyz[t[corner]]);
+    subtract(v, xyz[t[(corner + 2) % 3]], xyz[t[corner]]);
     kn_crossf(c, u, v);
     return atan2f(sqrtf(kn_dotf(c, c)), kn_dotf(u, v));
 }
