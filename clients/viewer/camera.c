@@ -4,6 +4,11 @@
 #define FILL 0.86f     // fraction of the picture's height or width that the box fills
 #define HEADROOM 0.45f // space above the object for a lifted probe and its arrow, as a fraction of the object's height
 
+kn_view_scene kn_view_scene_default(void)
+{
+    return (kn_view_scene){.color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
+}
+
 static void perspective_matrix(float out[16], float tan_half_y, float aspect, float near, float far)
 {
     for (int i = 0; i < 16; i++) out[i] = 0;

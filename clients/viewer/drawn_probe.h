@@ -6,7 +6,6 @@
 // Region: the part of a picture that an object, its probes and their shadows cover. Outside the region, the picture
 // shows the empty table. The region may be too large, but never too small.
 #include "clients/viewer/camera.h"
-#include "clients/viewer/renderer.h"
 #include "clients/viewer/shading.h"
 #include "core/shape.h"
 

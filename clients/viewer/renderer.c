@@ -38,11 +38,6 @@ struct kn_renderer {
     float square_m;
 };
 
-kn_view_scene kn_view_scene_default(void)
-{
-    return (kn_view_scene){.color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
-}
-
 // ---- open, mesh, close
 
 static void create_shapes(kn_renderer *r)
