@@ -76,6 +76,6 @@ int main(void)
     bench(3, 1280, 720, 4, 0);
     bench(3, 1280, 720, 1, 0); // a frame of a large page
     bench(3, 1280, 720, 1, 1);
-    bench(3, 1280, 720, 4, 1); // a frame of a film with --orbit
+    bench(3, 1280, 720, 4, 1); // a frame of the live page whose view is turned
     return 0;
 }

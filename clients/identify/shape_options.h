@@ -2,7 +2,7 @@
 #define KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
 // The options of `knead identify shape`.
 #include "clients/identify/candidate.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 
 // special value of kn_shape_options.at_s: the end of the hold. The value INFINITY means the end of the press
 #define KN_SHAPE_HOLD (-INFINITY)

@@ -1,8 +1,16 @@
 #include "clients/knead/foot.h"
 #include "core/shape.h"
 #include <math.h>
+#include <string.h>
 
 bool kn_foot_flat(kn_probe_shape shape) { return shape != KN_PROBE_SPHERE && shape != KN_PROBE_CAPSULE; }
+
+const kn_probe_def *kn_foot_choose_tool(const kn_model_def *def, const char *name)
+{
+    for (int i = 0; i < def->probe_count; i++)
+        if (name ? !strcmp(def->probe[i].name, name) : !kn_foot_flat(def->probe[i].shape)) return &def->probe[i];
+    return name || def->probe_count == 0 ? NULL : &def->probe[0];
+}
 
 // Return true if the face of a flat tool covers the point at the horizontal offset (x_m, y_m) from its centre. `x_m`
 // and `y_m` must not be negative.

@@ -1,5 +1,5 @@
 #include "clients/knead/measure_option.h"
-#include "clients/viewer/scale.h"
+#include "clients/viewer/label.h"
 #include "core/scene/units.h"
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 #include "clients/knead/ply.h"
-#include "clients/viewer/scale.h"
+#include "clients/viewer/label.h"
 #include "core/vec.h"
 #include <math.h>
 #include <stdlib.h>

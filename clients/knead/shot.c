@@ -1,5 +1,4 @@
 #include "clients/knead/shot.h"
-#include "clients/viewer/label.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -3,7 +3,7 @@
 // Shot: maker of pictures of stills (still.h). It renders the object and writes caption, scale bar and legend on the
 // picture.
 #include "clients/knead/still.h"
-#include "clients/viewer/scale.h"
+#include "clients/viewer/label.h"
 
 typedef struct kn_shot kn_shot;
 

@@ -4,7 +4,7 @@
 #include "clients/knead/lineup.h"
 #include "clients/knead/view_film.h"
 #include "clients/viewer/image.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

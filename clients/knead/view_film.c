@@ -50,12 +50,9 @@ static int check_from(const film *f)
 static int survey(film *f)
 {
     kn_lineup *l = &f->lineup;
-    // Without a recording nothing moves but the camera, and the number of pictures is given.
-    const bool rests = f->pictures > 0;
     int code = kn_lineup_open(l, f->o);
-    if (code == KN_EXIT_OK && rests) code = kn_lineup_stills(l, &f->extent);
     kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
-    while (code == KN_EXIT_OK && !rests && moment(f->o, f->pictures) <= f->o->to_s) {
+    while (code == KN_EXIT_OK && moment(f->o, f->pictures) <= f->o->to_s) {
         code = kn_lineup_to(l, moment(f->o, f->pictures));
         if (code != KN_EXIT_OK || kn_lineup_ended(l)) break; // no recording reaches the time of this picture
         code = kn_lineup_stills(l, &f->extent);
@@ -88,11 +85,6 @@ static int shoot(film *f)
         // is repeated.
         const bool late = f->live && picture > 0 && l->source[0].time_s > moment(o, picture + 1);
         if (code == KN_EXIT_OK && !late) code = kn_lineup_stills(l, &now);
-        // Turn the camera for --orbit.
-        for (int i = 0; i < l->panels; i++) {
-            l->still[i].view.azimuth_deg += o->orbit_deg_s * picture / o->fps;
-            l->still[i].view.turns = o->orbit_deg_s != 0;
-        }
         if (code == KN_EXIT_OK && !late) code = kn_lineup_shoot(l, f->live ? &now : &f->extent, !f->live);
         kn_lineup_drop(l);
         // kn_film_keep reports the reason of the failure.

@@ -20,8 +20,7 @@ const char kn_view_help[] =
     "                                                       scene at rest; a snapshot of a kneadd state\n"
     "                                                       directory, with --scene\n"
     "       knead view --png FILE --compare A B             draw two, and the distance between their surfaces\n"
-    "       knead view --video FILE [OPTION]... [OBJECT]... film logs; the served object, for --seconds; or go\n"
-    "                                                       around a snapshot or a scene with --orbit\n"
+    "       knead view --video FILE [OPTION]... [OBJECT]... film logs, or the served object for --seconds\n"
     "       knead view --depth FILE [OPTION]... [OBJECT]    draw the heights, as a range finder above sees them\n\n"
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
     "  --at SECONDS|end   moment of the recording, since its first session began; 1,3,end: three side by side\n"
@@ -47,10 +46,9 @@ const char kn_view_help[] =
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
     "Films (need the program ffmpeg; names end in " KN_FILM_NAMES "):\n"
     "  --from S, --to S   part of the recording (default: 0, its end)\n"
-    "  --seconds N        duration of a film of the served object, a snapshot or a scene, 0.1..3600\n"
+    "  --seconds N        duration of a film of the served object, 0.1..3600\n"
     "  --fps N            pictures per second, 1..120 (default: 30)\n"
-    "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n"
-    "  --orbit DEG        rotation of the camera, degrees per second of the film, -720..720 (default: 0)\n\n"
+    "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n\n"
     "A range image is a 16-bit grey PNG of the object without its tools, seen straight from above, x to the right,\n"
     "y up. The value 0 means no object; else the height above the table is (value - 1) times a step, which is 1 um\n"
     "for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are in the text chunks\n"
@@ -144,7 +142,6 @@ static const char *take(kn_view_options *o, asked *a, int option, const char *te
     case 'N': return kn_number_take(text, 0.1, 3600, &o->seconds) ? NULL : "seconds, 0.1..3600";
     case 'f': return kn_number_take(text, 1, 120, &o->fps) ? NULL : "pictures per second, 1..120";
     case 'x': return kn_number_take(text, 0.01, 1000, &o->speed) ? NULL : "how many times as fast, 0.01..1000";
-    case 'o': return kn_number_take(text, -720, 720, &o->orbit_deg_s) ? NULL : "degrees per second, -720..720";
     default: return kn_number_take(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
     }
 }
@@ -220,15 +217,11 @@ static int share_out(kn_view_options *o, const asked *a)
     return KN_EXIT_OK;
 }
 
-// Check the options of a film. A recording, a live object and an object at rest allow different options.
+// Check the options of a film. A recording and a live object allow different options.
 static int check_film(const kn_view_options *o)
 {
-    const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0, rests = !recorded && !live;
-    if (rests && !(o->seconds > 0 && o->orbit_deg_s != 0))
-        REFUSE(
-            "--video: expected a log among them, or --orbit and --seconds; an object at rest does not move by itself");
-    if (rests && (o->speed != 1 || isfinite(o->to_s) || o->from_s != 0))
-        REFUSE("--from, --to and --speed: expected a log among them");
+    const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0;
+    if (!recorded && !live) REFUSE("--video: expected a log among them; an object at rest does not move by itself");
     if (recorded && o->seconds > 0)
         REFUSE("--seconds: is for films without an end of their own, expected --from and --to for a log");
     if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N for the served object");
@@ -301,8 +294,8 @@ static int check(kn_view_options *o, const asked *a)
     if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
     if (isfinite(a->elevation_deg)) o->look.elevation_deg = a->elevation_deg;
     if (o->video) return check_film(o);
-    if (o->seconds > 0 || o->speed != 1 || o->orbit_deg_s != 0 || isfinite(o->to_s) || o->from_s != 0 || o->fps != 30)
-        REFUSE("--from, --to, --seconds, --fps, --speed and --orbit: expected --video");
+    if (o->seconds > 0 || o->speed != 1 || isfinite(o->to_s) || o->from_s != 0 || o->fps != 30)
+        REFUSE("--from, --to, --seconds, --fps and --speed: expected --video");
     return KN_EXIT_OK;
 }
 
@@ -314,8 +307,8 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
         {"lcm-url", 1, NULL, 'l'},   {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},    {"color", 1, NULL, 'c'},
         {"top", 1, NULL, 'T'},       {"style", 1, NULL, 'y'},    {"plain", 0, NULL, 'P'},   {"video", 1, NULL, 'v'},
         {"from", 1, NULL, 'F'},      {"to", 1, NULL, 'G'},       {"seconds", 1, NULL, 'N'}, {"fps", 1, NULL, 'f'},
-        {"speed", 1, NULL, 'x'},     {"orbit", 1, NULL, 'o'},    {"depth", 1, NULL, 'd'},   {"compare", 0, NULL, 'C'},
-        {"camera", 1, NULL, 'k'},    {"zoom", 1, NULL, 'z'},     {NULL, 0, NULL, 0}};
+        {"speed", 1, NULL, 'x'},     {"depth", 1, NULL, 'd'},    {"compare", 0, NULL, 'C'}, {"camera", 1, NULL, 'k'},
+        {"zoom", 1, NULL, 'z'},      {NULL, 0, NULL, 0}};
     asked a = {NAN, NAN, false, 0};
     int option, which = 0;
     *o = (kn_view_options){.measure = -1,

@@ -20,9 +20,8 @@ typedef struct kn_view_options {
     double at_s[KN_VIEW_FILES_MAX]; // time in each recording of the state to draw; INFINITY: the end of the recording
     double wait_s;                  // longest time to wait for a running kneadd
     double from_s, to_s;            // part of a recording to film; to_s INFINITY: to the end of the recording
-    double seconds;                 // length of a film without a recording; 0: not given
-    // of a film: pictures per second, playing speed relative to real time, turning speed of the camera.
-    double fps, speed, orbit_deg_s;
+    double seconds;                 // length of a film of the served object; 0: not given
+    double fps, speed;              // of a film: pictures per second, playing speed relative to real time
     int width, height;
     kn_view_scene look; // camera and style of the picture
     int measure;        // kn_measure that colours the object; -1: none

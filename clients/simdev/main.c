@@ -1,5 +1,5 @@
 // knead-simdev: a simulated circuit for users without a board. This file is its command line.
-#include "clients/simdev/serve.h"
+#include "clients/simdev/simdev.h"
 #include <errno.h>
 #include <getopt.h>
 #include <stdio.h>
@@ -34,9 +34,10 @@ static void help(void)
          "                    10,13,8\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
          "  --fault ...       inject faults into this share of the requests (default: 0.01):");
-#define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
-    KN_FAULTS(KN_FAULT_HELP)
-#undef KN_FAULT_HELP
+#define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
+    printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
+    KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
+#undef KN_LINK_FAULT_HELP
     puts("  --help, --version\n\n"
          "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
 }
@@ -64,7 +65,7 @@ static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
 }
 
 // Serve until a signal, then print the requests and the faults that struck.
-static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
+static int serve(kn_simdev *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
@@ -74,12 +75,12 @@ static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, c
         fputs("knead-simdev: out of memory\n", stderr);
         return 3;
     }
-    bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
+    bool good = bar ? kn_simdev_bar(s, bar) : kn_simdev_uart(s, link);
     if (!good) fprintf(stderr, "knead-simdev: %s: %s\n", bar ? bar : link ? link : "pseudo-terminal", strerror(errno));
     const char *before = !bar && s->engine.hear ? " behind knead_link" : "";
     printf("%s%s: %lld requests", s->engine.name, before, (long long)s->requests);
-    for (int i = 0; i < KN_FAULT_COUNT; i++)
-        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_fault_word((kn_fault)i));
+    for (int i = 0; i < KN_LINK_FAULT_COUNT; i++)
+        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_link_fault_word((kn_link_fault)i));
     putchar('\n');
     s->engine.destroy(s->engine.bus.self);
     return good ? 0 : 3;
@@ -98,7 +99,7 @@ static int run(int argc, char **argv)
                                             {"help", no_argument, NULL, 'h'},
                                             {"version", no_argument, NULL, 'v'},
                                             {0}};
-    static kn_serve s;
+    static kn_simdev s;
     const char *link = NULL, *bar = NULL;
     char wrong[64], *end;
     bool uart = false, sized = false, rtl = false;
@@ -123,7 +124,7 @@ static int run(int argc, char **argv)
             if (!parse_caps(optarg, &caps)) return bad(optarg, "--caps with 0..16,0..20,1..10");
             break;
         case 'f':
-            if (!kn_faults_parse(&s.faults, optarg, wrong))
+            if (!kn_link_faults_parse(&s.faults, optarg, wrong))
                 return bad(wrong, "--fault NAME[=RATE] with a rate of 0 to 1; --help lists the names");
             break;
         case 's':
@@ -142,11 +143,11 @@ static int run(int argc, char **argv)
     if (baud) s.byte_ns = 10000000000 / (int64_t)baud;
     if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
         return bad(bar, "--bar with a name of 1 to 199 letters, without /");
-    for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
-        if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
-            return bad(kn_fault_word((kn_fault)i), "--uart, since memory has no frames");
+    for (int i = 0; bar && i < KN_LINK_FAULT_COUNT; i++)
+        if (s.faults.rate[i] > 0 && kn_link_fault_of_frames((kn_link_fault)i))
+            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, since memory has no frames");
     if (rtl && sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
-    if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
+    if (rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
         return bad("torn", "--engine golden, since the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL
     if (rtl) return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;

@@ -8,7 +8,6 @@
 #include <getopt.h>
 #include <glob.h>
 #include <grp.h>
-#include <jansson.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,16 +51,21 @@ __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT]
         if (*c < ' ' || *c > '~') *c = '?'; // a device may report any name
 }
 
+bool kn_devices_read_line(const char *path, char *line, size_t size)
+{
+    FILE *file = fopen(path, "r");
+    bool read = file && fgets(line, (int)size, file);
+    if (file) fclose(file);
+    if (read) line[strcspn(line, "\n")] = 0;
+    return read;
+}
+
 // Read the first line of the file directory/name. The result is "" if the file cannot be read or is empty.
 static void read_line(const char *directory, const char *name, char *line, size_t size)
 {
     char path[PATH_MAX + 32];
-    *line = 0;
     snprintf(path, sizeof path, "%s/%s", directory, name);
-    FILE *f = fopen(path, "r");
-    if (!f) return;
-    if (fgets(line, (int)size, f)) line[strcspn(line, "\n")] = 0;
-    fclose(f);
+    if (!kn_devices_read_line(path, line, size)) *line = 0;
 }
 
 // Read a hexadecimal number of 16 bits from a file. Return 0 if the file has no number.
@@ -211,6 +215,17 @@ static void print_lines(const kn_found *found, int count)
     printf("\nNo driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
 }
 
+int kn_devices_print(const char *command, const char *key, json_t *list)
+{
+    json_t *root = json_pack("{s:o}", key, list);
+    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
+    json_decref(root);
+    if (!text) return kn_complain(command, KN_EXIT_INTERNAL, "out of memory");
+    puts(text);
+    free(text);
+    return KN_EXIT_OK;
+}
+
 static int print_json(const kn_found *found, int count)
 {
     json_t *list = json_array();
@@ -218,13 +233,7 @@ static int print_json(const kn_found *found, int count)
         json_array_append_new(list, json_pack("{s:s,s:s,s:s,s:s,s:b,s:s,s:s,s:s,s:s}", "kind", f->kind, "where",
                                               f->where, "usb", f->usb, "name", f->name, "ready", f->ready, "use",
                                               f->use, "profile", f->profile, "missing", f->missing, "fix", f->fix));
-    json_t *root = json_pack("{s:o}", "devices", list);
-    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
-    json_decref(root);
-    if (!text) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
-    puts(text);
-    free(text);
-    return KN_EXIT_OK;
+    return kn_devices_print("devices", "devices", list);
 }
 
 int kn_devices_main(int argc, char **argv)

@@ -12,7 +12,6 @@
 #include <glob.h>
 #include <grp.h>
 #include <inttypes.h>
-#include <jansson.h>
 #include <limits.h>
 #include <pwd.h>
 #include <sched.h>
@@ -81,15 +80,6 @@ __attribute__((format(printf, 2, 3))) static void fix(check *c, const char *form
     va_end(arguments);
 }
 
-static bool read_word(const char *path, char *word, size_t size)
-{
-    FILE *file = fopen(path, "r");
-    bool read = file && fgets(word, (int)size, file);
-    if (file) fclose(file);
-    if (read) word[strcspn(word, "\n")] = '\0';
-    return read;
-}
-
 // Run a function in a child process, so that its effects end with the child. Return its errno, 0 for success.
 static int attempt(int (*what)(void))
 {
@@ -134,7 +124,7 @@ static void look_at_limits(findings *f)
     // The kernel limits real-time threads to a part of each second. A limit below 90 % could stop a busy servo loop. A
     // negative value means no limit.
     char word[32];
-    if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
+    if (!kn_devices_read_line("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
     c = add(f, "throttling", us < 0 || us >= 900000,
             us < 0 ? "none: a real-time thread that does not sleep stops the machine"
@@ -159,7 +149,7 @@ static void look_at_bus(findings *f)
     if (cure) *cure = '\0';
     check *c = add(f, "route", good, "%s%s", good ? url : error, good ? " stays on this machine" : "");
     fix(c, "%s%s", cure ? "as root: " : "unset LCM_DEFAULT_URL", cure ? cure + strlen(also) : "");
-    if (!read_word("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
+    if (!kn_devices_read_line("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
     long bytes = strtol(word, NULL, 10);
     // Root may exceed rmem_max, so the limit does not matter for root.
     c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may keep %ld KiB", bytes >> 10);
@@ -184,13 +174,13 @@ static void look_at_processor(findings *f)
     if (glob("/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor", 0, NULL, &list) == 0) {
         size_t slow = 0;
         for (size_t i = 0; i < list.gl_pathc; i++)
-            slow += read_word(list.gl_pathv[i], word, sizeof word) && strcmp(word, "performance") != 0;
+            slow += kn_devices_read_line(list.gl_pathv[i], word, sizeof word) && strcmp(word, "performance") != 0;
         c = add(f, "governor", slow == 0, slow ? "%zu of %zu processors slow down when idle" : "performance", slow,
                 list.gl_pathc);
         fix(c, "sudo cpupower frequency-set -g performance");
         globfree(&list);
     }
-    if (read_word("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
+    if (kn_devices_read_line("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
         c = add(f, "clock", strcmp(word, "hpet") != 0 && strcmp(word, "acpi_pm") != 0, "%s", word);
         fix(c, "add clocksource=tsc to the kernel's parameters: reading %s takes a microsecond", word);
     }
@@ -328,11 +318,7 @@ static int print_json(const findings *f)
         json_array_append_new(list, json_pack("{s:s, s:b, s:s, s:s}", "check", c->name, "good", c->good, "found",
                                               c->found, "fix", c->fix));
     }
-    json_t *root = json_pack("{s:o}", "checks", list);
-    bool told = root && json_dumpf(root, stdout, JSON_INDENT(2)) == 0;
-    json_decref(root);
-    putchar('\n');
-    return told ? KN_EXIT_OK : kn_complain("doctor", KN_EXIT_INTERNAL, "out of memory");
+    return kn_devices_print("doctor", "checks", list);
 }
 
 static void print_lines(const findings *f)

@@ -2,7 +2,6 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/join.h"
-#include "clients/tactile/mount.h"
 #include "clients/tactile/paddle.h"
 #include "core/scene/units.h"
 #include <getopt.h>

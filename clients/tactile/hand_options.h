@@ -2,7 +2,7 @@
 #define KN_CLIENTS_HAND_OPTIONS_H
 // Command line of `knead hand`.
 #include "clients/tactile/haply.h"
-#include "clients/tactile/puck.h"
+#include "clients/tactile/spacenav.h"
 #include <stdbool.h>
 
 typedef enum kn_hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } kn_hand_kind;

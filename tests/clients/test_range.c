@@ -1,6 +1,6 @@
 // Range images of a block of 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
 #include "clients/viewer/image.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include "core/surface.h"
 #include "tests/check.h"
 #include <png.h>

@@ -16,7 +16,7 @@
 #include "clients/identify/verdict.h"
 #include "clients/knead/commands.h"
 #include "clients/viewer/image.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include "tests/check.h"
 #include "tests/clients/heard.h"
 #include "tests/clients/recorded_press.h"

@@ -3,8 +3,8 @@
 #include "clients/viewer/image.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/renderer.h"
-#include "clients/viewer/scale.h"
-#include "clients/viewer/skin.h"
+#include "clients/viewer/label.h"
+#include "clients/viewer/shading.h"
 #include "core/surface.h"
 #include "core/shape.h"
 #include "tests/clients/pictured.h"
@@ -13,13 +13,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-OWNS(kn_skin, kn_skin_destroy)
+OWNS(kn_shaded_mesh, kn_shaded_mesh_destroy)
 
 TEST("a block has six smooth faces, sharp edges, and lines around its quads")
 {
     AT_END(block_destroy) block b = block_create();
-    OWN(kn_skin) *s =
-        kn_skin_create(b.surface->vertex_count, (const float(*)[3])b.rest, b.surface->triangle_count, triangles(&b));
+    OWN(kn_shaded_mesh) *s = kn_shaded_mesh_create(b.surface->vertex_count, (const float(*)[3])b.rest,
+                                                   b.surface->triangle_count, triangles(&b));
     CHECK(s != NULL);
     CHECK(s->group_count == 2 * (11 * 11 + 11 * 7 + 11 * 7)); // a normal per node and face
     int diagonals = 0;
@@ -27,7 +27,7 @@ TEST("a block has six smooth faces, sharp edges, and lines around its quads")
     CHECK(diagonals == s->triangle_count); // each triangle has one side inside its quad
 
     float *corner = malloc((size_t)s->triangle_count * 18 * sizeof *corner);
-    kn_skin_corners(s, (const float(*)[3])b.rest, corner);
+    kn_shaded_mesh_corners(s, (const float(*)[3])b.rest, corner);
     int axis_aligned = 0, outward = 0;
     for (int i = 0; i < 3 * s->triangle_count; i++) {
         float *p = corner + 6 * i, *n = p + 3;
@@ -37,7 +37,7 @@ TEST("a block has six smooth faces, sharp edges, and lines around its quads")
     CHECK(axis_aligned == 3 * s->triangle_count);
     CHECK(outward == 3 * s->triangle_count);
 
-    kn_skin_corners(s, (const float(*)[3])b.dented, corner);
+    kn_shaded_mesh_corners(s, (const float(*)[3])b.dented, corner);
     int sloped = 0;
     for (int i = 0; i < 3 * s->triangle_count; i++) sloped += corner[6 * i + 5] > 0.3f && corner[6 * i + 5] < 0.95f;
     CHECK(sloped > 0); // the flanks of the dent, which stay one surface with the top
@@ -48,13 +48,13 @@ TEST("what is not a mesh is refused")
 {
     static const float xyz[3][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     static const int good[1][3] = {{0, 1, 2}}, beyond[1][3] = {{0, 1, 3}}, negative[1][3] = {{0, -1, 2}};
-    OWN(kn_skin) *s = kn_skin_create(3, xyz, 1, good);
+    OWN(kn_shaded_mesh) *s = kn_shaded_mesh_create(3, xyz, 1, good);
     CHECK(s != NULL);
-    CHECK(kn_skin_create(3, xyz, 1, beyond) == NULL);
-    CHECK(kn_skin_create(3, xyz, 1, negative) == NULL);
-    CHECK(kn_skin_create(3, xyz, 0, good) == NULL);
-    CHECK(kn_skin_create(2, xyz, 1, good) == NULL);
-    CHECK(kn_skin_create(KN_SKIN_VERTICES_MAX + 1, xyz, 1, good) == NULL);
+    CHECK(kn_shaded_mesh_create(3, xyz, 1, beyond) == NULL);
+    CHECK(kn_shaded_mesh_create(3, xyz, 1, negative) == NULL);
+    CHECK(kn_shaded_mesh_create(3, xyz, 0, good) == NULL);
+    CHECK(kn_shaded_mesh_create(2, xyz, 1, good) == NULL);
+    CHECK(kn_shaded_mesh_create(KN_SHADED_VERTICES_MAX + 1, xyz, 1, good) == NULL);
 }
 
 TEST("absurd sizes are refused with the sizes that are not")

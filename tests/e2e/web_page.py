@@ -269,7 +269,7 @@ def by_recordings(page, bus):
     click(page, "record")
     check("stopped: whole", until(lambda: take()["state"] == "whole"), take())
     check("as long as it was", 1 < take()["s"] < 30 and take()["mb"] > 0.3, take())
-    row = lambda name: page.run("""[...document.querySelectorAll('#takes button')]
+    row = lambda name: page.run("""[...document.querySelectorAll('#recordings button')]
         .find((b) => b.textContent === arguments[0]).click()""", name)
     row("Log")
     log = "saved/dough-small-1.lcmlog"

@@ -205,7 +205,7 @@ TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still doe
     double far_n, behind_n;
     start(&(kn_link_fault){0}, 0, NULL);
     CHECK(restless(2500, &far_n) < 0.03);
-    const kn_render *near = &p.bridge[0].now.tether.render, *far = &p.bridge[1].now.tether.render;
+    const kn_render *near = &p.bridge[0].now.session.render, *far = &p.bridge[1].now.session.render;
     CHECK(far->guards == 0 && far->reflexes == 0 && far->model.taken > 2000 && p.far.rules.pressed > 1000);
     CHECK_NEAR(p.far.rules.largest_n, p.near.rules.largest_n, 0.1 * p.near.rules.largest_n);
 
@@ -240,7 +240,7 @@ TEST("a wild force in kneadd's name trips the guard of the device: it fades in s
 {
     start(&(kn_link_fault){0}, 0, NULL);
     for (int i = 0; i < 1500 && p.near.now.force_n[2] < 1; i++) kn_rig_run(&p.rig, 1);
-    const kn_tether *t = &p.bridge[0].now.tether;
+    const kn_device_session *t = &p.bridge[0].now.session;
     int64_t session = t->session;
     double last_n = p.near.now.force_n[2];
     CHECK(last_n > 0.9 && p.near.live && t->render.reflexes == 0);
@@ -283,14 +283,14 @@ TEST("with a key nothing flipped is taken, and everything else is")
     start(&(kn_link_fault){0}, 0, &auth); // poses of another life are not accepted, but the hands find the new life
     kn_rig_run(&p.rig, 1500);
     kn_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
-    int64_t life = auth.life, session = p.bridge[0].now.tether.session, pressed = p.near.rules.pressed;
+    int64_t life = auth.life, session = p.bridge[0].now.session.session, pressed = p.near.rules.pressed;
     kn_rig_kill(&p.rig);
     kn_rig_run(&p.rig, 50);
     serve(true);
     kn_exchange_hear(&p.rig.exchange, &recorded);
     CHECK(auth.life != life && r->rejected[KN_REJECT_REPLAYED] == 1 && r->accepted == 0);
     kn_rig_run(&p.rig, 4000);
-    CHECK(p.bridge[0].now.tether.session == session + 1 && p.near.rules.pressed > pressed + 1000);
+    CHECK(p.bridge[0].now.session.session == session + 1 && p.near.rules.pressed > pressed + 1000);
     CHECK(r->rejected[KN_REJECT_HELLO] > 0 && r->rejected[KN_REJECT_MAC] == 0);
     check_rules("another life");
     unlink(path);

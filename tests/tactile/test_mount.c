@@ -1,4 +1,4 @@
-#include "clients/tactile/mount.h"
+#include "clients/tactile/bridge.h"
 #include "tests/check.h"
 
 static kn_device_def mount(const char *basis)

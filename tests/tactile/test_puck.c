@@ -1,4 +1,4 @@
-#include "clients/tactile/puck.h"
+#include "clients/tactile/spacenav.h"
 #include "tests/check.h"
 
 static kn_puck puck;

@@ -13,7 +13,7 @@
 //     unwatched=0     there is no watchdog
 #include "clients/knead/arm.h"
 #include "clients/knead/join.h"
-#include "clients/tactile/frame.h"
+#include "clients/tactile/paddle.h"
 #include "core/safety.h"
 #include "server/clock.h"
 #include "tests/tactile/person.h"
@@ -33,7 +33,7 @@ typedef struct paddle {
     int fd, keep; // master; slave, held open so that a leaving computer does not hang up the line
     span garbage, flip, mute, hangup, unwatched;
     kn_arm arm;
-    kn_deframer deframer;
+    kn_paddle_decoder deframer;
     kn_watchdog watchdog;
     double asked_n, given_n;
     bool enabled;
@@ -72,12 +72,12 @@ static void plug_out(paddle *p)
 static void listen_to_computer(paddle *p, int elapsed_ms)
 {
     uint8_t bytes[512];
-    kn_frame f;
+    kn_paddle_frame f;
     bool fresh = false;
     ssize_t size = p->fd < 0 ? 0 : read(p->fd, bytes, sizeof bytes);
     for (ssize_t i = 0; i < size; i++) {
-        if (!kn_deframer_push(&p->deframer, bytes[i], &f)) continue;
-        bool enable = f.flags & KN_FRAME_ENABLE, newer = (int16_t)(f.seq - p->heard) > 0;
+        if (!kn_paddle_decoder_push(&p->deframer, bytes[i], &f)) continue;
+        bool enable = f.flags & KN_PADDLE_FRAME_ENABLE, newer = (int16_t)(f.seq - p->heard) > 0;
         if (enable && !newer) continue; // repeated, or of another run: no sign of life
         fresh = true;
         p->heard = f.seq;
@@ -91,21 +91,21 @@ static void listen_to_computer(paddle *p, int elapsed_ms)
 
 static void tell_computer(paddle *p, int ms)
 {
-    uint8_t bytes[7 + KN_FRAME_SIZE];
+    uint8_t bytes[7 + KN_PADDLE_FRAME_SIZE];
     bool tenth = p->seq % 10 == 0, tripped = p->watchdog.tripped;
-    int flags = (p->enabled && !tripped ? KN_FRAME_MOTOR : 0) | (tripped ? KN_FRAME_TRIPPED : 0);
+    int flags = (p->enabled && !tripped ? KN_PADDLE_FRAME_MOTOR : 0) | (tripped ? KN_PADDLE_FRAME_TRIPPED : 0);
     size_t before = tenth && in(&p->garbage, ms) ? 7 : 0;
     for (size_t i = 0; i < before; i++) bytes[i] = (uint8_t)(rand_r(&p->random) >> 7);
-    kn_frame_encode(&(kn_frame){.kind = KN_FRAME_STATE,
-                                .seq = p->seq++,
-                                .flags = (uint8_t)flags,
-                                .position_nm = kn_frame_number(p->arm.position_m[2], 1e-9),
-                                .velocity_um_s = kn_frame_number(p->arm.velocity_m_s[2], 1e-6),
-                                .force_un = kn_frame_number(p->given_n, 1e-6)},
-                    bytes + before);
-    if (tenth && in(&p->flip, ms)) bytes[before + p->seq / 10 % KN_FRAME_SIZE] ^= (uint8_t)(1 << ms / 200 % 8);
+    kn_paddle_frame_encode(&(kn_paddle_frame){.kind = KN_PADDLE_FRAME_STATE,
+                                              .seq = p->seq++,
+                                              .flags = (uint8_t)flags,
+                                              .position_nm = kn_paddle_frame_number(p->arm.position_m[2], 1e-9),
+                                              .velocity_um_s = kn_paddle_frame_number(p->arm.velocity_m_s[2], 1e-6),
+                                              .force_un = kn_paddle_frame_number(p->given_n, 1e-6)},
+                           bytes + before);
+    if (tenth && in(&p->flip, ms)) bytes[before + p->seq / 10 % KN_PADDLE_FRAME_SIZE] ^= (uint8_t)(1 << ms / 200 % 8);
     if (p->fd < 0 || in(&p->mute, ms)) return;
-    if (write(p->fd, bytes, before + KN_FRAME_SIZE) < 0) return; // the line is full because no program reads
+    if (write(p->fd, bytes, before + KN_PADDLE_FRAME_SIZE) < 0) return; // the line is full because no program reads
 }
 
 static bool option(paddle *p, const char *text)
@@ -136,7 +136,7 @@ int main(int argc, char **argv)
                 .unwatched = never,
                 .fd = -1,
                 .random = 1,
-                .deframer.kind = KN_FRAME_COMMAND};
+                .deframer.kind = KN_PADDLE_FRAME_COMMAND};
     // A Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most.
     const kn_arm_def def = {.mass_kg = 0.04,
                             .damping_n_s_m = 0.1,
@@ -170,7 +170,7 @@ int main(int argc, char **argv)
             kn_arm_tick(&p.arm, (double[3]){0, 0, p.given_n}, path_m, path_m_s);
         }
         tell_computer(&p, ms);
-        const kn_deframer *d = &p.deframer;
+        const kn_paddle_decoder *d = &p.deframer;
         printf("%d,%.6f,%.4f,%.4f,%d,%d,%lld,%lld,%lld\n", ms, p.arm.position_m[2], p.asked_n, p.given_n, p.enabled,
                p.watchdog.tripped, (long long)d->frames, (long long)d->bad, (long long)d->skipped);
     }

@@ -1,6 +1,6 @@
-#ifndef KN_CLIENTS_TETHER_H
-#define KN_CLIENTS_TETHER_H
-// Tether between a real device and kneadd: the session of the device's poses, a watchdog over the device's poses and
+#ifndef KN_CLIENTS_DEVICE_SESSION_H
+#define KN_CLIENTS_DEVICE_SESSION_H
+// Session between a real device and kneadd: the numbering of the device's poses, a watchdog over the device's poses and
 // one over kneadd's forces. The module is pure: the caller passes the time, so a test can play both the device and
 // kneadd.
 //
@@ -20,10 +20,10 @@
 #include "clients/knead/render.h"
 
 // HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
-typedef enum kn_tether_mode { KN_TETHER_HELD, KN_TETHER_SILENT } kn_tether_mode;
+typedef enum kn_device_session_mode { KN_SESSION_HELD, KN_SESSION_SILENT } kn_device_session_mode;
 
-typedef struct kn_tether { // link between one device and kneadd; read-only for the caller
-    kn_tether_mode mode;
+typedef struct kn_device_session { // link between one device and kneadd; read-only for the caller
+    kn_device_session_mode mode;
     // Number of the present session, and number of the last pose sent in this session.
     int64_t session, seq;
     double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
@@ -37,8 +37,8 @@ typedef struct kn_tether { // link between one device and kneadd; read-only for 
     kn_watchdog forces, poses;
     // fresh_force: a force has arrived since the last tick; fresh_pose: a pose has arrived since then.
     bool fresh_force, fresh_pose;
-    bool given;          // kn_tether_give has run since the last tick
-    double given_s;      // time of the last kn_tether_give, s
+    bool given;          // kn_device_session_give has run since the last tick
+    double given_s;      // time of the last kn_device_session_give, s
     int64_t answered;    // number of the newest pose of this session that a force has answered
     int64_t tick;        // kneadd's tick of the newest force of this session; -1: no force yet
     int64_t sent, heard; // number of poses sent, and of forces accepted, in all sessions of this device
@@ -49,37 +49,37 @@ typedef struct kn_tether { // link between one device and kneadd; read-only for 
     int64_t late;
     int64_t refused; // number of poses and forces that contain a number that is not finite
     int64_t faults;  // number of sessions that ended because kneadd's impulse guard tripped
-} kn_tether;
+} kn_device_session;
 
-// Start a tether for the given session, in mode HELD, with no force yet.
-void kn_tether_init(kn_tether *tether, int64_t session, const kn_render_def *render);
+// Start a session with the given number, in mode HELD, with no force yet.
+void kn_device_session_init(kn_device_session *link, int64_t session, const kn_render_def *render);
 
 // Take a new pose of the device, in the device's own frame. Return true if the caller must send the pose, with the
-// number tether->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; an
+// number link->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; an
 // ignored pose does not reset the watchdog.
-bool kn_tether_pose(kn_tether *tether, const double position_m[3], const double velocity_m_s[3]);
+bool kn_device_session_pose(kn_device_session *link, const double position_m[3], const double velocity_m_s[3]);
 
-typedef struct kn_tether_force { // force message of kneadd (fields of a contact_force_t)
+typedef struct kn_device_session_force { // force message of kneadd (fields of a contact_force_t)
     int64_t session, seq, tick;
     // force_n: force in the scene's axes. age_s: time since the pose that this force answers was sent.
     double force_n[3], age_s;
     int32_t flags, fault;
-} kn_tether_force;
+} kn_device_session_force;
 
 // Take a force message. Return true if the force belongs to this session and has a newer tick. Only accepted forces
 // reset the watchdog over kneadd's forces.
-bool kn_tether_take(kn_tether *tether, const kn_tether_force *force);
+bool kn_device_session_take(kn_device_session *link, const kn_device_session_force *force);
 
 // Compute render.given_n. now_s: present time of any steady clock, s. Call this after every force; with the local
 // model, call it after every pose instead.
-void kn_tether_give(kn_tether *tether, double now_s);
+void kn_device_session_give(kn_device_session *link, double now_s);
 
 // Advance both watchdogs and the mode by elapsed_ms. Call this every millisecond. The function also computes
-// render.given_n. With the local model it leaves given_n as it is if kn_tether_give has run since the last tick, unless
-// the mode has just become SILENT.
-void kn_tether_tick(kn_tether *tether, double now_s, int elapsed_ms);
+// render.given_n. With the local model it leaves given_n as it is if kn_device_session_give has run since the last
+// tick, unless the mode has just become SILENT.
+void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
 
 // Return true if the motors may be enabled, because a force may be given.
-bool kn_tether_live(const kn_tether *tether);
+bool kn_device_session_live(const kn_device_session *link);
 
 #endif

@@ -1,4 +1,4 @@
-#include "clients/web/request.h"
+#include "clients/web/gateway.h"
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
@@ -22,30 +22,30 @@ static const struct {
     [KN_VERB_PLAY] = {"play", NUMBER},     [KN_VERB_STOP] = {"stop", NUMBER},
 };
 
-const char *kn_verb_word(kn_verb verb) { return verbs[verb].word; }
+const char *kn_page_verb_word(kn_page_verb verb) { return verbs[verb].word; }
 
-static bool take_verb(kn_request *r, const json_t *value)
+static bool take_verb(kn_page_request *r, const json_t *value)
 {
     const char *word = json_string_value(value);
     for (int v = 0; word && v < KN_VERBS; v++) {
         if (strcmp(word, verbs[v].word) != 0) continue;
-        r->verb = (kn_verb)v;
+        r->verb = (kn_page_verb)v;
         return true;
     }
     return false;
 }
 
-bool kn_request_is_name(const char *text)
+bool kn_page_request_is_name(const char *text)
 {
     static const char of[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
     const size_t size = strlen(text);
-    return size > 0 && size < KN_REQUEST_NAME && strspn(text, of) == size;
+    return size > 0 && size < KN_PAGE_REQUEST_NAME && strspn(text, of) == size;
 }
 
-static bool take_name(kn_request *r, const json_t *value)
+static bool take_name(kn_page_request *r, const json_t *value)
 {
     const char *name = json_string_value(value);
-    if (!name || json_string_length(value) != strlen(name) || !kn_request_is_name(name)) return false;
+    if (!name || json_string_length(value) != strlen(name) || !kn_page_request_is_name(name)) return false;
     strcpy(r->name, name);
     return true;
 }
@@ -56,7 +56,7 @@ static bool take_number(double *to, const json_t *value, double least, double mo
     return json_is_number(value) && *to >= least && *to <= most; // the comparison is false for NaN
 }
 
-static bool take_id(kn_request *r, const json_t *value)
+static bool take_id(kn_page_request *r, const json_t *value)
 {
     json_int_t id = json_integer_value(value);
     r->id = (uint32_t)id;
@@ -64,7 +64,7 @@ static bool take_id(kn_request *r, const json_t *value)
 }
 
 // Read the fields of a request. Return NULL, or a text that says what was expected.
-static const char *take(kn_request *r, const json_t *object)
+static const char *take(kn_page_request *r, const json_t *object)
 {
     // Count the expected fields. If the object has a different number of fields, it contains an extra field.
     size_t count = 2;
@@ -80,18 +80,18 @@ static const char *take(kn_request *r, const json_t *object)
     if (fields & VIEW &&
         (count += 3, !take_number(&r->azimuth_deg, json_object_get(object, "azimuth"), -180, 180) ||
                          !take_number(&r->elevation_deg, json_object_get(object, "elevation"), 2, 90) ||
-                         !take_number(&r->zoom, json_object_get(object, "zoom"), 1, KN_REQUEST_ZOOM)))
+                         !take_number(&r->zoom, json_object_get(object, "zoom"), 1, KN_PAGE_REQUEST_ZOOM)))
         return "\"azimuth\" of -180 to 180, \"elevation\" of 2 to 90, \"zoom\" of 1 to 4";
     // Duplicate keys were refused by the parser, so the number of fields is enough to find an extra one.
     return json_object_size(object) == count ? NULL : "no other field";
 }
 
-bool kn_request_parse(kn_request *r, const char *text, size_t size, char *error, size_t error_size)
+bool kn_page_request_parse(kn_page_request *r, const char *text, size_t size, char *error, size_t error_size)
 {
     json_error_t why;
-    *r = (kn_request){0};
+    *r = (kn_page_request){0};
     // The size is checked before the parser runs, so a large message costs nothing.
-    json_t *object = size <= KN_REQUEST_MAX ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
+    json_t *object = size <= KN_PAGE_REQUEST_MAX ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
     const char *expected = json_is_object(object) ? take(r, object) : "a JSON object of at most 256 bytes";
     json_decref(object);
     if (expected) snprintf(error, error_size, "malformed request: expected %s", expected);

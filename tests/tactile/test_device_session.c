@@ -1,9 +1,9 @@
-#include "clients/tactile/mount.h"
-#include "clients/tactile/tether.h"
+#include "clients/tactile/bridge.h"
+#include "clients/tactile/device_session.h"
 #include "tests/check.h"
 #include <string.h>
 
-static kn_tether tether;
+static kn_device_session tested;
 static double now_s, age_s = 1e-3; // age of every force's pose
 static const double here[3], push_n[3] = {0, 0, 2};
 static int64_t ticks; // ticks of kneadd
@@ -19,34 +19,34 @@ static kn_render_def upright(double force_limit_n)
 static void begin(void)
 {
     kn_render_def def = upright(3.3);
-    kn_tether_init(&tether, 100, &def);
-    now_s = tether.given_s;
+    kn_device_session_init(&tested, 100, &def);
+    now_s = tested.given_s;
 }
 
 static bool force(int64_t session, const double force_n[3], int32_t flags, int32_t fault)
 {
-    kn_tether_force f = {
-        .session = session, .seq = tether.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
+    kn_device_session_force f = {
+        .session = session, .seq = tested.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
     memcpy(f.force_n, force_n, sizeof f.force_n);
-    bool ours = kn_tether_take(&tether, &f);
-    if (ours) kn_tether_give(&tether, now_s);
+    bool ours = kn_device_session_take(&tested, &f);
+    if (ours) kn_device_session_give(&tested, now_s);
     return ours;
 }
 
-static const double *given(void) { return tether.render.given_n; }
+static const double *given(void) { return tested.render.given_n; }
 
 static void tick(int ms)
 {
     now_s += 1e-3 * ms;
-    kn_tether_tick(&tether, now_s, ms);
+    kn_device_session_tick(&tested, now_s, ms);
 }
 
 // Run so many ms of a device and of kneadd. Either may be silent.
 static void live(int ms, bool poses, bool forces)
 {
     for (int i = 0; i < ms; i++) {
-        if (poses) kn_tether_pose(&tether, here, here);
-        if (forces) force(tether.session, push_n, KN_FLAG_ENGAGED, 0);
+        if (poses) kn_device_session_pose(&tested, here, here);
+        if (forces) force(tested.session, push_n, KN_FLAG_ENGAGED, 0);
         tick(1);
     }
 }
@@ -55,9 +55,9 @@ TEST("a force is given as it comes, and numbers of poses rise by one")
 {
     begin();
     live(100, true, true);
-    CHECK(given()[2] == 2.0 && kn_tether_live(&tether));
-    CHECK(tether.seq == 100 && tether.sent == 100 && tether.heard == 100);
-    CHECK(kn_tether_pose(&tether, here, here) && tether.seq == 101);
+    CHECK(given()[2] == 2.0 && kn_device_session_live(&tested));
+    CHECK(tested.seq == 100 && tested.sent == 100 && tested.heard == 100);
+    CHECK(kn_device_session_pose(&tested, here, here) && tested.seq == 101);
     CHECK(force(100, (double[]){0, 1, 0}, 0, 0));
     CHECK(given()[1] == 1.0 && given()[2] == 0.0);
 }
@@ -67,13 +67,13 @@ TEST("a device is never asked for more than it may give, in any direction")
     begin();
     live(10, true, true);
     for (int i = 1; i <= 20; i++) { // in steps below the impulse guard's 4 N per ms
-        kn_tether_pose(&tether, here, here);
+        kn_device_session_pose(&tested, here, here);
         force(100, (double[]){1.5 * i, 2.0 * i, 0}, 0, 0);
         tick(1);
     }
     CHECK_NEAR(hypot(given()[0], given()[1]), 3.3, 1e-12);
     CHECK_NEAR(given()[0] / given()[1], 0.75, 1e-12);
-    CHECK(tether.render.clamped == 19 && tether.render.guards == 0);
+    CHECK(tested.render.clamped == 19 && tested.render.guards == 0);
 }
 
 TEST("a kneadd that falls silent leaves the force for 3 ms and has it at zero by 20 ms")
@@ -87,8 +87,8 @@ TEST("a kneadd that falls silent leaves the force for 3 ms and has it at zero by
         CHECK(given()[2] <= last_n);
         last_n = given()[2];
     }
-    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT);
-    CHECK(tether.forces.trips == 1 && !kn_tether_live(&tether));
+    CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT);
+    CHECK(tested.forces.trips == 1 && !kn_device_session_live(&tested));
 }
 
 TEST("a device that falls silent gives nothing by 20 ms, though forces go on")
@@ -98,7 +98,7 @@ TEST("a device that falls silent gives nothing by 20 ms, though forces go on")
     live(19, false, true);
     CHECK(given()[2] > 0.0 && given()[2] < 2.0);
     live(1, false, true);
-    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.poses.trips == 1);
+    CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.poses.trips == 1);
 }
 
 TEST("after a trip no pose is sent for 1.2 s, then a new session begins, in which old forces mean nothing")
@@ -106,12 +106,12 @@ TEST("after a trip no pose is sent for 1.2 s, then a new session begins, in whic
     begin();
     live(100, true, true);
     live(20, true, false);
-    int64_t sent = tether.sent;
+    int64_t sent = tested.sent;
     live(1199, true, true);
-    CHECK(tether.sent == sent && tether.session == 100 && given()[2] == 0.0);
+    CHECK(tested.sent == sent && tested.session == 100 && given()[2] == 0.0);
     live(1, true, true);
-    CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101 && tether.seq == 0 && given()[2] == 0.0);
-    CHECK(!force(100, push_n, 0, 0) && tether.foreign == 1 && given()[2] == 0.0);
+    CHECK(tested.mode == KN_SESSION_HELD && tested.session == 101 && tested.seq == 0 && given()[2] == 0.0);
+    CHECK(!force(100, push_n, 0, 0) && tested.foreign == 1 && given()[2] == 0.0);
     live(2, true, true);
     CHECK(given()[2] == 2.0);
 }
@@ -121,16 +121,16 @@ TEST("a device that is away opens no session: the silence lasts until it is back
     begin();
     live(100, true, true);
     live(5000, false, false);
-    CHECK(tether.mode == KN_TETHER_SILENT && tether.session == 100);
+    CHECK(tested.mode == KN_SESSION_SILENT && tested.session == 100);
     live(1, true, false);
-    CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101);
+    CHECK(tested.mode == KN_SESSION_HELD && tested.session == 101);
 }
 
 TEST("a kneadd that was never there is waited for without a trip")
 {
     begin();
     live(5000, true, false);
-    CHECK(tether.mode == KN_TETHER_HELD && tether.forces.trips == 0 && tether.sent == 5000);
+    CHECK(tested.mode == KN_SESSION_HELD && tested.forces.trips == 0 && tested.sent == 5000);
     live(1, true, true);
     CHECK(given()[2] == 2.0);
 }
@@ -139,16 +139,16 @@ TEST("numbers that are none are counted, given to nobody, and are no sign of lif
 {
     begin();
     live(100, true, true);
-    CHECK(!kn_tether_pose(&tether, (double[]){0, NAN, 0}, here));
-    CHECK(!kn_tether_pose(&tether, here, (double[]){0, 0, INFINITY}));
+    CHECK(!kn_device_session_pose(&tested, (double[]){0, NAN, 0}, here));
+    CHECK(!kn_device_session_pose(&tested, here, (double[]){0, 0, INFINITY}));
     CHECK(!force(100, (double[]){NAN, 0, 0}, 0, 0) && given()[0] == 0.0);
-    CHECK(tether.refused == 3 && tether.sent == 100);
+    CHECK(tested.refused == 3 && tested.sent == 100);
     for (int ms = 0; ms < 20; ms++) {
-        kn_tether_pose(&tether, here, here);
+        kn_device_session_pose(&tested, here, here);
         force(100, (double[]){0, INFINITY, 0}, 0, 0);
         tick(1);
     }
-    CHECK(tether.forces.trips == 1 && given()[2] == 0.0);
+    CHECK(tested.forces.trips == 1 && given()[2] == 0.0);
 }
 
 TEST("the impulse guard's latch is met by a new session, a latch that lifting clears is not")
@@ -157,12 +157,12 @@ TEST("the impulse guard's latch is met by a new session, a latch that lifting cl
     live(100, true, true);
     force(100, (double[3]){0}, KN_FLAG_LATCHED, KN_FAULT_POSE_SILENCE);
     live(1, true, false);
-    CHECK(tether.mode == KN_TETHER_HELD && tether.faults == 0);
+    CHECK(tested.mode == KN_SESSION_HELD && tested.faults == 0);
     force(100, (double[3]){0}, KN_FLAG_LATCHED, KN_FAULT_IMPULSE);
     live(1, true, false);
-    CHECK(tether.mode == KN_TETHER_SILENT && tether.faults == 1);
+    CHECK(tested.mode == KN_SESSION_SILENT && tested.faults == 1);
     live(1200, true, false);
-    CHECK(tether.session == 101 && tether.faults == 1);
+    CHECK(tested.session == 101 && tested.faults == 1);
 }
 
 TEST("an object that gives back more than was put into it is damped, by the numbers of the scene's device")
@@ -170,30 +170,30 @@ TEST("an object that gives back more than was put into it is damped, by the numb
     kn_render_def def = upright(3.3);
     def.device.mass_kg = 0.05;
     def.device.hand.stiffness_n_m = 500.0;
-    kn_tether_init(&tether, 100, &def);
+    kn_device_session_init(&tested, 100, &def);
     double x_m[3] = {0}, v_m_s[3] = {0};
     for (int ms = 0; ms < 2000; ms++) { // pushed along all the time, which no passive object does
         v_m_s[2] = 0.1;
         x_m[2] += 1e-3 * v_m_s[2];
-        kn_tether_pose(&tether, x_m, v_m_s);
+        kn_device_session_pose(&tested, x_m, v_m_s);
         force(100, push_n, KN_FLAG_ENGAGED, 0);
         tick(1);
     }
-    CHECK(tether.render.passivity.acted > 1000 && given()[2] < 2.0);
-    CHECK(tether.render.passivity.given_j < 0.25); // without damping it would give 0.4 J
-    kn_tether_init(&tether, 100, &def);
+    CHECK(tested.render.passivity.acted > 1000 && given()[2] < 2.0);
+    CHECK(tested.render.passivity.given_j < 0.25); // without damping it would give 0.4 J
+    kn_device_session_init(&tested, 100, &def);
     live(1000, true, true);
-    CHECK(tether.render.passivity.acted == 0 && given()[2] == 2.0); // at rest no energy is given
+    CHECK(tested.render.passivity.acted == 0 && given()[2] == 2.0); // at rest no energy is given
 }
 
 TEST("a process that stood still for 25 ms gives nothing when it wakes")
 {
     begin();
     live(100, true, true);
-    kn_tether_pose(&tether, here, here);
+    kn_device_session_pose(&tested, here, here);
     force(100, push_n, 0, 0);
     tick(25);
-    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT);
+    CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT);
 }
 
 TEST("a force that asks to jump fades from where it was, and a new session begins")
@@ -201,16 +201,17 @@ TEST("a force that asks to jump fades from where it was, and a new session begin
     begin();
     live(100, true, true);
     force(100, (double[]){0, 0, -50}, KN_FLAG_ENGAGED, 0);
-    CHECK(given()[2] == 2.0 || tether.render.gain < 1.0);
+    CHECK(given()[2] == 2.0 || tested.render.gain < 1.0);
     double last_n = given()[2];
     for (int ms = 1; ms <= 20; ms++) {
         live(1, true, true); // later valid forces are ignored
         CHECK(given()[2] <= last_n && given()[2] >= last_n - 2.0 / 17 - 1e-9);
         last_n = given()[2];
     }
-    CHECK(last_n == 0.0 && tether.mode == KN_TETHER_SILENT && tether.render.reflexes == 1 && !kn_tether_live(&tether));
+    CHECK(last_n == 0.0 && tested.mode == KN_SESSION_SILENT && tested.render.reflexes == 1 &&
+          !kn_device_session_live(&tested));
     live(1200, true, false);
-    CHECK(tether.session == 101 && tether.mode == KN_TETHER_HELD);
+    CHECK(tested.session == 101 && tested.mode == KN_SESSION_HELD);
     live(2, true, true);
     CHECK(given()[2] == 2.0);
 }
@@ -221,14 +222,14 @@ TEST(
     begin();
     age_s = 20e-3;
     live(200, true, true);
-    CHECK(tether.render.refusals == 1 && given()[2] == 0.0 && !kn_tether_live(&tether));
-    CHECK(tether.mode == KN_TETHER_HELD && tether.sent == 200);
+    CHECK(tested.render.refusals == 1 && given()[2] == 0.0 && !kn_device_session_live(&tested));
+    CHECK(tested.mode == KN_SESSION_HELD && tested.sent == 200);
     age_s = 1e-3;
     live(200, true, true);
-    CHECK(tether.mode == KN_TETHER_SILENT);
+    CHECK(tested.mode == KN_SESSION_SILENT);
     live(1200, true, false);
     live(2, true, true);
-    CHECK(tether.session == 101 && given()[2] == 2.0 && tether.render.refusals == 1);
+    CHECK(tested.session == 101 && given()[2] == 2.0 && tested.render.refusals == 1);
 }
 
 static double deep_m; // depth of the device in a wall at z = 0
@@ -246,15 +247,15 @@ static void live_local(int ms, bool poses, bool forces)
                             .valid_ms = 100};
     const double x[3] = {0, 0, -deep_m};
     for (int i = 0; i < ms; i++) {
-        bool sent = poses && kn_tether_pose(&tether, x, here);
+        bool sent = poses && kn_device_session_pose(&tested, x, here);
         if (sent && forces) {
-            unit.session = tether.session;
-            unit.pose_seq = tether.seq;
+            unit.session = tested.session;
+            unit.pose_seq = tested.seq;
             unit.utime = (int64_t)(1e6 * now_s);
             unit.force_n = 500.0 * deep_m;
-            kn_render_contact(&tether.render, &unit);
+            kn_render_contact(&tested.render, &unit);
         }
-        if (forces) force(tether.session, push_n, KN_FLAG_ENGAGED, 0);
+        if (forces) force(tested.session, push_n, KN_FLAG_ENGAGED, 0);
         tick(1);
     }
 }
@@ -265,7 +266,7 @@ static void begin_local(void)
     def.local = true;
     def.coupling_n_m = 500.0;
     def.coupling_n_s_m = 1.5;
-    kn_tether_init(&tether, 100, &def);
+    kn_device_session_init(&tested, 100, &def);
     deep_m = 0.0;
     live_local(400, true, true);
     for (deep_m = 0.0; deep_m < 1e-3; deep_m += 1e-5) live_local(1, true, true);
@@ -283,7 +284,7 @@ TEST("with the local model a silent kneadd leaves the contact for a while; by 30
         if (ms == 20) CHECK(given()[2] > 0.9 * pressed_n);
         last_n = given()[2];
     }
-    CHECK(last_n == 0.0 && tether.mode == KN_TETHER_SILENT && tether.forces.trips == 1);
+    CHECK(last_n == 0.0 && tested.mode == KN_SESSION_SILENT && tested.forces.trips == 1);
 }
 
 TEST("a link that is down for 200 ms is no jump, neither when it goes nor when it comes back")
@@ -298,25 +299,25 @@ TEST("a link that is down for 200 ms is no jump, neither when it goes nor when i
     }
     CHECK(largest_n <= 0.05); // N/ms
     CHECK_NEAR(last_n, pressed_n, 0.1 * pressed_n);
-    CHECK(tether.forces.trips == 0 && tether.render.guards == 0 && tether.session == 100);
+    CHECK(tested.forces.trips == 0 && tested.render.guards == 0 && tested.session == 100);
 }
 
 TEST("but a silent device gives nothing by 20 ms, as ever")
 {
     begin_local();
     live_local(20, false, true);
-    CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.poses.trips == 1);
+    CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.poses.trips == 1);
 }
 
 TEST("an older force that comes behind a newer one is not given")
 {
     begin();
     live(100, true, true);
-    kn_tether_force old = {
+    kn_device_session_force old = {
         .session = 100, .seq = 98, .tick = ticks - 2, .force_n = {0, 0, 1}, .flags = KN_FLAG_ENGAGED, .age_s = age_s};
-    CHECK(!kn_tether_take(&tether, &old) && tether.late == 1);
+    CHECK(!kn_device_session_take(&tested, &old) && tested.late == 1);
     tick(1);
-    CHECK(given()[2] == 2.0 && tether.heard == 100);
+    CHECK(given()[2] == 2.0 && tested.heard == 100);
 }
 
 TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms, then a new session")
@@ -325,22 +326,22 @@ TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms,
         begin();
         ticks += INT64_C(86400000); // a day of ticks
         live(100, true, true);
-        kn_tether_force again = {.session = 100,
-                                 .seq = tether.seq,
-                                 .tick = back == 2 ? 0 : ticks - back,
-                                 .force_n = {0, 0, 2},
-                                 .flags = KN_FLAG_ENGAGED,
-                                 .age_s = age_s};
+        kn_device_session_force again = {.session = 100,
+                                         .seq = tested.seq,
+                                         .tick = back == 2 ? 0 : ticks - back,
+                                         .force_n = {0, 0, 2},
+                                         .flags = KN_FLAG_ENGAGED,
+                                         .age_s = age_s};
         for (int ms = 1; ms <= 20; ms++) {
-            kn_tether_pose(&tether, here, here);
-            for (int n = 0; n < 3; n++) CHECK(!kn_tether_take(&tether, &again));
+            kn_device_session_pose(&tested, here, here);
+            for (int n = 0; n < 3; n++) CHECK(!kn_device_session_take(&tested, &again));
             tick(1);
         }
-        CHECK(given()[2] == 0.0 && tether.mode == KN_TETHER_SILENT && tether.forces.trips == 1 && tether.late == 60);
+        CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.forces.trips == 1 && tested.late == 60);
         live(1200, true, false);
-        CHECK(tether.mode == KN_TETHER_HELD && tether.session == 101);
+        CHECK(tested.mode == KN_SESSION_HELD && tested.session == 101);
         again.session = 101, again.seq = 0;
-        CHECK(kn_tether_take(&tether, &again)); // from a kneadd that started anew, at any tick
+        CHECK(kn_device_session_take(&tested, &again)); // from a kneadd that started anew, at any tick
     }
 }
 
@@ -350,18 +351,18 @@ TEST("a force that fades for want of news does so by 0.5 N a ms at most, whateve
     def.device.mass_kg = 0.08;
     def.device.hand.stiffness_n_m = 600.0;
     for (double shake_m_s = 0.05; shake_m_s < 0.5; shake_m_s += 0.05) {
-        kn_tether_init(&tether, 100, &def);
+        kn_device_session_init(&tested, 100, &def);
         double x_m[3] = {0}, v_m_s[3] = {0}, last_n = 0, steepest_n = 0;
         for (int ms = 0; ms < 320; ms++) {
             v_m_s[2] = ms < 300 ? 0.1 : ms % 2 ? shake_m_s : 0; // pushed along, then silence and a shaking hand
             x_m[2] += 1e-3 * v_m_s[2];
-            kn_tether_pose(&tether, x_m, v_m_s);
+            kn_device_session_pose(&tested, x_m, v_m_s);
             if (ms < 300) force(100, push_n, KN_FLAG_ENGAGED, 0);
             tick(1);
             if (ms > 303) steepest_n = fmax(steepest_n, fabs(given()[2] - last_n));
             last_n = given()[2];
         }
-        CHECK(tether.render.passivity.acted > 200);
+        CHECK(tested.render.passivity.acted > 200);
         if (steepest_n > 0.5) KN_TEST_FAIL("%g m/s: %.2f N in a ms", shake_m_s, steepest_n);
     }
 }
@@ -376,7 +377,7 @@ TEST("one stall is no long way")
     }
     age_s = 1e-3;
     live(100, true, true);
-    CHECK(tether.render.refusals == 0 && given()[2] == 2.0);
+    CHECK(tested.render.refusals == 0 && given()[2] == 2.0);
 }
 
 TESTS_MAIN

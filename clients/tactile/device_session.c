@@ -1,12 +1,12 @@
-#include "clients/tactile/tether.h"
+#include "clients/tactile/device_session.h"
 #include <math.h>
 #include <string.h>
 
 static const int silence_ms = 1200; // duration of the mode SILENT; kneadd ends a session after 1 s without poses
 
-void kn_tether_init(kn_tether *t, int64_t session, const kn_render_def *render)
+void kn_device_session_init(kn_device_session *t, int64_t session, const kn_render_def *render)
 {
-    *t = (kn_tether){.session = session, .tick = -1};
+    *t = (kn_device_session){.session = session, .tick = -1};
     kn_render_init(&t->render, render);
     kn_render_begin(&t->render, session);
     // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
@@ -19,22 +19,22 @@ static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) &&
 
 // The link is live if the mode is HELD, the forces have not stopped, and no stop of the output stage has faded the
 // force to zero.
-bool kn_tether_live(const kn_tether *t)
+bool kn_device_session_live(const kn_device_session *t)
 {
     bool stopped = t->render.stop && t->render.gain == 0.0;
-    return t->mode == KN_TETHER_HELD && t->forces.armed && !t->forces.tripped && !stopped;
+    return t->mode == KN_SESSION_HELD && t->forces.armed && !t->forces.tripped && !stopped;
 }
 
-void kn_tether_give(kn_tether *t, double now_s)
+void kn_device_session_give(kn_device_session *t, double now_s)
 {
     // Both watchdogs scale the force, so the force fades if either the device or kneadd is silent.
-    double share = kn_tether_live(t) ? t->forces.factor * t->poses.factor : 0.0;
+    double share = kn_device_session_live(t) ? t->forces.factor * t->poses.factor : 0.0;
     kn_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
     t->given_s = now_s;
     t->given = true;
 }
 
-bool kn_tether_pose(kn_tether *t, const double position_m[3], const double velocity_m_s[3])
+bool kn_device_session_pose(kn_device_session *t, const double position_m[3], const double velocity_m_s[3])
 {
     // Refuse a pose that is not finite. A refused pose does not reset the watchdog.
     if (!sane(position_m) || !sane(velocity_m_s)) {
@@ -45,17 +45,17 @@ bool kn_tether_pose(kn_tether *t, const double position_m[3], const double veloc
     memcpy(t->position_m, position_m, sizeof t->position_m);
     memcpy(t->velocity_m_s, velocity_m_s, sizeof t->velocity_m_s);
     // While the mode is SILENT, the pose is kept but not sent, so that kneadd ends the session.
-    if (t->mode == KN_TETHER_SILENT) return false;
+    if (t->mode == KN_SESSION_SILENT) return false;
     t->seq++;
     t->sent++;
     kn_render_pose(&t->render, t->seq, position_m, velocity_m_s);
     return true;
 }
 
-bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
+bool kn_device_session_take(kn_device_session *t, const kn_device_session_force *force)
 {
     // Refuse a force of another session. While the mode is SILENT, refuse every force.
-    if (force->session != t->session || t->mode == KN_TETHER_SILENT) {
+    if (force->session != t->session || t->mode == KN_SESSION_SILENT) {
         t->foreign += force->session != t->session;
         return false;
     }
@@ -81,17 +81,17 @@ bool kn_tether_take(kn_tether *t, const kn_tether_force *force)
 }
 
 // Begin the silence that ends the session. kneadd ends a session after 1 s without poses.
-static void fall_silent(kn_tether *t)
+static void fall_silent(kn_device_session *t)
 {
-    t->mode = KN_TETHER_SILENT;
+    t->mode = KN_SESSION_SILENT;
     t->silent_ms = silence_ms;
     t->flags = t->fault = 0;
 }
 
 // Begin a new session: from zero force, with both watchdogs rearmed.
-static void begin_anew(kn_tether *t)
+static void begin_anew(kn_device_session *t)
 {
-    t->mode = KN_TETHER_HELD;
+    t->mode = KN_SESSION_HELD;
     t->session++;
     t->seq = t->answered = 0;
     t->tick = -1;
@@ -102,7 +102,7 @@ static void begin_anew(kn_tether *t)
 
 // Return whether the session must be given up: after a fault or a faded reflex, which only a new session clears, or
 // when a link that was too slow has become fast enough again.
-static bool wants_anew(kn_tether *t)
+static bool wants_anew(kn_device_session *t)
 {
     const kn_render *r = &t->render;
     // Lifting the tool does not clear this fault of kneadd, so only a new session helps.
@@ -112,11 +112,11 @@ static bool wants_anew(kn_tether *t)
     return fault || near || (r->stop == KN_RENDER_REFLEX && r->gain == 0.0);
 }
 
-void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
+void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)
 {
     bool pose = t->fresh_pose, force = t->fresh_force, silent = false;
     t->fresh_pose = t->fresh_force = false;
-    if (t->mode == KN_TETHER_HELD) {
+    if (t->mode == KN_SESSION_HELD) {
         // Count the ms since the last pose and the last force. A trip of either watchdog ends the session.
         kn_watchdog_tick(&t->poses, pose, elapsed_ms);
         kn_watchdog_tick(&t->forces, force, elapsed_ms);
@@ -131,6 +131,6 @@ void kn_tether_tick(kn_tether *t, double now_s, int elapsed_ms)
         if (t->silent_ms == 0 && pose) begin_anew(t);
     }
     // Apply the watchdogs' factors of this tick to the force.
-    if (!t->given || silent || !t->render.def.local) kn_tether_give(t, now_s);
+    if (!t->given || silent || !t->render.def.local) kn_device_session_give(t, now_s);
     t->given = false;
 }
