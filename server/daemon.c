@@ -462,7 +462,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         // Set up the loop, the restored state and an emergency stop that is still in force.
-        d->loop.servo.sets = &d->on.sets;
+        d->loop.servo.settings = &d->on.settings;
         kn_keeper_start(&d->keeper, &d->loop);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
         d->estopped = def->estopped || kept;
@@ -549,11 +549,11 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
 }
 
 // Print the settings that were restored from the last run.
-static void tell_sets(FILE *out, const kn_sets *sets)
+static void tell_settings(FILE *out, const kn_settings *settings)
 {
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
+    char room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
+    int count = kn_settings_list(settings, room, list);
     for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: settings restored: " : ", ", list[i]);
     if (count > 0) fputc('\n', out);
 }
@@ -566,7 +566,7 @@ static void tell_ready(server *d, FILE *out)
     for (int p = 0; p < d->on.model->def.probe_count; p++) fprintf(out, ", probe %s", d->on.model->def.probe[p].name);
     fprintf(out, ", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
             d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
-    tell_sets(out, &d->on.sets);
+    tell_settings(out, &d->on.settings);
     if (d->estopped)
         fprintf(out, "kneadd: an emergency stop is in force: every force stays 0 until %sknead ctl recover\n",
                 d->control ? "" : "a start with --control and ");

@@ -34,7 +34,7 @@ static void publish_records(kn_exchange *x)
 // Publish the new scene after a tick has adopted a change.
 static void go_over(kn_exchange *x)
 {
-    kn_change *changed = atomic_load_explicit(&x->loop->changed, memory_order_acquire);
+    kn_scene_change *changed = atomic_load_explicit(&x->loop->changed, memory_order_acquire);
     if (changed == x->told || !kn_publisher_go_over(&x->publisher, changed->scene)) return;
     kn_publisher_scene(&x->publisher, kn_stamp_us());
     x->told = changed;

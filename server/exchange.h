@@ -20,7 +20,7 @@ typedef struct kn_exchange {
     kn_trace *trace;       // trace file of the run; NULL: no trace
     kn_sentinel *sentinel; // sentinel thread; NULL: none
     // Change whose scene is published; NULL: the scene of the server's start is published.
-    kn_change *told;
+    kn_scene_change *told;
     kn_force force[KN_PROBES_MAX]; // answer of the latest tick to each probe
 } kn_exchange;
 

@@ -152,7 +152,7 @@ static void tell_touches(kn_loop *loop, const kn_record *record)
 }
 
 // Continue with the audit and the budget of a change that the servo has adopted.
-static void go_over(kn_loop *loop, kn_change *change)
+static void go_over(kn_loop *loop, kn_scene_change *change)
 {
     if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
     loop->audit = change->audit;

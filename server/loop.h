@@ -17,7 +17,6 @@
 // notify.
 #include "core/touch.h"
 #include "server/account.h"
-#include "server/change.h"
 #include "server/mailbox.h"
 #include "server/phase.h"
 #include "server/ring.h"
@@ -89,8 +88,8 @@ typedef struct kn_loop {
     const kn_saved *restore; // argument of KN_ORDER_RESTORE; must stay valid until a tick has taken the order
     // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change and no thread uses
     // the earlier change any more.
-    struct kn_change *change;
-    _Atomic(struct kn_change *) changed; // latest change of the scene that a tick has applied; NULL: none
+    kn_scene_change *change;
+    _Atomic(kn_scene_change *) changed; // latest change of the scene that a tick has applied; NULL: none
     // State hash of the object after the latest restore or undo; 0: there was nothing to undo.
     _Atomic uint64_t restored;
     _Atomic int64_t obeyed;                      // number of orders that ticks have taken

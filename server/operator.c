@@ -11,15 +11,15 @@
 
 void kn_operator_init(kn_operator *o, const kn_operated *on)
 {
-    *o = (kn_operator){.on = *on, .sets = on->served->sets};
+    *o = (kn_operator){.on = *on, .settings = on->served->settings};
     pthread_mutex_init(&o->setting, NULL);
     kn_mailbox_init(&o->health, o->health_slots, sizeof o->health_slots[0]);
 }
 
 void kn_operator_free(kn_operator *o)
 {
-    kn_change_destroy(o->before);
-    kn_change_destroy(o->now);
+    kn_scene_change_destroy(o->before);
+    kn_scene_change_destroy(o->now);
     o->before = o->now = NULL;
 }
 
@@ -141,11 +141,11 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
 // List the settings made at run time. The worker thread writes them, hence the lock.
 static json_t *settings(kn_operator *o)
 {
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
+    char room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
     json_t *array = json_array();
     pthread_mutex_lock(&o->setting);
-    int count = kn_sets_list(&o->sets, room, list);
+    int count = kn_settings_list(&o->settings, room, list);
     pthread_mutex_unlock(&o->setting);
     for (int i = 0; i < count; i++) json_array_append_new(array, json_string(list[i]));
     return array;
@@ -341,14 +341,10 @@ static json_t *undo(kn_operator *o, const json_t *argument)
 // --- another scene ---
 
 // Parse the scene of the start again, overridden by these settings.
-static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, size_t error_size)
+static kn_scene *parse(const kn_operator *o, const kn_settings *settings, char *error, size_t error_size)
 {
-    char room[KN_SETS_BYTES], why[400];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
-    const kn_scene *base = o->on.served->base;
-    kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list,
-                                            count, why, sizeof why);
+    char why[400];
+    kn_scene *scene = kn_settings_parse(settings, o->on.served->base, o->on.def->scene_path, why, sizeof why);
     // the parser names the option --set; here it is the command `set`
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
     return scene;
@@ -377,13 +373,13 @@ static const char *retire(kn_operator *o)
         user = user_of_the_last(o);
     }
     if (user) return user;
-    kn_change_destroy(o->before);
+    kn_scene_change_destroy(o->before);
     o->before = NULL;
     return NULL;
 }
 
 // Return whether the settings change only limits of the hand, and nothing that affects the physics.
-static bool only_limits(const kn_operator *o, const json_t *values, const kn_change *change)
+static bool only_limits(const kn_operator *o, const json_t *values, const kn_scene_change *change)
 {
     const kn_device_def *now = o->now ? &o->now->scene->device : &o->on.served->scene->device,
                         *next = &change->scene->device;
@@ -396,7 +392,7 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_cha
 
 // Return whether ticks of the new model would take longer than 1 ms, and more than twice as long as before. If not,
 // measure the deadline of the new model's steps.
-static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, char *why, size_t why_size)
+static bool too_slow(kn_operator *o, const json_t *values, kn_scene_change *change, char *why, size_t why_size)
 {
     if (only_limits(o, values, change)) return false;
     int64_t now_ns = kn_served_measure(&change->backend, change->model), was_ns = o->served_ns;
@@ -411,9 +407,9 @@ static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, ch
 
 // Build the change that the settings ask for, without touching the object. On failure return NULL and put one line in
 // error.
-static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
+static kn_scene_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
 {
-    kn_sets sets = o->sets;
+    kn_settings settings = o->settings;
     const json_t *value;
     size_t i;
     if (o->on.def->device) {
@@ -422,9 +418,10 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
         return NULL;
     }
     // add the new settings to those in force
-    json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
-                                                          error, (int)error_size)) return NULL;
-    kn_scene *scene = parse(o, &sets, error, error_size);
+    json_array_foreach(values, i,
+                       value) if (!kn_settings_add(&settings, json_is_string(value) ? json_string_value(value) : "",
+                                                   error, (int)error_size)) return NULL;
+    kn_scene *scene = parse(o, &settings, error, error_size);
     if (!scene) return NULL;
     // at run time the safety limits of a hand must not exceed those of the start
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
@@ -438,21 +435,21 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     }
     // build the model and its backend, while ticks continue with the old ones
     char why[300];
-    kn_change *change =
-        kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
-                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
+    kn_scene_change *change =
+        kn_scene_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
+                               o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
     if (change && too_slow(o, values, change, why, sizeof why)) {
-        kn_change_destroy(change);
+        kn_scene_change_destroy(change);
         change = NULL;
     }
-    if (change) change->sets = sets;
+    if (change) change->settings = settings;
     else snprintf(error, error_size, "set: %s", why);
     return change;
 }
 
 // Add the energy that the object stores before and after the change. The old lattice can be read here, since nothing
 // steps it any more.
-static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_change *change)
+static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_scene_change *change)
 {
     kn_energy before, after;
     if (!change->audit || !kn_energy_of(model, left->state(left->self), &before) ||
@@ -471,7 +468,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     // only two changes are kept, so first free the one before the latest
     const char *busy = retire(o);
     if (busy) return kn_control_error("set: %s, try again", busy);
-    kn_change *change = prepare(o, argument, error, sizeof error);
+    kn_scene_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
     kn_backend *left = o->now ? &o->now->backend : &o->on.served->backend;
@@ -480,7 +477,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     o->before = o->now;
     o->now = o->on.loop->change = change;
     pthread_mutex_lock(&o->setting);
-    o->sets = change->sets;
+    o->settings = change->settings;
     pthread_mutex_unlock(&o->setting);
     // from here on the change counts as made, even if no tick takes it in time
     o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);

@@ -54,13 +54,13 @@ typedef struct kn_operator {
     kn_operated on;
     // `now`: latest change that was ordered; `before`: the change before `now`; NULL: none; used by the worker thread
     // only.
-    kn_change *now, *before;
-    int64_t ordered;           // number of the loop order with which a tick applies `now`
-    _Atomic(kn_change *) told; // change whose scene the main thread publishes; NULL: none
-    int64_t served_ns;         // measured time of a tick of the served object, ns
-    kn_sets sets;              // settings that override those of the scene served->base
-    pthread_mutex_t setting;   // guards `sets`
-    kn_mailbox health;         // health reports from the main thread
+    kn_scene_change *now, *before;
+    int64_t ordered;                 // number of the loop order with which a tick applies `now`
+    _Atomic(kn_scene_change *) told; // change whose scene the main thread publishes; NULL: none
+    int64_t served_ns;               // measured time of a tick of the served object, ns
+    kn_settings settings;            // settings that override those of the scene served->base
+    pthread_mutex_t setting;         // guards `settings`
+    kn_mailbox health;               // health reports from the main thread
     kn_health health_slots[3];
 } kn_operator;
 

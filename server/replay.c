@@ -1,7 +1,7 @@
 #include "server/replay.h"
 #include "server/backend/fpga.h"
 #include "proto/knead_event_t.h"
-#include "server/change.h"
+#include "server/scene_change.h"
 #include "server/log.h"
 #include "server/receiver.h"
 #include "server/store.h"
@@ -27,7 +27,7 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
     kn_survey found;   // result of the first reading of the log
     size_t next_event; // index in found.events of the next event to apply
     // `change`: latest change that a tick applied; `next`: change that the next tick applies; NULL: none
-    kn_change *change, *next;
+    kn_scene_change *change, *next;
     kn_replay_def def;
 
     const char *snapshot_path;
@@ -335,8 +335,8 @@ void kn_replay_destroy(kn_replay *r)
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
         kn_survey_free(&v->found);
-        kn_change_destroy(v->next);
-        kn_change_destroy(v->change);
+        kn_scene_change_destroy(v->next);
+        kn_scene_change_destroy(v->change);
         kn_undo_free(&v->undo);
         kn_state_destroy(v->saved.state);
     }
@@ -570,9 +570,10 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         scene = NULL;
     }
     // build the change; it replaces an earlier one that no tick has taken
-    kn_change *change = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
+    kn_scene_change *change =
+        scene ? kn_scene_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
     if (change) {
-        kn_change_destroy(v->next);
+        kn_scene_change_destroy(v->next);
         in->change = v->next = change;
         return;
     }
@@ -644,7 +645,7 @@ static void run_tick(kn_replay *r)
     r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
     if (r->tick.out.changed) { // a tick applied a new change, so nothing uses the previous change any more
-        kn_change_destroy(r->private->change);
+        kn_scene_change_destroy(r->private->change);
         r->private->change = r->private->next;
         r->private->next = NULL;
         r->changes++;

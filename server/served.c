@@ -48,13 +48,9 @@ static size_t least_bytes(const kn_model_def *def)
 
 // Parse the scene with the restored settings. Return NULL and put the reason in `why` if the settings do not fit the
 // scene any more, or if a safety limit of the hand would exceed the scene's.
-static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
+static kn_scene *with_settings(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
 {
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(&s->sets, room, list);
-    kn_scene *scene = kn_scene_parse_beside(def->scene_path, s->base->name, s->base->text, strlen(s->base->text), list,
-                                            count, why, why_size);
+    kn_scene *scene = kn_settings_parse(&s->settings, s->base, def->scene_path, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
     if (!raised) return scene;
     snprintf(why, why_size, "%s relaxes a limit for the hand beyond the scene", raised);
@@ -63,14 +59,14 @@ static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *w
 }
 
 // Remove the settings of the device from the list.
-static void without_device(kn_sets *sets)
+static void without_device(kn_settings *settings)
 {
-    char room[KN_SETS_BYTES], error[200];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
-    *sets = (kn_sets){0};
+    char room[KN_SETTINGS_BYTES], error[200];
+    const char *list[KN_SETTINGS_MAX];
+    int count = kn_settings_list(settings, room, list);
+    *settings = (kn_settings){0};
     for (int i = 0; i < count; i++)
-        if (strncmp(list[i], "device", 6) != 0) kn_sets_add(sets, list[i], error, (int)sizeof error);
+        if (strncmp(list[i], "device", 6) != 0) kn_settings_add(settings, list[i], error, (int)sizeof error);
 }
 
 // Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply the settings as
@@ -84,13 +80,13 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
                         : kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     s->scene = s->base;
     if (!s->base) return false;
-    if (def->state_dir) kn_store_sets(def->state_dir, s->base, &s->sets);
-    for (int try = 0; *s->sets.text; try++) {
-        s->scene = with_sets(s, def, why, sizeof why);
+    if (def->state_dir) kn_store_settings(def->state_dir, s->base, &s->settings);
+    for (int try = 0; *s->settings.text; try++) {
+        s->scene = with_settings(s, def, why, sizeof why);
         if (s->scene) break;
         kn_say("kneadd: %s of the last run are left out: %s", try == 0 ? "the device's settings" : "all settings", why);
-        if (try == 0) without_device(&s->sets);
-        else s->sets = (kn_sets){0};
+        if (try == 0) without_device(&s->settings);
+        else s->settings = (kn_settings){0};
         s->scene = s->base;
     }
     return true;

@@ -20,8 +20,8 @@ typedef struct kn_served_def {
 typedef struct kn_served {
     kn_scene *base;  // scene of the file with the options applied
     kn_scene *scene; // `base` with the restored settings; the same pointer as `base` if there are no restored settings
-    kn_sets sets;    // settings restored from the newest snapshot
-    kn_model *model; // model of `scene`
+    kn_settings settings; // settings restored from the newest snapshot
+    kn_model *model;      // model of `scene`
     kn_backend backend;
     kn_audit *audit; // energy audit; NULL: the solver has no audit
 } kn_served;

@@ -4,7 +4,6 @@
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_probe_pose_t.h"
-#include "server/change.h"
 #include "server/clock.h"
 #include "server/clutch.h"
 #include <assert.h>
@@ -283,14 +282,14 @@ static void replace(tick *t)
 static void exchange(tick *t)
 {
     kn_servo *servo = t->servo;
-    kn_change *c = t->in->change;
+    kn_scene_change *c = t->in->change;
     // carry positions, velocities and the stretch of every Voigt element over to the new model
     kn_carry(servo->model, servo->backend->state(servo->backend->self), c->model, c->carried);
     c->backend.restore(c->backend.self, c->carried);
     servo->scene = c->scene;
     servo->model = c->model;
     servo->backend = &c->backend;
-    servo->sets = &c->sets;
+    servo->settings = &c->settings;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
     // undo points hold states of the old material, so drop them
     if (servo->undo) kn_undo_forget(servo->undo);

@@ -22,7 +22,7 @@
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
-#include "server/sets.h"
+#include "server/scene_change.h"
 #include "server/undo.h"
 #include <stdint.h>
 
@@ -65,9 +65,9 @@ typedef struct kn_tick_in {
     const kn_state *restore;
     // Generation and tick of the snapshot that holds `restore`; recorded in the event.
     int64_t restored_generation, restored_tick;
-    bool undo;                // replace the object by the newest undo point (servo->undo), if there is one
-    struct kn_change *change; // change of the scene; the object continues in the change's model; NULL: no change
-    bool recover, estop;      // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
+    bool undo;               // replace the object by the newest undo point (servo->undo), if there is one
+    kn_scene_change *change; // change of the scene; the object continues in the change's model; NULL: no change
+    bool recover, estop;     // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
     // Largest number of units of work (core/deadline.h) per step, from this tick on; 0: unchanged.
     int64_t deadline;
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.
@@ -119,22 +119,22 @@ typedef struct kn_tick_out {
     int64_t units;      // number of units of work (core/deadline.h) that the step took
     // True if the solver stopped at its iteration cap or its deadline, before it met its tolerance.
     bool capped;
-    bool replaced;             // a reset, restore or undo replaced the object
-    struct kn_change *changed; // change of the scene that this tick applied; NULL: none
-    uint64_t restored_hash;    // hash of the object's state after a restore or an undo; 0: this tick did neither
-    bool stopped;              // true if the server is stopping and every gain is zero, so the loop may end
+    bool replaced;            // a reset, restore or undo replaced the object
+    kn_scene_change *changed; // change of the scene that this tick applied; NULL: none
+    uint64_t restored_hash;   // hash of the object's state after a restore or an undo; 0: this tick did neither
+    bool stopped;             // true if the server is stopping and every gain is zero, so the loop may end
     // Local contact models. Only the first contact_count contact units of a probe are set, and at least the first one.
     kn_contact_unit contact[KN_PROBES_MAX][KN_CONTACT_UNITS];
 } kn_tick_out;
 
 typedef struct kn_servo { // state of the servo; plain data apart from the pointers
-    // Scene being served; a change of the scene replaces the fields scene, model, backend, sets and audit.
+    // Scene being served; a change of the scene replaces the fields scene, model, backend, settings and audit.
     const kn_scene *scene;
     const kn_model *model;
     kn_backend *backend;
-    const kn_sets *sets;        // settings that override those of the scene at the start; NULL: none
-    const kn_audit_news *audit; // energy audit, reported by checkpoint events; NULL: no audit
-    kn_undo *undo;              // undo points of the object; NULL: undo is not available
+    const kn_settings *settings; // settings that override those of the scene at the start; NULL: none
+    const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
+    kn_undo *undo;               // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none
     kn_pose tool[KN_PROBES_MAX]; // pose of each tool: the pose in `last` moved by the probe's clutch

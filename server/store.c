@@ -355,12 +355,12 @@ static bool read_saved(const kn_store *s, int dir, const char *name, kn_saved *s
     return fits;
 }
 
-void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
+void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *settings)
 {
     char why[160];
     kn_store s = {.files = &kn_files_system, .scene = scene, .path = path};
     size_t count, size;
-    *sets = (kn_sets){0};
+    *settings = (kn_settings){0};
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (dir < 0) return;
     // try the files of every series, newest first
@@ -369,7 +369,7 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
     bool said = false;
     for (size_t i = count; i-- > 0 && !said;) {
         uint8_t *bytes = get_file(s.files, dir, all[i].name, &size, why, sizeof why);
-        said = bytes && kn_saved_peek(scene->name, bytes, size, sets);
+        said = bytes && kn_saved_peek(scene->name, bytes, size, settings);
         free(bytes);
     }
     free(all);

@@ -147,7 +147,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     show_now(&r);
     const char *sets[] = {"mesh.measures=both", "material.k1=2000 gf/cm^3"};
     kn_scene *scene = load_scene("dough-small.yaml", sets, 2);
-    kn_change *change = kn_change_create(scene, r.lent.scene, r.lent.model, false, error, sizeof error);
+    kn_scene_change *change = kn_scene_change_create(scene, r.lent.scene, r.lent.model, false, error, sizeof error);
     CHECK(change);
     if (!change) return;
     r.lent.loop.change = change;
@@ -160,7 +160,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     CHECK(!kn_skin_follows(&r.lent.skin, r.lent.model) && kn_skin_follows(&r.lent.skin, change->model));
     CHECK(tells(&r, r.mesh.stress_pa, KN_MEASURE_STRESS) && tells(&r, r.mesh.residual_strain, KN_MEASURE_RESIDUAL));
     rig_close(&r);
-    kn_change_destroy(change);
+    kn_scene_change_destroy(change);
 }
 
 TEST("the deadline follows the processor, by events: down when three long steps in a row took too long, up by and by")
