@@ -1,5 +1,5 @@
 #include "server/auth.h"
-#include "server/bytes.h"
+#include "server/bus.h"
 #include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,4 @@
 #include "server/bus.h"
-#include "server/bytes.h"
 #include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>

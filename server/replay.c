@@ -5,7 +5,6 @@
 #include "server/log.h"
 #include "server/receiver.h"
 #include "server/store.h"
-#include "server/survey.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -24,8 +23,8 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES] remembered poses; pose number seq is at index seq % POSES
 
-    kn_survey found;   // result of the first reading of the log
-    size_t next_event; // index in found.events of the next event to apply
+    kn_log_summary found; // result of the first reading of the log
+    size_t next_event;    // index in found.events of the next event to apply
     // `change`: latest change that a tick applied; `next`: change that the next tick applies; NULL: none
     kn_scene_change *change, *next;
     kn_replay_def def;
@@ -49,15 +48,15 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
 } reading;
 
 // Return the largest number of ticks without a record that a replay runs for this log.
-static int64_t most_untold(const reading *v) { return KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told; }
+static int64_t most_untold(const reading *v) { return KN_LOG_LOST_MS + KN_LOG_RECORD_MS * v->found.own_records; }
 
 // ---- scene, model and servo of the replay
 
-// First reading: survey the log.
+// First reading: summarise the log.
 static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
-    bool found = kn_survey_log(&v->found, def->log_path, error, error_size);
+    bool found = kn_log_summarise(&v->found, def->log_path, error, error_size);
     v->tick = -1;
     r->forces_logged = v->found.forces > 0;
     r->tally.malformed = v->found.malformed;
@@ -132,11 +131,11 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     const char *set = NULL;
     for (int i = 0; i < def->set_count; i++)
         if (strstr(def->sets[i], ".name=")) set = def->sets[i];
-    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.felt[i]; i++) {
-        if (probe_of(r, r->private->found.felt[i]) >= 0) continue;
+    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.force_probe[i]; i++) {
+        if (probe_of(r, r->private->found.force_probe[i]) >= 0) continue;
         snprintf(error, error_size,
                  "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
-                 set ? "--set " : "", set ? set : r->scene->name, r->private->found.felt[i]);
+                 set ? "--set " : "", set ? set : r->scene->name, r->private->found.force_probe[i]);
         return false;
     }
     return true;
@@ -271,11 +270,11 @@ static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event
 }
 
 // Take over the deadline, overload and quality that were in force where the replay begins, in mid-run or at a snapshot.
-static void stand(kn_replay *r, const kn_survey *found)
+static void stand(kn_replay *r, const kn_log_summary *found)
 {
-    const kn_survey_stood *stood = &found->stood;
-    r->servo.deadline = stood->deadline;
-    r->servo.overloaded = stood->overloaded;
+    const kn_log_initial *initial = &found->initial;
+    r->servo.deadline = initial->deadline;
+    r->servo.overloaded = initial->overloaded;
     // a snapshot holds neither deadline nor overload: apply the events up to its tick
     for (size_t i = 0; i < found->event_count && found->events[i].tick <= r->resumed_tick; i++) {
         const knead_event_t *e = &found->events[i];
@@ -285,9 +284,9 @@ static void stand(kn_replay *r, const kn_survey *found)
         if (e->kind == KNEAD_EVENT_T_KIND_OVERLOAD) r->servo.overloaded = e->arg[0] != 0;
     }
     // a snapshot holds the quality itself
-    if (!stood->quality_told || r->resumed_tick >= 0 || !r->scene->point[stood->quality].live) return;
-    r->servo.quality = stood->quality;
-    r->servo.asked = stood->asked;
+    if (!initial->quality_told || r->resumed_tick >= 0 || !r->scene->point[initial->quality].live) return;
+    r->servo.quality = initial->quality;
+    r->servo.asked = initial->asked;
 }
 
 static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
@@ -334,7 +333,7 @@ void kn_replay_destroy(kn_replay *r)
     if (v) {
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
-        kn_survey_free(&v->found);
+        kn_log_summary_free(&v->found);
         kn_scene_change_destroy(v->next);
         kn_scene_change_destroy(v->change);
         kn_undo_free(&v->undo);
@@ -435,7 +434,7 @@ static int32_t missed_before(const reading *v, int64_t tick)
         if (v->has[p]) return v->force[p].missed_cycles;
     int64_t missed = 0;
     for (size_t i = v->next_event; !missed && i < v->found.event_count && v->found.events[i].tick == tick; i++)
-        missed = kn_survey_missed(&v->found.events[i]);
+        missed = kn_log_missed(&v->found.events[i]);
     return (int32_t)missed;
 }
 
@@ -448,7 +447,7 @@ static bool afford(kn_replay *r, int64_t tick, int64_t more)
     if (++v->untold + more <= most_untold(v)) return true;
     snprintf(r->damage, sizeof r->damage,
              "%lld ticks without a record up to tick %lld, expected at most 60 000 and 1 000 for each of %lld records",
-             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.told);
+             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.own_records);
     return false;
 }
 

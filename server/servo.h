@@ -37,7 +37,10 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the wo
 #define KN_BUTTON_GRIP 2            // the object sticks to the tool, up to the probe's grip force
 #define KN_BUTTON_LEAVING (1 << 30) // not a button: this pose is the session's last
 
-typedef struct kn_clutch { // a probe's clutch, see clutch.h
+// The clutch of a probe lets a device reach a scene that is larger than the device's workspace. While the clutch is held,
+// the hand moves and the tool stays. Afterwards the tool is offset from the device by the hand's motion. The force on the
+// hand fades while the clutch is held (core/safety.h).
+typedef struct kn_clutch {
     bool held;
     double offset_m[3], turn_wxyz[4]; // offset and rotation from the device's pose to the tool's pose
     double stays_m[3], stays_wxyz[4]; // pose at which the tool stays while the clutch is held
@@ -160,6 +163,11 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
 // Start a servo for an untouched object, which the backend holds. The first tick may have any number. `scene`, `model`,
 // `backend` and every change that a tick applies must outlive the servo.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
+
+// Reset the clutch to no offset, for a new session.
+void kn_clutch_open(kn_clutch *clutch);
+// Compute the pose of the tool from the pose of the device.
+void kn_clutch_move(kn_clutch *clutch, const kn_pose *device, kn_pose *tool);
 
 // Return whether effort `a` is cheaper than `b`: at least one of the two iteration limits (smallest, largest number of
 // iterations) is lower in `a`, and neither is higher. A server that exceeds its time budget changes only to a cheaper
