@@ -463,11 +463,12 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         // Set up the loop, the restored state and an emergency stop that is still in force.
         d->loop.servo.settings = &d->on.settings;
-        kn_keeper_start(&d->keeper, &d->loop);
+        d->loop.keeper = &d->keeper;
+        kn_keeper_start(&d->keeper, &d->loop.servo, &d->loop.orders);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
         d->estopped = def->estopped || kept;
         if (d->estopped) { // tick 0 takes the order and publishes an event for the log
-            kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
+            kn_orders_give(&d->loop.orders, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
         d->checkup = (kn_checkup){.served = &d->on,

@@ -263,20 +263,27 @@ static bool load_newest(kn_keeper *k, char *name)
     return fits;
 }
 
-void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
+// Order the next tick to restore the snapshot in k->incoming, and keep its file.
+static void order_restore(kn_keeper *k, kn_orders *orders)
+{
+    orders->restore = &k->incoming;
+    kn_store_pin(&k->store, k->incoming.generation);
+    k->incoming_order = kn_orders_give(orders, KN_ORDER_RESTORE, 0);
+}
+
+void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders)
 {
     kn_keeper *k = keeper;
     char name[256], age[32];
-    loop->keeper = k;
-    loop->servo.undo = &k->undo;
+    servo->undo = &k->undo;
     if (k->store.dir < 0) return;
-    kn_backend *backend = loop->servo.backend;
+    kn_backend *backend = servo->backend;
     // Until a snapshot is restored, compare the object with the initial object, so that an untouched object is not
     // saved.
     kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // copy the initial object
-    k->last_hash = loop->servo.scene->text_hash;
+    k->last_hash = servo->scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
-    k->incoming.servo.scene = loop->servo.scene;
+    k->incoming.servo.scene = servo->scene;
     k->incoming.servo.model = k->model;
     if (!load_newest(k, name)) {
         kn_say_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
@@ -284,10 +291,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
     atomic_store(&k->as_of_ns, kn_now_ns());
-    loop->restore = &k->incoming;
-    kn_store_pin(&k->store, k->incoming.generation);
     atomic_store(&k->generation, k->incoming.generation);
-    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
+    order_restore(k, orders);
     write_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime), age, sizeof age);
     kn_say_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age, k->incoming.state_hash);
 }
@@ -347,18 +352,16 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
 }
 
 // Wait until a tick of the servo has carried out an order.
-static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
+static kn_answer await(const kn_orders *orders, int64_t number, int64_t generation)
 {
     kn_answer a = {.ok = true, .generation = generation};
-    for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
-        if (!kn_loop_obeyed(loop, number, &a.tick)) continue;
-        a.state_hash = atomic_load(&loop->restored);
-        return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
-    }
-    return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
+    if (!kn_orders_await(orders, number, KN_KEEPER_PATIENCE_MS, &a.tick))
+        return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
+    a.state_hash = atomic_load(&orders->restored);
+    return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
 }
 
-kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene *scene, const kn_model *model,
                             int64_t generation)
 {
     kn_keeper *k = keeper;
@@ -366,7 +369,7 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
     int64_t tick;
     if (k->store.dir < 0)
         return refusal("restore: there is no directory of snapshots, expected kneadd --state-dir DIR");
-    if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
+    if (k->incoming_order && !kn_orders_obeyed(orders, k->incoming_order, &tick))
         return refusal("restore: the restore before has not been done yet");
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
@@ -374,14 +377,8 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
         if (generation > 0) return refusal("restore: generation %" PRId64 ": %s", generation, why);
         return refusal("restore: %s", why);
     }
-    loop->restore = &k->incoming;
-    kn_store_pin(&k->store, k->incoming.generation);
-    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
-    return await(loop, k->incoming_order, k->incoming.generation);
+    order_restore(k, orders);
+    return await(orders, k->incoming_order, k->incoming.generation);
 }
 
-kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop)
-{
-    (void)keeper;
-    return await(loop, kn_loop_order(loop, KN_ORDER_UNDO, 0), 0);
-}
+kn_answer kn_keeper_undo(kn_orders *orders) { return await(orders, kn_orders_give(orders, KN_ORDER_UNDO, 0), 0); }

@@ -248,11 +248,11 @@ static json_t *tell_status(kn_operator *o)
 // Give the servo loop an order, wait until a tick has taken the order, and answer with that tick.
 static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
-    int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
+    int64_t tick, number = kn_orders_give(&o->on.loop->orders, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         // read `done` before asking for the order, because the last tick may still have taken the order
         bool done = atomic_load(&o->on.loop->done);
-        if (kn_loop_obeyed(o->on.loop, number, &tick))
+        if (kn_orders_obeyed(&o->on.loop->orders, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
         // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
         // disk
@@ -327,14 +327,14 @@ static json_t *restore(kn_operator *o, const json_t *argument)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
     const kn_scene *scene = o->now ? o->now->scene : o->on.served->scene;
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
-    kn_answer a = kn_keeper_restore(o->on.keeper, o->on.loop, scene, model, generation);
+    kn_answer a = kn_keeper_restore(o->on.keeper, &o->on.loop->orders, scene, model, generation);
     return of_keeper(&a);
 }
 
 static json_t *undo(kn_operator *o, const json_t *argument)
 {
     (void)argument;
-    kn_answer a = kn_keeper_undo(o->on.keeper, o->on.loop);
+    kn_answer a = kn_keeper_undo(&o->on.loop->orders);
     return of_keeper(&a);
 }
 
@@ -355,7 +355,8 @@ static kn_scene *parse(const kn_operator *o, const kn_settings *settings, char *
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
-    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has applied the last change yet";
+    if (o->now && !kn_orders_obeyed(&o->on.loop->orders, o->ordered, &tick))
+        return "no tick has applied the last change yet";
     if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not reported the last change yet";
     if (o->now && !kn_skin_follows(o->on.skin, o->now->model))
         return "the mesh thread has not shown the last change yet";
@@ -475,17 +476,14 @@ static json_t *set(kn_operator *o, const json_t *argument)
     // lock the new memory before a tick uses it, then hand the change to the loop
     o->on.built(o->on.arg);
     o->before = o->now;
-    o->now = o->on.loop->change = change;
+    o->now = o->on.loop->orders.change = change;
     pthread_mutex_lock(&o->setting);
     o->settings = change->settings;
     pthread_mutex_unlock(&o->setting);
     // from here on the change counts as made, even if no tick takes it in time
-    o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
-    for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
-        if (i == 2 * PATIENCE_MS)
-            return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
-        rest();
-    }
+    o->ordered = kn_orders_give(&o->on.loop->orders, KN_ORDER_CHANGE, 0);
+    if (!kn_orders_await(&o->on.loop->orders, o->ordered, PATIENCE_MS, &tick))
+        return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
     json_t *answer = json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
     add_energies(answer, model, left, change);
     return answer;

@@ -3,6 +3,7 @@
 #include "proto/knead_event_t.h"
 #include "server/scene_change.h"
 #include "server/log.h"
+#include "server/operator_orders.h"
 #include "server/receiver.h"
 #include "server/store.h"
 #include <inttypes.h>

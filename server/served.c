@@ -228,8 +228,8 @@ int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s
     for (int i = 0; i < STRIKES; i++) longest = units[i] > longest ? units[i] : longest;
     for (int i = 0; i < STRIKES; i++)
         if (4 * units[i] >= 3 * longest) sum_ns += took_ns[i], sum += units[i];
-    // number of units of work that fit into KN_SERVED_SHARE of the time budget
-    const int64_t most = (int64_t)(1e9 * KN_SERVED_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
+    // number of units of work that fit into KN_STEP_SHARE of the time budget
+    const int64_t most = (int64_t)(1e9 * KN_STEP_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
     return most > least ? most : least;
 }
 

@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_SERVO_H
 #define KN_SERVER_SERVO_H
 // The servo tick as a pure function, without clock, thread or socket. The daemon, `knead replay`, tests and bench all
-// run this code.
+// run this code. servo.c holds the servo's state, servo_tick.c the tick, and operator_orders.c the orders in a tick.
 //
 //     read     which probes have a session, a fresh pose, a pose clear of the object? are ticks too slow?
 //     watch    silence, ramps, latches: is each probe in the model?          (core/safety.h)
@@ -23,7 +23,6 @@
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
 #include "server/scene_change.h"
-#include "server/undo.h"
 #include <stdint.h>
 
 typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the workspace, newer than the last one
@@ -51,6 +50,10 @@ typedef struct kn_clutch {
 #define KN_OVER_TICKS 10
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)
+
+// Fraction of the scene's budget_s for a step; the rest is for work that the units of a deadline (core/deadline.h) do not
+// count, and for delays by a busy hyperthread.
+#define KN_STEP_SHARE 0.7
 
 typedef enum kn_take { // reason why a tick changes to another quality point (a solver effort that the scene names)
     KN_TAKE_NONE,
@@ -137,7 +140,7 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     kn_backend *backend;
     const kn_settings *settings; // settings that override those of the scene at the start; NULL: none
     const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
-    kn_undo *undo;               // undo points of the object; NULL: undo is not available
+    struct kn_undo *undo;        // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none
     kn_pose tool[KN_PROBES_MAX]; // pose of each tool: the pose in `last` moved by the probe's clutch
@@ -160,6 +163,22 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     bool estopped; // an operator's emergency stop is in force; stored for other modules only
 } kn_servo;
 
+// Working data of one tick. kn_servo_tick creates it; the orders (operator_orders.h) act on it.
+typedef struct kn_tick {
+    kn_servo *servo;
+    const kn_tick_in *in;
+    kn_tick_out *out;
+    kn_safety_in watch[KN_PROBES_MAX];
+    kn_input input;
+    kn_output output;
+    kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
+    bool stepped, diverged;
+    bool shadowed; // the circuit was late or not in step, and its twin's result is used
+    bool change;   // the solver effort or the material changes in this tick, so forces fade to 0 and return
+    bool hashed;
+    uint64_t hash; // state hash before the step, taken when the first event needs it
+} kn_tick;
+
 // Start a servo for an untouched object, which the backend holds. The first tick may have any number. `scene`, `model`,
 // `backend` and every change that a tick applies must outlive the servo.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
@@ -174,7 +193,11 @@ void kn_clutch_move(kn_clutch *clutch, const kn_pose *device, kn_pose *tool);
 // quality point.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b);
 
-// Run one tick. Real-time safe: no allocation, lock or I/O.
+// Append an event to the output of a tick, with the hash of the object's state before the step. The caller may fill in
+// the event's arguments.
+kn_event *kn_tick_event(kn_tick *t, int kind, int probe);
+
+// Run one tick (servo_tick.c). Real-time safe: no allocation, lock or I/O.
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out);
 
 #endif

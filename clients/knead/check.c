@@ -272,7 +272,7 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     printf(
         "deadline  %lld units of work, %.2g ns each here: the worst tick of a stroke at 5 cm/s takes %.2g ms, %.2g ms "
         "without it\n",
-        (long long)units, 1e9 * KN_SERVED_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
+        (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
     kn_result_integer(kn_result(), "deadline_units", units);
     kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
     kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);

@@ -1,6 +1,7 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
 #include "clients/knead/commands.h"
 #include "server/replay.h"
+#include "server/operator_orders.h"
 #include "server/store.h"
 #include "tests/check.h"
 #include "tests/dice.h"

@@ -59,15 +59,15 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     if (size >= KN_CONTROL_LINE) return 0; // refused before
-    atomic_store(&loop.orders, 0);
-    atomic_store(&loop.obeyed, INT64_MAX); // obey at once, as if a tick came
-    atomic_store(&loop.restored, 1);
+    atomic_store(&loop.orders.given, 0);
+    atomic_store(&loop.orders.obeyed, INT64_MAX); // obey at once, as if a tick came
+    atomic_store(&loop.orders.restored, 1);
     atomic_store(&operator.told, operator.now);
     stops = 0;
     json_t *request, *answer = kn_control_judge(&def, (const char *)data, size, &request);
     const json_t *ok = json_object_get(answer, "ok");
     char *text = json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII);
-    bool done = json_is_true(ok), changed = atomic_load(&loop.orders) != 0 || stops > 0;
+    bool done = json_is_true(ok), changed = atomic_load(&loop.orders.given) != 0 || stops > 0;
     if (!json_is_boolean(ok) || !text || strchr(text, '\n')) abort();
     if (done == (json_object_get(answer, "error") != NULL)) abort();
     if (changed && !(done && request && def.audits(def.self, request))) abort(); // every change is audited

@@ -37,7 +37,8 @@ static void serve(rig *r, const char *directory)
     kn_lent_open(&r->lent, NULL);
     if (kn_keeper_open(&r->keeper, directory, r->lent.scene, r->lent.model, error, sizeof error) != 0)
         printf("%s\n", error), exit(1);
-    kn_keeper_start(&r->keeper, &r->lent.loop);
+    r->lent.loop.keeper = &r->keeper;
+    kn_keeper_start(&r->keeper, &r->lent.loop.servo, &r->lent.loop.orders);
 }
 
 static rig *rig_open(void)
@@ -278,9 +279,9 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     pthread_t servo, keeper;
     pthread_create(&servo, NULL, run, &x);
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
-    kn_answer none = kn_keeper_undo(&r->keeper, &r->lent.loop);
+    kn_answer none = kn_keeper_undo(&r->lent.loop.orders);
     CHECK(!none.ok && strstr(none.error, "nothing to undo"));
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0);
+    none = kn_keeper_restore(&r->keeper, &r->lent.loop.orders, r->lent.scene, r->lent.model, 0);
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);
     kn_answer untouched = kn_keeper_snapshot(&r->keeper);
@@ -289,13 +290,14 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     await(&x, 1300);
     kn_answer pressed = kn_keeper_snapshot(&r->keeper);
     CHECK(pressed.ok && pressed.generation > 1 && pressed.state_hash != untouched.state_hash);
-    kn_answer undone = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo under the tool
+    kn_answer undone = kn_keeper_undo(&r->lent.loop.orders); // an undo under the tool
     CHECK(undone.ok && undone.tick > pressed.tick && undone.generation == 0);
-    kn_answer again = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, pressed.generation);
+    kn_answer again =
+        kn_keeper_restore(&r->keeper, &r->lent.loop.orders, r->lent.scene, r->lent.model, pressed.generation);
     CHECK(again.ok && again.state_hash == pressed.state_hash && again.generation == pressed.generation);
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 999);
+    none = kn_keeper_restore(&r->keeper, &r->lent.loop.orders, r->lent.scene, r->lent.model, 999);
     CHECK(!none.ok && !strcmp(none.error, "restore: generation 999: none"));
-    kn_answer back = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo of the restore
+    kn_answer back = kn_keeper_undo(&r->lent.loop.orders); // an undo of the restore
     CHECK(back.ok);
     x.stop = true;
     r->keeper.ending = true;
@@ -333,8 +335,8 @@ TEST("without a directory nothing is saved, restored or told, and undo works")
     press(r, DEEP);
     CHECK(hash(r) != new &&kn_keeper_age_ms(&r->keeper) == -1 && r->keeper.saves == 0);
     CHECK(!kn_keeper_snapshot(&r->keeper).ok &&
-          !kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0).ok);
-    kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
+          !kn_keeper_restore(&r->keeper, &r->lent.loop.orders, r->lent.scene, r->lent.model, 0).ok);
+    kn_orders_give(&r->lent.loop.orders, KN_ORDER_UNDO, 0);
     tick(r, AIR);
     CHECK(r->restores == 1 && r->restored.arg[0] == 0 && r->restored.state_hash == new);
     end(r);

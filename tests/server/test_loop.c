@@ -150,9 +150,9 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     kn_scene_change *change = kn_scene_change_create(scene, r.lent.scene, r.lent.model, false, error, sizeof error);
     CHECK(change);
     if (!change) return;
-    r.lent.loop.change = change;
+    r.lent.loop.orders.change = change;
     r.lent.loop.deadline = 1000000000; // this change has no deadline of its own
-    kn_loop_order(&r.lent.loop, KN_ORDER_CHANGE, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_CHANGE, 0);
     move(&r, 0.0);
     CHECK(r.lent.loop.servo.model == change->model && r.lent.loop.deadline == 1000000000);
     CHECK(kn_skin_follows(&r.lent.skin, r.lent.model) && !kn_skin_follows(&r.lent.skin, change->model));
@@ -183,7 +183,7 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     CHECK(loop->deadline == given); // two long steps are not enough
     r.took_ns = (int64_t)(0.9 * budget_ns);
     for (int i = 0; i < 4; i++) move(&r, 0);
-    CHECK(loop->servo.deadline == (int64_t)((double)given * KN_SERVED_SHARE / 0.9) &&
+    CHECK(loop->servo.deadline == (int64_t)((double)given * KN_STEP_SHARE / 0.9) &&
           r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 2);
     for (int i = 0; i < 40; i++) move(&r, 0);
     CHECK(loop->servo.deadline == least); // the deadline never goes lower
@@ -202,7 +202,7 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
     uint64_t rest = kn_state_hash(r.lent.model, r.lent.backend.state(r.lent.backend.self));
     press(&r);
     CHECK(given_n(&r) > 1.0 && r.kinds[KNEAD_EVENT_T_KIND_RESET] == 0);
-    for (int i = 0; i < 5; i++) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
+    for (int i = 0; i < 5; i++) kn_orders_give(&r.lent.loop.orders, KN_ORDER_RESET, 0);
     move(&r, 0.0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RESET] == 1 && r.kinds[KNEAD_EVENT_T_KIND_DETACH] == 1);
     CHECK(r.out.event[0].kind == KNEAD_EVENT_T_KIND_RESET && r.out.event[0].tick == r.tick - 1);
@@ -217,7 +217,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     rig_open(&r, NULL);
     press(&r);
     double first = given_n(&r), slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = first;
-    kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_RESET, 0);
     for (int ms = 1; ms <= 300; ms++) {
         move(&r, 0.0);
         CHECK(last - given_n(&r) <= slope + 1e-9 && given_n(&r) <= last);
@@ -237,13 +237,13 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     rig_open(&r, NULL);
     press(&r);
     double slope = kn_safety_slope(&r.lent.loop.servo.safety[0].limits), last = given_n(&r);
-    int64_t tick = -1, number = kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
-    CHECK(!kn_loop_obeyed(&r.lent.loop, number, &tick));
+    int64_t tick = -1, number = kn_orders_give(&r.lent.loop.orders, KN_ORDER_ESTOP, 0);
+    CHECK(!kn_orders_obeyed(&r.lent.loop.orders, number, &tick));
     for (int ms = 1; ms <= 100; ms++) {
         move(&r, 0.0);
         CHECK(last - given_n(&r) <= slope + 1e-9 && (ms < 17 || given_n(&r) == 0.0));
         last = given_n(&r);
-        if (ms == 1) CHECK(kn_loop_obeyed(&r.lent.loop, number, &tick) && tick == r.tick - 1);
+        if (ms == 1) CHECK(kn_orders_obeyed(&r.lent.loop.orders, number, &tick) && tick == r.tick - 1);
     }
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_ESTOP] == 1 && r.kinds[KNEAD_EVENT_T_KIND_FAULT] >= 1);
     r.pose.session++; // another hand, in air
@@ -252,18 +252,18 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     CHECK(r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP && given_n(&r) == 0.0);
     CHECK(!(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
     CHECK(kn_loop_estopped(&r.lent.loop));
-    CHECK(kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0) == number + 1 && kn_loop_estopped(&r.lent.loop));
+    CHECK(kn_orders_give(&r.lent.loop.orders, KN_ORDER_RECOVER, 0) == number + 1 && kn_loop_estopped(&r.lent.loop));
     hover(&r, 500);
     CHECK(!kn_loop_estopped(&r.lent.loop));
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RECOVER] == 1 && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED);
-    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0); // two orders before the same tick: the later one counts
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_ESTOP, 0); // two orders before the same tick: the later one counts
     CHECK(kn_loop_estopped(&r.lent.loop));
-    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_RECOVER, 0);
     hover(&r, 1);
     CHECK(!kn_loop_estopped(&r.lent.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_NONE);
-    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
-    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_RECOVER, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_ESTOP, 0);
     hover(&r, 1);
     CHECK(kn_loop_estopped(&r.lent.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP);
 }
@@ -273,9 +273,9 @@ TEST("a recover while an emergency stop still fades gives nothing back before th
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
     press(&r);
-    kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_ESTOP, 0);
     move(&r, 0.0);
-    kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
+    kn_orders_give(&r.lent.loop.orders, KN_ORDER_RECOVER, 0);
     double last = given_n(&r);
     CHECK(last > 1.0);
     for (int ms = 1; ms <= 400; ms++) {
@@ -297,7 +297,7 @@ TEST("meshes after a reset are of another generation, and the object at rest")
     hover(&r, 20);
     CHECK(dent_m(&r) < rest - 0.004 && r.mesh.generation == before);
     for (int i = 1; i <= 3; i++) {
-        kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
+        kn_orders_give(&r.lent.loop.orders, KN_ORDER_RESET, 0);
         hover(&r, 20);
         CHECK(dent_m(&r) == rest && r.mesh.generation == before + i);
     }

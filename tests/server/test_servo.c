@@ -1,4 +1,4 @@
-#include "server/servo.h"
+#include "server/operator_orders.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"

@@ -4,6 +4,7 @@
 #include "core/hash.h"
 #include "server/loop.h"
 #include "server/receiver.h"
+#include "server/snapshot.h"
 #include "server/wire.h"
 #include "tests/check.h"
 #include "tests/server/datagram.h"
@@ -223,7 +224,8 @@ static result run(int64_t ticks, int64_t restart_ticks, const char *name)
     for (int64_t n = 0; n < ticks; n++, tick++) {
         int64_t now_ns = 1000000 * tick;
         if (n > 0 && restart_ticks > 0 && n % restart_ticks == 0) restart(&s, tick - 1), restarts++;
-        if (n % (FRESH_STORIES * STORY_MS) == 0) kn_loop_order(&s.d->loop, KN_ORDER_RESET, KN_QUALITY_OWN), s.resets++;
+        if (n % (FRESH_STORIES * STORY_MS) == 0)
+            kn_orders_give(&s.d->loop.orders, KN_ORDER_RESET, KN_QUALITY_OWN), s.resets++;
         hear(&s, n, now_ns);
         kn_wake wake = {.tick = tick, .missed = n % 7001 == 7000, .due_ns = now_ns, .now_ns = time.now_ns = now_ns};
         if (wake.missed) wake.tick = ++tick, s.missed++; // a missed tick is skipped for good, and the grid goes on

@@ -66,7 +66,8 @@ static void rig_open(rig *r, const char *const *how)
     if (!mkdtemp(r->directory) ||
         kn_keeper_open(&r->keeper, r->directory, r->lent.scene, r->lent.model, error, sizeof error) != 0)
         fprintf(stderr, "%s\n", error), exit(1);
-    kn_keeper_start(&r->keeper, &r->lent.loop);
+    r->lent.loop.keeper = &r->keeper;
+    kn_keeper_start(&r->keeper, &r->lent.loop.servo, &r->lent.loop.orders);
 }
 
 static void remove_saved(const rig *r)
@@ -137,14 +138,14 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     for (int64_t n = 0; n < most; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
         // Reset, because the dent would keep later rounds from touching.
-        if (n % ROUND == 0) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
-        if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
-        if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
-        if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_loop_order(&r.lent.loop, KN_ORDER_UNDO, 0);
+        if (n % ROUND == 0) kn_orders_give(&r.lent.loop.orders, KN_ORDER_RESET, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_orders_give(&r.lent.loop.orders, KN_ORDER_ESTOP, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_orders_give(&r.lent.loop.orders, KN_ORDER_RECOVER, 0);
+        if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_orders_give(&r.lent.loop.orders, KN_ORDER_UNDO, 0);
         r.keeper.ending = true;
         if (n % 50 == 0) kn_keeper_run(&r.keeper); // does the work of the keeper's thread
         kn_quality other = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
-        if (n % ROUND == 2000) kn_loop_order(&r.lent.loop, KN_ORDER_QUALITY, other);
+        if (n % ROUND == 2000) kn_orders_give(&r.lent.loop.orders, KN_ORDER_QUALITY, other);
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         long before = faults();
         armed = true;
@@ -264,8 +265,8 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
     bool done = r->lent.loop.done;
     rig_drain(r);
     play(r, r->ticks / ROUND, (int)(r->ticks % ROUND));
-    if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
-    if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
+    if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_orders_give(&r->lent.loop.orders, KN_ORDER_RESET, 0);
+    if (r->ticks % ROUND == 3600) kn_orders_give(&r->lent.loop.orders, KN_ORDER_UNDO, 0);
     if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
     kn_fpga_counts n = {0};
     if (r->how) kn_backend_fpga_counts(&r->lent.backend, &n);
