@@ -26,7 +26,7 @@
 // change comes when a tick has made the change, and gives the number of that tick. An event on KNEAD_EVENT records the
 // tick as well.
 #include "server/control.h"
-#include "server/health.h"
+#include "server/health_report.h"
 #include "server/keeper.h"
 #include "server/loop.h"
 #include "server/receiver.h"
