@@ -31,6 +31,8 @@
 // longest wait of the control thread for requests, ms; a stop is delayed by at most this time
 #define CONTROL_TURN_MS 20
 
+enum { SERVO, SENTINEL, MESH, CONTROL, WORKER, KEEPER, THREADS }; // threads beside the main thread
+
 typedef struct server {
     kn_served on; // the scene being served
     kn_bus bus, mesh_bus;
@@ -46,7 +48,7 @@ typedef struct server {
     kn_keeper keeper;
     kn_sentinel sentinel;
     kn_rt rt;
-    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
+    pthread_t thread[THREADS];
     pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
     atomic_bool ending;   // set to end the threads of normal priority; the keeper has a flag of its own
     struct ev_loop *ev;
@@ -317,6 +319,26 @@ static void *keeper_main(void *arg)
     return kn_keeper_run(&d->keeper);
 }
 
+static const struct {
+    const char *name;
+    int priority;
+    bool pinned;
+    void *(*run)(void *server);
+} threads[THREADS] = {[SERVO] = {"servo", KN_RT_SERVO, true, servo_main},
+                      [SENTINEL] = {"sentinel", KN_RT_SENTINEL, true, sentinel_main},
+                      [MESH] = {"mesh", KN_RT_NORMAL, false, mesh_main},
+                      [CONTROL] = {"control", KN_RT_NORMAL, false, control_main},
+                      [WORKER] = {"worker", KN_RT_NORMAL, false, worker_main},
+                      [KEEPER] = {"keeper", KN_RT_NORMAL, false, keeper_main}};
+
+// Return whether this run of the server needs a thread: control and worker need a control socket, the keeper needs a
+// directory of snapshots.
+static bool needs(const server *d, int thread)
+{
+    if (thread == KEEPER) return d->keeper.store.dir >= 0;
+    return d->control || (thread != CONTROL && thread != WORKER);
+}
+
 // --- start and stop ---
 
 // Parse the two URLs, and load the key if there is one.
@@ -420,18 +442,15 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
-    bool keeps = d->keeper.store.dir >= 0;
-    // The barrier's count: main, servo, sentinel and mesh; control and worker; keeper.
-    pthread_barrier_init(&d->go, NULL, 4u + 2u * !!d->control + keeps);
-    int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
-    if (!failed && d->control)
-        failed = kn_rt_thread(&d->rt, &d->control_thread, "control", KN_RT_NORMAL, false, control_main, d);
-    if (!failed && d->control)
-        failed = kn_rt_thread(&d->rt, &d->worker_thread, "worker", KN_RT_NORMAL, false, worker_main, d);
-    if (!failed && keeps)
-        failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
+    // The barrier's count: the main thread and the threads below.
+    unsigned count = 1;
+    for (int i = 0; i < THREADS; i++) count += needs(d, i);
+    pthread_barrier_init(&d->go, NULL, count);
+    int failed = 0;
+    for (int i = 0; i < THREADS && !failed; i++)
+        if (needs(d, i))
+            failed = kn_rt_thread(&d->rt, &d->thread[i], threads[i].name, threads[i].priority, threads[i].pinned,
+                                  threads[i].run, d);
     // Lock the memory now that all stacks exist and no thread runs yet.
     if (!failed) kn_rt_lock_memory(&d->rt);
     if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
@@ -471,7 +490,7 @@ static void join_worker(server *d)
     struct timespec until;
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
-    d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
+    d->stuck = pthread_timedjoin_np(d->thread[WORKER], NULL, &until) != 0;
     if (d->stuck) kn_say("kneadd: stops without an answer to a request that takes too long");
 }
 
@@ -487,17 +506,15 @@ static bool stop_threads(server *d)
     if (d->control) kn_control_end(d->control);
     atomic_store(&d->ending, true);
     atomic_store(&d->sentinel.stop, true);
-    pthread_join(d->servo_thread, NULL);
-    pthread_join(d->sentinel_thread, NULL);
-    pthread_join(d->mesh_thread, NULL);
+    for (int i = SERVO; i <= MESH; i++) pthread_join(d->thread[i], NULL);
     if (d->control) {
-        pthread_join(d->control_thread, NULL);
+        pthread_join(d->thread[CONTROL], NULL);
         join_worker(d);
         kn_control_drain(d->control);
     }
     // The keeper ends last, because control and worker may ask it for snapshots.
     atomic_store(&d->keeper.ending, true);
-    if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
+    if (needs(d, KEEPER)) pthread_join(d->thread[KEEPER], NULL);
     bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
     // Publish the final counters. Then read the remaining datagrams, so that the counts add up.
