@@ -6,7 +6,7 @@
 #include "server/health_report.h"
 #include "server/keeper.h"
 #include "server/operator.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <ev.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -405,8 +405,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
                                      .quality_told = d->on.scene->quality};
         return true;
     }
-    snprintf(error, error_size, "out of memory or file descriptors");
-    return false;
+    return kn_refuse(error, error_size, "out of memory or file descriptors");
 }
 
 // Set up the operator, and open the control socket if there is one.
@@ -491,7 +490,7 @@ static void join_worker(server *d)
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
     d->stuck = pthread_timedjoin_np(d->thread[WORKER], NULL, &until) != 0;
-    if (d->stuck) kn_say("kneadd: stops without an answer to a request that takes too long");
+    if (d->stuck) kn_console_err("kneadd: stops without an answer to a request that takes too long");
 }
 
 // Stop all threads and save the object. Return false if the object could not be saved.
@@ -575,7 +574,7 @@ static int serve(server *d, const kn_daemon_def *def)
         }
     }
     // print the error; for bad input (code 2) the line already begins with its file or URL
-    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error);
+    if (code) kn_console_err("%s%s", code == 2 ? "" : "kneadd: ", error);
     return code;
 }
 
@@ -587,7 +586,7 @@ int kn_daemon_run(const kn_daemon_def *def)
     kn_safety_limits limits;
     // path and text of the scene being served; NULL in the first life (run) of the server
     char *path = NULL, *text = NULL;
-    kn_say_start();
+    kn_console_start();
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
@@ -609,7 +608,7 @@ int kn_daemon_run(const kn_daemon_def *def)
         life.estopped = kn_loop_estopped(&d.loop);
         free_all(&d);
         if (!goes_on) return free(path), free(text), code;
-        kn_say_out("kneadd: loading %s", path);
+        kn_console_out("kneadd: loading %s", path);
         stopping_ns = kn_now_ns();
     }
 }

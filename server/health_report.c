@@ -2,7 +2,7 @@
 #include "core/composite.h"
 #include "core/solver_fixed.h"
 #include "server/backend/fpga.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -159,8 +159,8 @@ void kn_health_report_refusals(kn_health_check *c)
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (c->exchange->receiver.rejected[told[i]] == 0 || c->refusals_told >> told[i] & 1) continue;
         c->refusals_told |= 1u << told[i];
-        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts", kn_verdict_name(told[i]),
-               kn_verdict_meaning(told[i]));
+        kn_console_err("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts",
+                       kn_verdict_name(told[i]), kn_verdict_meaning(told[i]));
     }
 }
 
@@ -171,9 +171,9 @@ static void tell_overruns(kn_health_check *c)
     int64_t missed = atomic_load_explicit(&c->loop->account.missed, memory_order_relaxed);
     if (missed == c->missed_told) return;
     double loop_ms = 1e-6 * (double)atomic_load_explicit(&c->loop->account.late_loop_ns, memory_order_relaxed);
-    kn_say("Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
-           "(missed cycles : %" PRId64 ").",
-           loop_ms, missed - c->missed_told);
+    kn_console_err("Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
+                   "(missed cycles : %" PRId64 ").",
+                   loop_ms, missed - c->missed_told);
     c->missed_told = missed;
 }
 
@@ -183,9 +183,9 @@ static void tell_audit(kn_health_check *c)
 {
     int64_t created = atomic_load_explicit(&c->loop->account.created, memory_order_relaxed);
     if (created != c->created_told)
-        kn_say("kneadd: in %" PRId64
-               " s the object created energy: it gave more than it had and received, by over %g %% of the work",
-               created - c->created_told, 100 * KN_AUDIT_SHARE);
+        kn_console_err("kneadd: in %" PRId64
+                       " s the object created energy: it gave more than it had and received, by over %g %% of the work",
+                       created - c->created_told, 100 * KN_AUDIT_SHARE);
     c->created_told = created;
 }
 
@@ -211,13 +211,14 @@ static void tell_quality(kn_health_check *c)
     bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
     double budget_ms = 1e3 * atomic_load_explicit(&a->budget_s, memory_order_relaxed);
     const char *before = kn_quality_name(c->quality_told), *name = kn_quality_name(now);
-    if (now != c->quality_told && now == asked) kn_say("kneadd: quality %s -> %s, as commanded", before, name);
+    if (now != c->quality_told && now == asked) kn_console_err("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != c->quality_told)
-        kn_say("kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
-               before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
+        kn_console_err(
+            "kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
+            before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
     if (exhausted && !c->exhausted_told)
-        kn_say("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",
-               KN_OVER_TICKS, budget_ms, name);
+        kn_console_err("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",
+                       KN_OVER_TICKS, budget_ms, name);
     c->quality_told = now;
     c->exhausted_told = exhausted;
 }
@@ -231,10 +232,10 @@ static void tell_losses(kn_health_check *c)
     if (!kn_backend_fpga_counts(&c->served->backend, &n)) return;
     bool lost = kn_backend_fpga_news(&c->served->backend, line);
     if (lost)
-        kn_say("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
-               n.in_step ? ", and in step again" : "");
+        kn_console_err("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
+                       n.in_step ? ", and in step again" : "");
     else if (c->lost_told && n.in_step)
-        kn_say("kneadd: circuit in step again, loaded %lld times so far", (long long)n.loads);
+        kn_console_err("kneadd: circuit in step again, loaded %lld times so far", (long long)n.loads);
     c->lost_told = (lost || c->lost_told) && !n.in_step;
 }
 
@@ -315,15 +316,16 @@ static void tell_circuit(kn_health_check *c)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&c->served->backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&c->served->backend, why, &link);
-    kn_say("kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
-           "different %lld, loaded %lld; at the end %s%s",
-           (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
-           (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
+    kn_console_err(
+        "kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
+        "different %lld, loaded %lld; at the end %s%s",
+        (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different, (long long)n.loads,
+        agrees ? "its state equals the twin's" : "", agrees ? "" : why);
     if (agrees)
-        kn_say("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
-               "broken",
-               1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
-               (long long)(link.link.crc + link.link.coding));
+        kn_console_err("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
+                       "broken",
+                       1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
+                       (long long)(link.link.crc + link.link.coding));
 }
 
 // Print the totals of the run.
@@ -375,7 +377,7 @@ static void say_all(kn_health_check *c, void (*tell)(kn_health_check *, FILE *))
     if (!out) return;
     tell(c, out);
     fclose(out);
-    kn_say_lines(STDOUT_FILENO, text ? text : "");
+    kn_console_lines(STDOUT_FILENO, text ? text : "");
     free(text);
 }
 

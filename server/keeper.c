@@ -1,6 +1,6 @@
 #include "server/keeper.h"
 #include "core/snapshot.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
@@ -121,8 +121,8 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
     if (strcmp(why, k->told) == 0 && now_ns - k->told_ns < 1000000000) return;
-    kn_say("kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)", k->store.generation + 1,
-           k->store.path, why, k->untold);
+    kn_console_err("kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)", k->store.generation + 1,
+                   k->store.path, why, k->untold);
     snprintf(k->told, sizeof k->told, "%s", why);
     k->told_ns = now_ns;
     k->untold = 0;
@@ -131,7 +131,8 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 // If an error message was printed before, print that saving works again.
 static void tell_rest(kn_keeper *k)
 {
-    if (*k->told) kn_say("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
+    if (*k->told)
+        kn_console_err("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
     *k->told = 0;
     k->untold = 0;
 }
@@ -258,7 +259,7 @@ static bool load_newest(kn_keeper *k, char *name)
     FILE *refused = open_memstream(&told, &size);
     bool fits = kn_store_load(&k->store, 0, &k->incoming, name, refused, why, sizeof why);
     if (refused) fclose(refused);
-    if (told) kn_say_lines(STDERR_FILENO, told);
+    if (told) kn_console_lines(STDERR_FILENO, told);
     free(told);
     return fits;
 }
@@ -286,7 +287,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders)
     k->incoming.servo.scene = servo->scene;
     k->incoming.servo.model = k->model;
     if (!load_newest(k, name)) {
-        kn_say_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
+        kn_console_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
         return;
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
@@ -294,7 +295,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders)
     atomic_store(&k->generation, k->incoming.generation);
     order_restore(k, orders);
     write_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime), age, sizeof age);
-    kn_say_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age, k->incoming.state_hash);
+    kn_console_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age,
+                   k->incoming.state_hash);
 }
 
 // --- the operator's side --------------------------------------------------------------------------------------------
@@ -347,8 +349,7 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
         pthread_mutex_unlock(&k->answering);
         if (done) return !*why;
     }
-    snprintf(why, why_size, "%s: the disk did not answer for %d ms", k->store.path, KN_KEEPER_PATIENCE_MS);
-    return false;
+    return kn_refuse(why, why_size, "%s: the disk did not answer for %d ms", k->store.path, KN_KEEPER_PATIENCE_MS);
 }
 
 // Wait until a tick of the servo has carried out an order.

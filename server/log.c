@@ -1,6 +1,7 @@
 #include "server/log.h"
 #include "server/auth.h"
 #include "server/bus.h"
+#include "server/console.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>
@@ -22,10 +23,7 @@ bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size)
     if (stat(path, &status) != 0) what = strerror(errno);
     else if (!S_ISREG(status.st_mode)) what = "not a regular file";
     else if (!(log->file = fopen(path, "rb"))) what = strerror(errno);
-    if (what) {
-        snprintf(error, error_size, "%s: %s, expected an LCM event log", path, what);
-        return false;
-    }
+    if (what) return kn_refuse(error, error_size, "%s: %s, expected an LCM event log", path, what);
     log->size = status.st_size;
     return true;
 }
@@ -350,9 +348,8 @@ bool kn_log_summarise(kn_log_summary *summary, const char *path, char *error, si
     if (log.damage[0]) snprintf(s->damage, sizeof s->damage, "%s", log.damage);
     kn_log_close(&log);
     if (s->forces > 0 || s->first_pose_utime >= 0) return true;
-    snprintf(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected those of a hand", path,
-             s->damage, s->damage[0] ? "; " : "", (long long)s->records);
-    return false;
+    return kn_refuse(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected those of a hand",
+                     path, s->damage, s->damage[0] ? "; " : "", (long long)s->records);
 }
 
 void kn_log_summary_free(kn_log_summary *summary)

@@ -1,6 +1,7 @@
 #include "server/replay.h"
 #include "server/backend/fpga.h"
 #include "proto/knead_event_t.h"
+#include "server/console.h"
 #include "server/scene_change.h"
 #include "server/log.h"
 #include "server/operator_orders.h"
@@ -81,16 +82,13 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
     // refuse a scene other than the log's, unless settings show that the difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
-    if (!def->scene_path) {
-        snprintf(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
-                 v->found.scene_name);
-        return false;
-    }
-    snprintf(error, error_size,
-             "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
-             "difference with --set, --quality, --solver, --precision or --dt",
-             def->scene_path, v->found.scene_name);
-    return false;
+    if (!def->scene_path)
+        return kn_refuse(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
+                         v->found.scene_name);
+    return kn_refuse(error, error_size,
+                     "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
+                     "difference with --set, --quality, --solver, --precision or --dt",
+                     def->scene_path, v->found.scene_name);
 }
 
 // Build the model, its backend and the servo.
@@ -98,15 +96,10 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
 {
     char why[200];
     r->model = kn_model_build(&r->scene->model, why, sizeof why);
-    if (!r->model) {
-        snprintf(error, error_size, "%s: %s", r->scene->name, why);
-        return false;
-    }
-    if (kn_backend_steps(r->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s: solver.dt is %g s, expected 1 ms divided by a whole number", r->scene->name,
-                 r->scene->model.solver.dt_s);
-        return false;
-    }
+    if (!r->model) return kn_refuse(error, error_size, "%s: %s", r->scene->name, why);
+    if (kn_backend_steps(r->scene->model.solver.dt_s) == 0)
+        return kn_refuse(error, error_size, "%s: solver.dt is %g s, expected 1 ms divided by a whole number",
+                         r->scene->name, r->scene->model.solver.dt_s);
     char said[KN_LINK_WHY];
     bool device = false;
     if (!kn_backend_place(&r->backend, r->model, def->device, true, SIZE_MAX, said, &device)) {
@@ -134,10 +127,9 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
         if (strstr(def->sets[i], ".name=")) set = def->sets[i];
     for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.force_probe[i]; i++) {
         if (probe_of(r, r->private->found.force_probe[i]) >= 0) continue;
-        snprintf(error, error_size,
-                 "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
-                 set ? "--set " : "", set ? set : r->scene->name, r->private->found.force_probe[i]);
-        return false;
+        return kn_refuse(error, error_size,
+                         "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
+                         set ? "--set " : "", set ? set : r->scene->name, r->private->found.force_probe[i]);
     }
     return true;
 }
@@ -195,14 +187,14 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
         if (e->kind == KNEAD_EVENT_T_KIND_SET) break;
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
-        snprintf(error, error_size,
-                 "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
-                 "expected %s",
-                 def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
-                 def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
-                 def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
-                 def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
-        return false;
+        return kn_refuse(
+            error, error_size,
+            "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
+            "expected %s",
+            def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
+            def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
+            def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
+            def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
     }
     return true;
 }
@@ -218,8 +210,7 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     if (v->found.undoes && fits) r->servo.undo = &v->undo;
     if (def->snapshot_path) fits &= (v->saved.state = kn_state_keep(r->model)) != NULL;
     if (fits) return check_restores(r, def, error, error_size);
-    snprintf(error, error_size, "%s: not enough memory", def->log_path);
-    return false;
+    return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
 }
 
 // Choose where the replay begins. A log that does not begin with the server's start must begin with an untouched
@@ -229,21 +220,17 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     reading *v = r->private;
     char why[200];
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
-    if (wanted && !(r->same && r->forces_logged)) {
-        snprintf(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
-                 def->log_path);
-        return false;
-    }
+    if (wanted && !(r->same && r->forces_logged))
+        return kn_refuse(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
+                         def->log_path);
     if (wanted && kn_store_browse(def->snapshot_path, r->scene, r->model, &v->saved, of_the_run, r, why, sizeof why)) {
         resume(r);
         return true;
     }
-    if (wanted && !restores && !v->found.started) {
-        snprintf(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
-                 def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
-                 (long long)v->found.last_tick - 1);
-        return false;
-    }
+    if (wanted && !restores && !v->found.started)
+        return kn_refuse(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
+                         def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
+                         (long long)v->found.last_tick - 1);
     if (!r->same || v->found.started) return true;
     // The first event with a state hash tells whether the object was in its initial state. A reset or restore before
     // the first force makes the past irrelevant.
@@ -255,11 +242,11 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if (replaced && !undone && first) return true;
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
-        snprintf(error, error_size,
-                 "%s: the object was already deformed when this log begins, "
-                 "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
-                 def->log_path);
-        return false;
+        return kn_refuse(
+            error, error_size,
+            "%s: the object was already deformed when this log begins, "
+            "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
+            def->log_path);
     }
     return true;
 }
@@ -302,10 +289,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     kn_receiver_init(&v->receiver, &r->model->def);
     for (int p = 0; p < r->model->def.probe_count; p++) {
         v->poses[p] = calloc(POSES, sizeof *v->poses[p]);
-        if (!v->poses[p]) {
-            snprintf(error, error_size, "%s: not enough memory", def->log_path);
-            return false;
-        }
+        if (!v->poses[p]) return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
     }
     if (r->same) stand(r, &v->found);
     r->tally.first_gap = r->tally.first_mismatch = -1;

@@ -4,7 +4,7 @@
 #include "core/deadline.h"
 #include "server/clock.h"
 #include "server/keeper.h"
-#include "server/say.h"
+#include "server/console.h"
 #include "server/skin.h"
 #include <inttypes.h>
 #include <math.h>
@@ -31,9 +31,8 @@ static bool check_memory(size_t bytes, const char *what, const char *path, char 
 {
     size_t available = memory_available();
     if (bytes <= available) return true;
-    snprintf(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes", path, what,
-             (bytes >> 20) + 1, available >> 20);
-    return false;
+    return kn_refuse(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes",
+                     path, what, (bytes >> 20) + 1, available >> 20);
 }
 
 // Return a lower bound of the object's bytes before the model is built: each node has a mass in the model, and position
@@ -84,7 +83,8 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
     for (int try = 0; *s->settings.text; try++) {
         s->scene = with_settings(s, def, why, sizeof why);
         if (s->scene) break;
-        kn_say("kneadd: %s of the last run are left out: %s", try == 0 ? "the device's settings" : "all settings", why);
+        kn_console_err("kneadd: %s of the last run are left out: %s",
+                       try == 0 ? "the device's settings" : "all settings", why);
         if (try == 0) without_device(&s->settings);
         else s->settings = (kn_settings){0};
         s->scene = s->base;
@@ -99,27 +99,24 @@ static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code
     bool device = false;
     if (kn_backend_place(&s->backend, s->model, def->device, false, room, why, &device)) return true;
     if (device) *code = 3;
-    snprintf(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
-    return false;
+    return kn_refuse(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
 }
 
 // Build scene, model, backend and audit, and check at each stage that the next one fits into memory.
 static bool build(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
-    if (kn_backend_steps(s->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
-                 def->scene_path, s->scene->solver_line, s->scene->solver_col, s->scene->model.solver.dt_s);
-        return false;
-    }
+    if (kn_backend_steps(s->scene->model.solver.dt_s) == 0)
+        return kn_refuse(error, error_size,
+                         "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
+                         def->scene_path, s->scene->solver_line, s->scene->solver_col, s->scene->model.solver.dt_s);
     if (!check_memory(least_bytes(&s->scene->model), "the object", def->scene_path, error, error_size)) return false;
     // build the model, and report a failure at the solver's line of the scene
     char why[256];
     s->model = kn_model_build(&s->scene->model, why, sizeof why);
-    if (!s->model) {
-        snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line, s->scene->solver_col, why);
-        return false;
-    }
+    if (!s->model)
+        return kn_refuse(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line,
+                         s->scene->solver_col, why);
     // check the state, and its copies for undo, snapshots and mesh
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
                    kn_skin_bytes(s->scene, s->model);
@@ -129,20 +126,14 @@ static bool build(kn_served *s, const kn_served_def *def, int *code, char *error
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
     // build the audit, and prepare local contact models; only the implicit solver has them
     s->audit = kn_audit_create(s->model);
-    if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
-        return false;
-    }
+    if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT)
+        return kn_refuse(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
     const kn_device_def *device = &s->scene->device;
     kn_coupling coupling = {device->coupling_n_m, device->coupling_n_s_m};
-    if (def->local_model && s->scene->model.solver.kind != KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
-        return false;
-    }
-    if (def->local_model && !kn_backend_cpu_identify(&s->backend, coupling)) {
-        snprintf(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
-        return false;
-    }
+    if (def->local_model && s->scene->model.solver.kind != KN_SOLVER_IMPLICIT)
+        return kn_refuse(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
+    if (def->local_model && !kn_backend_cpu_identify(&s->backend, coupling))
+        return kn_refuse(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
     return true;
 }
 
