@@ -32,7 +32,7 @@ typedef struct kn_daemon_def {
     // True: an emergency stop of the previous life (run) of kneadd is in force from the first tick on.
     bool estopped;
     bool later; // true: this is not the first scene of the process, so rows are appended to the trace file
-    bool free;  // true: the servo's tick grid does not follow the poses (phase.h)
+    bool free;  // true: the servo's tick grid does not follow the poses (tick_timing.h)
     bool touch; // publish touch patches (KNEAD_TOUCH)
 } kn_daemon_def;
 

@@ -13,7 +13,7 @@
 #include "server/auth.h"
 #include "server/loop.h"
 #include "server/receiver.h"
-#include "server/sentinel.h"
+#include "server/tick_timing.h"
 #include <lcm/lcm.h>
 #include <stdio.h>
 

@@ -236,7 +236,7 @@ static void run_after_jobs(kn_loop *loop, const kn_record *record)
 
 // --- account ---
 
-// Move the grid towards the arrival of the poses (phase.h).
+// Move the grid towards the arrival of the poses (tick_timing.h).
 static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wake)
 {
     int probes = loop->servo.model->def.probe_count;

@@ -18,10 +18,10 @@
 #include "core/touch.h"
 #include "server/account.h"
 #include "server/mailbox.h"
-#include "server/phase.h"
 #include "server/ring.h"
 #include "server/operator_orders.h"
 #include "server/skin.h"
+#include "server/tick_timing.h"
 
 #define KN_LOOP_STOP_TICKS 100 // a stop ends the loop after this many ticks at the latest; forces fade within 20
 
@@ -53,7 +53,7 @@ typedef struct kn_loop {
     kn_servo servo;
     kn_clock clock;
     kn_phase phase;
-    bool free;                // true: the tick grid does not follow the poses (phase.h); set before the start
+    bool free;                // true: the tick grid does not follow the poses (tick_timing.h); set before the start
     _Atomic int64_t start_ns; // time of tick 0 on the clock's grid, for threads that follow the grid, ns
     kn_account account;
     kn_ring records; // queue of kn_record; read by the main thread
@@ -117,7 +117,7 @@ bool kn_loop_estopped(const kn_loop *loop);
 
 // Body of the servo thread: wait and tick until the loop ends.
 void *kn_loop_run(void *loop);
-// One turn of the thread. kn_loop_wait waits until the next tick is due, and then briefly for a late pose (phase.h).
+// One turn of the thread. kn_loop_wait waits until the next tick is due, and then briefly for a late pose (tick_timing.h).
 // kn_loop_tick runs the tick, and returns false when the loop may end.
 kn_wake kn_loop_wait(kn_loop *loop);
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake);
