@@ -34,7 +34,7 @@
 enum { SERVO, SENTINEL, MESH, CONTROL, WORKER, KEEPER, THREADS }; // threads beside the main thread
 
 typedef struct server {
-    kn_served on; // the scene being served
+    kn_served_object on; // the scene being served
     kn_bus bus, mesh_bus;
     int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
     kn_exchange exchange;      // used by the main thread
@@ -171,14 +171,7 @@ static void ask(void *arg)
     ev_async_send(d->ev, &d->asked);
 }
 
-// Lock the memory that a change has allocated. Runs in the worker thread, as does load_next().
-static void lock(void *arg)
-{
-    server *d = arg;
-    kn_rt_lock_more(&d->rt);
-}
-
-// Keep a copy of the text that was checked, so that a later change of the file has no effect.
+// Keep a copy of the text that was checked, so that a later change of the file has no effect. Runs in the worker thread.
 static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
@@ -411,18 +404,18 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
 // Set up the operator, and open the control socket if there is one.
 static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    kn_operated on = {.served = &d->on,
-                      .def = &def->object,
-                      .limits = def->limits ? def->limits : &d->on.base->limits,
-                      .loop = &d->loop,
-                      .keeper = &d->keeper,
-                      .skin = &d->skin,
-                      .ask = ask,
-                      .goes_on = goes_on,
-                      .stop = leave,
-                      .load = load_next,
-                      .built = lock,
-                      .arg = d};
+    kn_operator_def on = {.served = &d->on,
+                          .def = &def->object,
+                          .limits = def->limits ? def->limits : &d->on.base->limits,
+                          .loop = &d->loop,
+                          .keeper = &d->keeper,
+                          .rt = &d->rt,
+                          .skin = &d->skin,
+                          .ask = ask,
+                          .goes_on = goes_on,
+                          .stop = leave,
+                          .load = load_next,
+                          .arg = d};
     kn_operator_init(&d->operator, & on);
     kn_control_def control = kn_operator_control(&d->operator);
     if (def->control) d->control = kn_control_open(def->control, &control, error, error_size);
@@ -432,12 +425,12 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
 // Measure the object, create the threads, lock the memory and let the threads run.
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    d->loop.deadline = kn_served_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
+    d->loop.deadline = kn_served_object_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
     // Enter real-time priority only now, because building a scene takes longer than LimitRTTIME allows a real-time
     // thread to run.
     kn_rt_enter(&d->rt, def->realtime);
-    d->check.rest_ns = kn_served_measure(&d->on.backend, NULL);
-    d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
+    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL);
+    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
@@ -537,7 +530,7 @@ static void free_all(server *d)
     kn_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
     kn_operator_free(&d->operator);
-    kn_served_free(&d->on);
+    kn_served_object_free(&d->on);
 }
 
 // Run one life of the server, from loading a scene to the end of its threads. Afterwards d->goes_on tells whether
@@ -548,7 +541,7 @@ static int serve(server *d, const kn_daemon_def *def)
     *d = (server){.claim = -1, .mesh_claim = -1, .fd = -1, .keeper.store.dir = -1};
     // Load the scene, then the snapshots. Bad input (exit code 2) is found before anything is opened.
     bool heard = choose_buses(d, def, error, sizeof error);
-    int code = heard ? kn_served_load(&d->on, &def->object, error, sizeof error) : 2;
+    int code = heard ? kn_served_object_load(&d->on, &def->object, error, sizeof error) : 2;
     if (code == 0)
         code = kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
     if (code == 0) {

@@ -98,7 +98,7 @@ static void publish_record(kn_publisher *p, const kn_record *record)
     }
 }
 
-static void publish_touch(kn_publisher *p, const kn_touched *touched)
+static void publish_touch(kn_publisher *p, const kn_touch_patch *touched)
 {
     knead_touch_patch_t message;
     kn_wire_touch(&message, &touched->touch, touched->session, touched->pose_seq, touched->utime);
@@ -217,7 +217,7 @@ static void publish_records(kn_exchange *x)
             if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session))
                 kn_loop_post(x->loop, p, NULL);
     }
-    const kn_touched *touched;
+    const kn_touch_patch *touched;
     for (; x->loop->touches.capacity && (touched = kn_ring_front(&x->loop->touches)); kn_ring_pop(&x->loop->touches))
         publish_touch(&x->publisher, touched);
 }

@@ -281,8 +281,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
             c->exchange->receiver.peers);
     if (c->served->model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
     // The servo is already running and may lower the deadline, so print the deadline of the start.
-    if (c->loop->priced > 0)
-        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", c->loop->priced);
+    if (c->loop->measured_deadline > 0)
+        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", c->loop->measured_deadline);
     const kn_fixed_model *fixed = c->served->model->fixed;
     if (fixed && fixed->error > KN_FIXED_ERROR)
         fprintf(out,

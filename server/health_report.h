@@ -8,7 +8,7 @@
 #include "server/exchange.h"
 #include "server/keeper.h"
 #include "server/rt.h"
-#include "server/served.h"
+#include "server/served_object.h"
 
 typedef struct kn_health { // health of the server at one moment
     knead_status_t status;
@@ -18,7 +18,7 @@ typedef struct kn_health { // health of the server at one moment
 } kn_health;
 
 typedef struct kn_health_check {
-    kn_served *served; // served object; borrowed, as are all modules below
+    kn_served_object *served; // served object; borrowed, as are all modules below
     kn_loop *loop;
     const kn_exchange *exchange;
     const kn_keeper *keeper;

@@ -26,7 +26,8 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
     atomic_init(&loop->account.quality, (int32_t)scene->quality);
     atomic_init(&loop->account.asked, (int32_t)scene->quality);
     atomic_init(&loop->account.budget_s, scene->budget_s);
-    for (int p = 0; p < KN_PROBES_MAX; p++) kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted));
+    for (int p = 0; p < KN_PROBES_MAX; p++)
+        kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted_pose));
     loop->skin = skin;
     return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
 }
@@ -40,19 +41,19 @@ void kn_loop_free(kn_loop *loop)
 bool kn_loop_touch(kn_loop *loop)
 {
     // Allocate room for the touch patches of 64 ms, because older patches are useless.
-    return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touched));
+    return kn_ring_init(&loop->touches, 16 * KN_PROBES_MAX, sizeof(kn_touch_patch));
 }
 
 void kn_loop_start(kn_loop *loop, int64_t start_ns)
 {
     kn_clock_start(&loop->clock, start_ns);
-    loop->priced = loop->deadline;
+    loop->measured_deadline = loop->deadline;
     atomic_store(&loop->start_ns, start_ns);
 }
 
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose)
 {
-    kn_posted *back = kn_mailbox_back(&loop->pose[probe]);
+    kn_posted_pose *back = kn_mailbox_back(&loop->pose[probe]);
     if (pose) back->pose = *pose;
     else back->pose.session = 0;
     back->before_ns = loop->posted_ns[probe];
@@ -81,15 +82,15 @@ typedef struct turn {
 // Take the deadline of a change, unless it is 0. The counts of long steps of the old model do not apply to the new one.
 static void take_deadline(kn_loop *loop, kn_tick_in *in)
 {
-    if (in->change->deadline > 0) in->deadline = loop->deadline = loop->priced = in->change->deadline;
-    loop->dear = loop->cheap = 0;
+    if (in->change->deadline > 0) in->deadline = loop->deadline = loop->measured_deadline = in->change->deadline;
+    loop->slow_steps = loop->fast_steps = 0;
 }
 
 // Read the latest pose of each probe, and note when it arrived.
 static void read_poses(kn_loop *loop, kn_tick_in *in, kn_arrival arrival[])
 {
     for (int p = 0; p < loop->servo.model->def.probe_count; p++) {
-        const kn_posted *posted = kn_mailbox_latest(&loop->pose[p], &in->fresh[p]);
+        const kn_posted_pose *posted = kn_mailbox_latest(&loop->pose[p], &in->fresh[p]);
         if (posted->pose.session != 0) in->pose[p] = &posted->pose;
         arrival[p] = (kn_arrival){posted->pose.session, posted->posted_ns, posted->before_ns, in->fresh[p], false};
     }
@@ -124,25 +125,25 @@ static void adopt_change(kn_loop *loop, kn_scene_change *change)
     atomic_store_explicit(&loop->changed, change, memory_order_release);
 }
 
-// Adapt the deadline to the speed of the processor; see KN_LOOP_DEAR in loop.h.
+// Adapt the deadline to the speed of the processor; see KN_LOOP_SLOW_STEPS in loop.h.
 static void adapt_deadline(kn_loop *loop, int64_t units)
 {
     // A step that used less than half of its units says little about the time of a unit.
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
     const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
-    loop->dear = share > KN_LOOP_DEAR_SHARE ? loop->dear + 1 : 0;
-    loop->cheap = share < KN_LOOP_CHEAP_SHARE ? loop->cheap + 1 : 0;
-    loop->dear_share = loop->dear > 1 ? fmin(loop->dear_share, share) : share;
-    if (loop->dear == KN_LOOP_DEAR) {
+    loop->slow_steps = share > KN_LOOP_SLOW_SHARE ? loop->slow_steps + 1 : 0;
+    loop->fast_steps = share < KN_LOOP_FAST_SHARE ? loop->fast_steps + 1 : 0;
+    loop->slow_share = loop->slow_steps > 1 ? fmin(loop->slow_share, share) : share;
+    if (loop->slow_steps == KN_LOOP_SLOW_STEPS) {
         // Steps take too long. Reduce the deadline so that the fastest of these steps would take KN_STEP_SHARE of the
         // budget: by half at most, and not below the units of the shortest step.
         const double least = (double)kn_deadline_least(loop->servo.model);
-        loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_STEP_SHARE / loop->dear_share));
-        loop->dear = 0;
-    } else if (loop->cheap == KN_LOOP_CHEAP) {
+        loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_STEP_SHARE / loop->slow_share));
+        loop->slow_steps = 0;
+    } else if (loop->fast_steps == KN_LOOP_FAST_STEPS) {
         // Steps are fast again. Raise the deadline by an eighth, up to its measured value.
-        loop->deadline = (int64_t)fmin((double)loop->priced, 1.125 * (double)loop->deadline);
-        loop->cheap = 0;
+        loop->deadline = (int64_t)fmin((double)loop->measured_deadline, 1.125 * (double)loop->deadline);
+        loop->fast_steps = 0;
     }
 }
 
@@ -178,7 +179,7 @@ static void queue_touches(kn_loop *loop, const kn_record *record)
     kn_backend *backend = loop->servo.backend;
     for (int p = 0; p < record->out.probes; p++) {
         const kn_force *f = &record->out.force[p];
-        kn_touched touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
+        kn_touch_patch touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
         if (!f->live) continue;
         kn_touch_read(loop->servo.model, backend->state(backend->self), p, &touched.touch);
         kn_ring_push(&loop->touches, &touched);

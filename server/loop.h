@@ -38,16 +38,16 @@ typedef struct kn_record { // result and times of one tick, for the publisher
 
 #define KN_LOOP_TOUCH_TICKS 4 // number of ticks from one touch patch to the next: 250 Hz
 
-typedef struct kn_touched { // touch patch of one probe with a session
+typedef struct kn_touch_patch { // touch patch of one probe with a session
     int64_t utime, session, pose_seq;
     int probe;
     kn_touch touch;
-} kn_touched;
+} kn_touch_patch;
 
-typedef struct kn_posted { // content of a pose mailbox
+typedef struct kn_posted_pose { // content of a pose mailbox
     kn_pose pose;
     int64_t posted_ns, before_ns; // arrival time of this pose, and of the pose before this one
-} kn_posted;
+} kn_posted_pose;
 
 typedef struct kn_loop {
     kn_servo servo;
@@ -57,12 +57,12 @@ typedef struct kn_loop {
     _Atomic int64_t start_ns; // time of tick 0 on the clock's grid, for threads that follow the grid, ns
     kn_account account;
     kn_ring records; // queue of kn_record; read by the main thread
-    kn_ring touches; // queue of kn_touched; read by the main thread; capacity 0: touch patches are not computed
+    kn_ring touches; // queue of kn_touch_patch; read by the main thread; capacity 0: touch patches are not computed
     kn_skin *skin;
     kn_audit *audit;
     struct kn_keeper *keeper; // keeper of snapshots and undo points; NULL: none
     kn_mailbox pose[KN_PROBES_MAX];
-    kn_posted pose_slots[KN_PROBES_MAX][3];
+    kn_posted_pose pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // arrival time of the latest pose of each probe; used by the main thread only
     void (*notify)(void *arg);        // called after each tick to wake the main thread; must be real-time safe
     void *notify_arg;
@@ -75,11 +75,11 @@ typedef struct kn_loop {
     // the start.
     int64_t deadline;
     // Deadline measured for the present model, at the start or when a change was built, units of work.
-    int64_t priced;
-    // Numbers of consecutive long steps; `dear`: with ticks above KN_LOOP_DEAR_SHARE of the budget; `cheap`: with ticks
-    // below KN_LOOP_CHEAP_SHARE of the budget.
-    int dear, cheap;
-    double dear_share;    // smallest fraction of the time budget that one of the `dear` ticks took
+    int64_t measured_deadline;
+    // Numbers of consecutive long steps; `slow_steps`: with ticks above KN_LOOP_SLOW_SHARE of the budget; `fast_steps`: with ticks
+    // below KN_LOOP_FAST_SHARE of the budget.
+    int slow_steps, fast_steps;
+    double slow_share;    // smallest fraction of the time budget that one of the `slow_steps` ticks took
     kn_busy busy;         // times at which the servo thread was busy in its latest ticks; the sentinel reads them
     int64_t running_tick; // last tick before the stop was requested
 } kn_loop;
@@ -98,16 +98,16 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
 // The deadline, in units of work, follows the speed of the processor. The processor may become slower after the
 // deadline was measured, and the same units then take longer. Only long steps are judged, that is, steps that took at
-// least half of the deadline's units. After KN_LOOP_DEAR long steps in a row, whose ticks took more than
-// KN_LOOP_DEAR_SHARE of the time budget, the deadline is reduced, at most to half. After KN_LOOP_CHEAP long steps in a
-// row below KN_LOOP_CHEAP_SHARE the deadline is raised by an eighth, up to its measured value (loop->priced). A step
+// least half of the deadline's units. After KN_LOOP_SLOW_STEPS long steps in a row, whose ticks took more than
+// KN_LOOP_SLOW_SHARE of the time budget, the deadline is reduced, at most to half. After KN_LOOP_FAST_STEPS long steps in a
+// row below KN_LOOP_FAST_SHARE the deadline is raised by an eighth, up to its measured value (loop->measured_deadline). A step
 // that uses the measured deadline takes KN_STEP_SHARE of the budget. A step that uses an eighth less takes less than
-// KN_LOOP_CHEAP_SHARE, so the deadline can return to its measured value. Each change is an event in the log, so that a
+// KN_LOOP_FAST_SHARE, so the deadline can return to its measured value. Each change is an event in the log, so that a
 // replay gives the same bits.
-#define KN_LOOP_DEAR 3
-#define KN_LOOP_DEAR_SHARE 0.85
-#define KN_LOOP_CHEAP 1000
-#define KN_LOOP_CHEAP_SHARE 0.65
+#define KN_LOOP_SLOW_STEPS 3
+#define KN_LOOP_SLOW_SHARE 0.85
+#define KN_LOOP_FAST_STEPS 1000
+#define KN_LOOP_FAST_SHARE 0.65
 
 // Post the latest pose of a probe, or NULL when the probe's session has ended. Called by the main thread.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);

@@ -9,7 +9,7 @@
 #define SECRET 64       // room for the text that replaces a quotation in an error message (keep_secret), bytes
 #define PATIENCE_MS 500 // longest wait for a tick or the main thread; a running server answers far sooner
 
-void kn_operator_init(kn_operator *o, const kn_operated *on)
+void kn_operator_init(kn_operator *o, const kn_operator_def *on)
 {
     *o = (kn_operator){.on = *on, .settings = on->served->settings};
     pthread_mutex_init(&o->setting, NULL);
@@ -396,13 +396,13 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_sce
 static bool too_slow(kn_operator *o, const json_t *values, kn_scene_change *change, char *why, size_t why_size)
 {
     if (only_limits(o, values, change)) return false;
-    int64_t now_ns = kn_served_measure(&change->backend, change->model), was_ns = o->served_ns;
+    int64_t now_ns = kn_served_object_measure(&change->backend, change->model), was_ns = o->served_ns;
     if (now_ns > KN_PERIOD_NS && now_ns > 2 * was_ns) {
         snprintf(why, why_size, "a tick would take %.2g ms here, expected 1 ms at most", 1e-6 * (double)now_ns);
         return true;
     }
     o->served_ns = now_ns;
-    change->deadline = kn_served_deadline(&change->backend, change->model, change->scene->budget_s);
+    change->deadline = kn_served_object_deadline(&change->backend, change->model, change->scene->budget_s);
     return false;
 }
 
@@ -474,7 +474,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
     kn_backend *left = o->now ? &o->now->backend : &o->on.served->backend;
     // lock the new memory before a tick uses it, then hand the change to the loop
-    o->on.built(o->on.arg);
+    kn_rt_lock_more(o->on.rt);
     o->before = o->now;
     o->now = o->on.loop->orders.change = change;
     pthread_mutex_lock(&o->setting);
@@ -512,12 +512,12 @@ static void keep_secret(char *why, size_t size, const char *path)
 static json_t *load(kn_operator *o, const json_t *argument)
 {
     char error[512 + SECRET];
-    kn_served trial;
-    kn_served_def def = *o->on.def;
+    kn_served_object trial;
+    kn_served_object_def def = *o->on.def;
     def.name = def.text = NULL; // clear the checked text, so that the file is read again
     if (argument) def.scene_path = json_string_value(argument);
     def.device = NULL; // load without the circuit, which is busy with the object being served
-    if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
+    if (kn_served_object_load(&trial, &def, error, sizeof error - SECRET) != 0) {
         keep_secret(error, sizeof error - SECRET, def.scene_path);
         return kn_control_error("%s", error);
     }
@@ -529,7 +529,7 @@ static json_t *load(kn_operator *o, const json_t *argument)
                                def.scene_path, raised)
             : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
     if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
-    kn_served_free(&trial);
+    kn_served_object_free(&trial);
     return answer;
 }
 

@@ -40,7 +40,7 @@ typedef struct kn_scene_change {
     kn_model *model;
     kn_backend backend;
     kn_audit *audit; // energy audit; NULL: the solver has no audit
-    // Number of units of work that a step may take in the new model (kn_served_deadline); 0: unchanged.
+    // Number of units of work that a step may take in the new model (kn_served_object_deadline); 0: unchanged.
     int64_t deadline;
     kn_settings settings; // run-time settings that turn the scene of the server's start into `scene`
     kn_state *carried;    // the object's state in the new model, as of the tick that adopted the change; no scratch

@@ -35,7 +35,10 @@ static inline void kn_loop_fixture_open_on(kn_loop_fixture *f, const char *const
 }
 
 // set: a setting of the scene, or NULL.
-static inline void kn_loop_fixture_open(kn_loop_fixture *f, const char *set) { kn_loop_fixture_open_on(f, &set, set ? 1 : 0, NULL); }
+static inline void kn_loop_fixture_open(kn_loop_fixture *f, const char *set)
+{
+    kn_loop_fixture_open_on(f, &set, set ? 1 : 0, NULL);
+}
 
 static inline void kn_loop_fixture_close(kn_loop_fixture *f)
 {

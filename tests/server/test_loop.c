@@ -4,7 +4,7 @@
 #include "core/kernel.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include "tests/check.h"
 #include "tests/server/loop_fixture.h"
 
@@ -175,7 +175,7 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     const double budget_ns = 1e9 * r.fixture.scene->budget_s;
     // every step uses half of this deadline
     const int64_t least = kn_deadline_least(r.fixture.model), given = 3 * least / 2;
-    loop->deadline = loop->priced = given;
+    loop->deadline = loop->measured_deadline = given;
     move(&r, 0);
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_DEADLINE] == 1 && loop->servo.deadline == given);
     r.took_ns = (int64_t)(0.9 * budget_ns);
@@ -190,9 +190,9 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     for (int i = 0; i < 40; i++) move(&r, 0);
     CHECK(loop->servo.deadline == least); // the deadline never goes lower
     r.took_ns = (int64_t)(0.64 * budget_ns);
-    for (int i = 0; i < KN_LOOP_CHEAP + 1; i++) move(&r, 0);
+    for (int i = 0; i < KN_LOOP_FAST_STEPS + 1; i++) move(&r, 0);
     CHECK(loop->servo.deadline == (int64_t)(1.125 * (double)least));
-    for (int i = 0; i < 8 * KN_LOOP_CHEAP; i++) move(&r, 0);
+    for (int i = 0; i < 8 * KN_LOOP_FAST_STEPS; i++) move(&r, 0);
     CHECK(loop->servo.deadline == given && loop->deadline == given); // the deadline never goes higher
     kn_clock_hand(NULL);
 }
@@ -320,7 +320,7 @@ TEST("what a tool touches is told every 4 ms where it was asked for, and changes
         hover(&told, 1);
         hover(&plain, 1);
         CHECK(memcmp(&told.out.force, &plain.out.force, sizeof told.out.force) == 0);
-        const kn_touched *touched = kn_ring_front(&told.fixture.loop.touches);
+        const kn_touch_patch *touched = kn_ring_front(&told.fixture.loop.touches);
         if (!touched) continue;
         const kn_force *f = &told.out.force[0];
         double sum = 0;

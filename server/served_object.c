@@ -1,4 +1,4 @@
-#include "server/served.h"
+#include "server/served_object.h"
 #include "server/backend/fpga.h"
 #include "core/composite.h"
 #include "core/deadline.h"
@@ -47,7 +47,7 @@ static size_t least_bytes(const kn_model_def *def)
 
 // Parse the scene with the restored settings. Return NULL and put the reason in `why` if the settings do not fit the
 // scene any more, or if a safety limit of the hand would exceed the scene's.
-static kn_scene *with_settings(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
+static kn_scene *with_settings(const kn_served_object *s, const kn_served_object_def *def, char *why, size_t why_size)
 {
     kn_scene *scene = kn_settings_parse(&s->settings, s->base, def->scene_path, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
@@ -71,7 +71,7 @@ static void without_device(kn_settings *settings)
 // Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply the settings as
 // well. If the scene no longer allows the settings, drop the settings of the device. If the scene still does not allow
 // the rest, drop all settings.
-static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
+static bool load_scene(kn_served_object *s, const kn_served_object_def *def, char *error, size_t error_size)
 {
     char why[400];
     s->base = def->text ? kn_scene_parse_beside(def->scene_path, def->name, def->text, strlen(def->text), NULL, 0,
@@ -93,7 +93,8 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
 }
 
 // Create the backend: a circuit or this processor. Return exit code 3 if the circuit cannot be used.
-static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code, char *error, size_t error_size)
+static bool place(kn_served_object *s, const kn_served_object_def *def, size_t room, int *code, char *error,
+                  size_t error_size)
 {
     char why[KN_LINK_WHY];
     bool device = false;
@@ -103,7 +104,7 @@ static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code
 }
 
 // Build scene, model, backend and audit, and check at each stage that the next one fits into memory.
-static bool build(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
+static bool build(kn_served_object *s, const kn_served_object_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
     if (kn_backend_steps(s->scene->model.solver.dt_s) == 0)
@@ -166,7 +167,7 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
 }
 
 // Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
-int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
+int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
@@ -208,7 +209,7 @@ static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, i
     b->reset(b->self);
 }
 
-int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s)
+int64_t kn_served_object_deadline(kn_backend *b, const kn_model *model, double budget_s)
 {
     const int64_t least = kn_deadline_least(model);
     int64_t took_ns[STRIKES], units[STRIKES];
@@ -224,7 +225,7 @@ int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s
     return most > least ? most : least;
 }
 
-int64_t kn_served_worst(kn_backend *b, const kn_model *model, int64_t deadline)
+int64_t kn_served_object_worst(kn_backend *b, const kn_model *model, int64_t deadline)
 {
     int64_t took_ns[STRIKES], units[STRIKES], worst_ns = 0;
     strike_all(b, model, deadline, took_ns, units);
@@ -232,22 +233,22 @@ int64_t kn_served_worst(kn_backend *b, const kn_model *model, int64_t deadline)
     return worst_ns;
 }
 
-int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size)
+int kn_served_object_load(kn_served_object *served, const kn_served_object_def *def, char *error, size_t error_size)
 {
     int code = 2;
-    *served = (kn_served){0};
+    *served = (kn_served_object){0};
     if (build(served, def, &code, error, error_size)) return 0;
-    kn_served_free(served);
+    kn_served_object_free(served);
     return code;
 }
 
-void kn_served_free(kn_served *served)
+void kn_served_object_free(kn_served_object *served)
 {
-    kn_served *s = served;
+    kn_served_object *s = served;
     kn_audit_destroy(s->audit);
     if (s->backend.destroy) s->backend.destroy(s->backend.self);
     kn_model_destroy(s->model);
     if (s->scene != s->base) kn_scene_destroy(s->scene);
     kn_scene_destroy(s->base);
-    *s = (kn_served){0};
+    *s = (kn_served_object){0};
 }
