@@ -3,7 +3,7 @@
 #include "server/control.h"
 #include "server/backend/fpga.h"
 #include "server/daemon.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <arpa/inet.h>
 #include <getopt.h>
 #include <stdio.h>
@@ -133,7 +133,7 @@ int main(int argc, char **argv)
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
     // Evaluate both: fflush alone does not report an earlier error.
-    if (!(fflush(stdout) | ferror(stdout)) && kn_say_whole(STDOUT_FILENO)) return code;
-    kn_say("kneadd: standard output could not be written completely");
+    if (!(fflush(stdout) | ferror(stdout)) && kn_console_complete(STDOUT_FILENO)) return code;
+    kn_console_err("kneadd: standard output could not be written completely");
     return code ? code : 3;
 }

@@ -4,7 +4,7 @@
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
-#include "server/say.h"
+#include "server/console.h"
 #include "server/wire.h"
 #include <math.h>
 #include <stdio.h>
@@ -155,7 +155,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
         g->model = frame->model;
-        if (!g->gauge) kn_say("kneadd: not enough memory for mesh.measures: meshes carry positions only");
+        if (!g->gauge) kn_console_err("kneadd: not enough memory for mesh.measures: meshes carry positions only");
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);

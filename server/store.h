@@ -74,7 +74,7 @@ void kn_store_close(kn_store *store); // a store that was never opened is allowe
 // Read the settings of the newest whole snapshot of this scene; the snapshot may have any lattice. The settings are
 // empty if there is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only
 // by kn_store_open.
-void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
+void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *settings);
 
 // Save a snapshot as the next generation. `saved`: filled in as for kn_saved_encode, but without the generation. Scene
 // and model of saved->servo may differ from those of the last save; the file may then begin another series. `stays`:

@@ -1,6 +1,6 @@
 #include "server/wire.h"
 #include "server/auth.h"
-#include "server/bytes.h"
+#include "server/bus.h"
 #include <string.h>
 
 void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,

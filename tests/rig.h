@@ -13,7 +13,7 @@
 #include "clients/knead/device.h"
 #include "clients/knead/join.h"
 #include "server/exchange.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include "tests/server/datagram.h"
 #include "tests/tactile/link.h"
 #include "tests/tactile/presser.h"
@@ -35,7 +35,7 @@ typedef struct kn_rig_end { // one hand's end of the link
 
 typedef struct kn_rig {
     kn_time time; // must come first: kn_rig_sleep casts it to kn_rig
-    kn_served on;
+    kn_served_object on;
     kn_loop loop;
     kn_exchange exchange;
     kn_auth *auth; // NULL: no key
@@ -166,7 +166,7 @@ static inline const char *kn_rig_probe(const kn_rig_end *e)
 }
 
 // Start kneadd anew, with the object in its initial state. End the program on failure.
-static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
+static inline void kn_rig_serve(kn_rig *r, const kn_served_object_def *def)
 {
     char error[512] = "out of memory";
     kn_clock_hand(&r->time);
@@ -176,7 +176,7 @@ static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
     if (r->auth) kn_auth_begin(r->auth);
     memset(&r->exchange, 0, sizeof r->exchange);
     r->exchange.loop = &r->loop;
-    if (kn_served_load(&r->on, def, error, sizeof error) != 0 ||
+    if (kn_served_object_load(&r->on, def, error, sizeof error) != 0 ||
         !kn_publisher_open(&r->exchange.publisher, KN_MEMORY_URL, r->on.scene, 0, error, sizeof error) ||
         !kn_loop_init(&r->loop, r->on.scene, r->on.model, &r->on.backend, NULL, r->on.audit))
         fprintf(stderr, "%s\n", error), exit(1);
@@ -195,7 +195,7 @@ static inline void kn_rig_kill(kn_rig *r) // messages already sent stay under wa
     r->serves = false;
     kn_publisher_close(&r->exchange.publisher);
     kn_loop_free(&r->loop);
-    kn_served_free(&r->on);
+    kn_served_object_free(&r->on);
     memset(&r->on, 0, sizeof r->on);
     for (kn_rig_end *e = r->end; e < r->end + r->ends; e++) {
         e->served.silent = e->served.missing = 0;

@@ -12,7 +12,7 @@
 #include "core/shape.h"
 #include "core/solver_fixed.h"
 #include "core/tool.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include <getopt.h>
 #include <math.h>
 #include <stdarg.h>
@@ -265,14 +265,14 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT || model->def.probe_count == 0 || !kn_backend_cpu(&b, model))
         return;
     // Compare the worst tick under the deadline with the worst tick without one.
-    const int64_t units = kn_served_deadline(&b, model, scene->budget_s);
-    const double by_ms = 1e-6 * (double)kn_served_worst(&b, model, units),
-                 free_ms = 1e-6 * (double)kn_served_worst(&b, model, 0);
+    const int64_t units = kn_served_object_deadline(&b, model, scene->budget_s);
+    const double by_ms = 1e-6 * (double)kn_served_object_worst(&b, model, units),
+                 free_ms = 1e-6 * (double)kn_served_object_worst(&b, model, 0);
     b.destroy(b.self);
     printf(
         "deadline  %lld units of work, %.2g ns each here: the worst tick of a stroke at 5 cm/s takes %.2g ms, %.2g ms "
         "without it\n",
-        (long long)units, 1e9 * KN_SERVED_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
+        (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
     kn_result_integer(kn_result(), "deadline_units", units);
     kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
     kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);

@@ -1,7 +1,6 @@
 #include "clients/knead/join.h"
 #include "server/auth.h"
 #include "server/bus.h"
-#include "server/bytes.h"
 #include "server/clock.h"
 #include "server/daemon.h"
 #include <poll.h>

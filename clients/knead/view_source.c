@@ -46,14 +46,14 @@ static int open_scene(kn_source *s) { return load_scene(s, s->path, NULL, 0); }
 // Restore a snapshot. The scene is loaded with the sets that were made at run time, which the snapshot contains.
 static int open_saved(kn_source *s, const char *scene, const uint8_t *bytes, size_t size)
 {
-    char error[400], room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
-    kn_sets sets;
+    char error[400], room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
+    kn_settings sets;
     int code = load_scene(s, scene, NULL, 0);
     // A snapshot's sets can be read only with the name of its scene. So a scene with sets is loaded twice.
     if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
         forget_scene(s);
-        code = load_scene(s, scene, list, kn_sets_list(&sets, room, list));
+        code = load_scene(s, scene, list, kn_settings_list(&sets, room, list));
     }
     if (code != KN_EXIT_OK) return code;
     s->saved = calloc(1, sizeof *s->saved);

@@ -26,7 +26,7 @@ static double record_press(void)
     if (rises_s > 0) return rises_s;
     kn_path *path = kn_path_press(&press);
     must(path, "out of memory");
-    kn_recorder_open(&r, "missed.lcmlog", &(kn_served_def){.scene_path = SMALL});
+    kn_recorder_open(&r, "missed.lcmlog", &(kn_served_object_def){.scene_path = SMALL});
     const int64_t down = (int64_t)(1e3 * (path->hold_end_s - press.hold_s)) - 200, standing = down + 400;
     while (1e-3 * (double)r.in.tick < path->hold_end_s + 0.3) {
         kn_path_point at;

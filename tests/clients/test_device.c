@@ -25,8 +25,8 @@ static void serve(const char *scene, const char *const *sets, int count, bool lo
     kn_rig_close(&p.rig);
     memset(&p, 0, sizeof p);
     snprintf(path, sizeof path, "%s/core/scenes/%s", KN_SOURCE_DIR, scene);
-    kn_rig_serve(&p.rig,
-                 &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count, .local_model = local_model});
+    kn_rig_serve(&p.rig, &(kn_served_object_def){
+                             .scene_path = path, .sets = sets, .set_count = count, .local_model = local_model});
 }
 
 static void notice(kn_rig_end *e, knead_contact_force_t *f)

@@ -1,6 +1,7 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
 #include "clients/knead/commands.h"
 #include "server/replay.h"
+#include "server/operator_orders.h"
 #include "server/store.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -19,9 +20,9 @@ static recorder *record_with(const char *path, const char *set)
 {
     recorder *r = malloc(sizeof *r);
     kn_recorder_open(r, path,
-                     &(kn_served_def){.scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
-                                      .sets = &set,
-                                      .set_count = set != NULL});
+                     &(kn_served_object_def){.scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
+                                             .sets = &set,
+                                             .set_count = set != NULL});
     for (int p = 0; p < 2; p++)
         memcpy(r->hand[p].position_m, (double[]){0.02 * p, 0, 0.07}, sizeof r->hand[p].position_m);
     return r;

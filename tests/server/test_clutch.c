@@ -1,4 +1,4 @@
-#include "server/clutch.h"
+#include "server/servo.h"
 #include "core/turn.h"
 #include "tests/check.h"
 

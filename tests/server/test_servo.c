@@ -1,4 +1,4 @@
-#include "server/change.h"
+#include "server/operator_orders.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
@@ -36,7 +36,7 @@ static void rig_free(rig *r)
 }
 
 OWNS(rig, rig_free)
-OWNS(kn_change, kn_change_destroy)
+OWNS(kn_scene_change, kn_scene_change_destroy)
 
 static void tick(rig *r)
 {
@@ -494,11 +494,11 @@ static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *ou
     return KN_BACKEND_DIVERGED;
 }
 
-static kn_change *change_to(rig *r, const char *set)
+static kn_scene_change *change_to(rig *r, const char *set)
 {
     char error[256] = "";
     kn_scene *scene = load_scene("dough-small.yaml", &set, set ? 1 : 0);
-    kn_change *c = kn_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error);
+    kn_scene_change *c = kn_scene_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error);
     if (!c) printf("%s\n", error), exit(1);
     return c;
 }
@@ -539,7 +539,7 @@ TEST("under a hand the material becomes another one through zero force, and the 
         OWN(rig) *r = rig_make(NULL);
         press_and_hold(r, 0.004, 300);
         double before = r->out.force[0].force_n[2], least;
-        OWN(kn_change) *c = r->in.change = change_to(r, sets[i]);
+        OWN(kn_scene_change) *c = r->in.change = change_to(r, sets[i]);
         double slope = steepest(r, 300, &least);
         printf("     %-26s %.2f N, %.2f N/ms at most, then %.2f N\n", sets[i] ? sets[i] : "the same", before, slope,
                r->out.force[0].force_n[2]);
@@ -556,9 +556,9 @@ TEST("what is changed back is felt as if nothing had been, but for what crept me
     double least;
     press_and_hold(r, 0.004, 0);
     press_and_hold(same, 0.004, 600);
-    OWN(kn_change) *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     steepest(r, 300, &least);
-    OWN(kn_change) *back = r->in.change = change_to(r, NULL);
+    OWN(kn_scene_change) *back = r->in.change = change_to(r, NULL);
     steepest(r, 300, &least);
     printf("     %.3f N, %.3f N without\n", r->out.force[0].force_n[2], same->out.force[0].force_n[2]);
     CHECK_NEAR(r->out.force[0].force_n[2] / same->out.force[0].force_n[2], 1, 0.02);
@@ -569,7 +569,7 @@ TEST("a lower clamp holds when the force comes back, and it goes down under the 
     OWN(rig) *r = rig_make(NULL);
     double least;
     press_and_hold(r, 0.004, 300);
-    OWN(kn_change) *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
+    OWN(kn_scene_change) *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
     CHECK(!kn_safety_raised(&c->scene->limits, &r->scene->limits) &&
           kn_safety_raised(&r->scene->limits, &c->scene->limits));
     hover(r, 0, 1);
@@ -585,18 +585,18 @@ TEST("a change while nobody is there, in the tick of a reset or a stop, or of an
 {
     OWN(rig) *r = rig_make(NULL);
     double least;
-    OWN(kn_change) *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     tick(r);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 1 && r->servo.model == first->model && !r->servo.safety[0].relimiting);
     r->in.change = NULL;
     press_and_hold(r, 0.002, 0);
-    OWN(kn_change) *second = r->in.change = change_to(r, NULL);
+    OWN(kn_scene_change) *second = r->in.change = change_to(r, NULL);
     r->in.reset = true;
     CHECK(steepest(r, 30, &least) < 2.4 && least == 0);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 2 && r->kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
     CHECK(kn_state_hash(r->servo.model, r->servo.backend->state(r->servo.backend->self)) != 0);
     ((kn_state *)(uintptr_t)r->servo.backend->state(r->servo.backend->self))->bad = 1;
-    OWN(kn_change) *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     hover(r, 0, 1);
     r->in.change = NULL;
     CHECK(r->servo.diverged > 0 && r->out.force[0].fault == KN_FAULT_NONFINITE);

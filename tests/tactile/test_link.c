@@ -55,10 +55,10 @@ static void begin(void) // end the servers and hands that ran before
 static void serve(bool local_model)
 {
     static const char *const coarse = "object={size: [6 cm, 3 cm, 3 cm], spacing: 1.5 cm, structure: diagonals}";
-    kn_rig_serve(&p.rig, &(kn_served_def){.scene_path = KN_SOURCE_DIR "/tests/e2e/two_fingers.yaml",
-                                          .sets = &coarse,
-                                          .set_count = 1,
-                                          .local_model = local_model});
+    kn_rig_serve(&p.rig, &(kn_served_object_def){.scene_path = KN_SOURCE_DIR "/tests/e2e/two_fingers.yaml",
+                                                 .sets = &coarse,
+                                                 .set_count = 1,
+                                                 .local_model = local_model});
 }
 
 static void start(const kn_link_fault *fault, double delay_ms, kn_auth *auth)

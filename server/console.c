@@ -1,4 +1,4 @@
-#include "server/say.h"
+#include "server/console.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-_Static_assert(KN_SAY_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
+_Static_assert(KN_CONSOLE_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
 
 // Four values for each of stdout and stderr: descriptor to write to; number of lines dropped since the last report;
 // true if a write failed; true if the last write ended within a line.
@@ -21,7 +21,7 @@ static int own[STDERR_FILENO + 1] = {-1, STDOUT_FILENO, STDERR_FILENO};
 static _Atomic int64_t dropped[STDERR_FILENO + 1];
 static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];
 
-void kn_say_start(void)
+void kn_console_start(void)
 {
     signal(SIGPIPE, SIG_IGN);
     // open pipes and terminals again, because O_NONBLOCK on the old descriptor would affect all processes that share it
@@ -68,41 +68,36 @@ static void say(int fd, const char *line, size_t size)
     if (!tell_dropped(fd) || !put(fd, line, size)) atomic_fetch_add(&dropped[fd], 1);
 }
 
-static void say_formatted(int fd, const char *format, va_list arguments) __attribute__((format(printf, 2, 0)));
-static void say_formatted(int fd, const char *format, va_list arguments)
+void kn_console_line(int fd, const char *format, ...)
 {
-    char line[KN_SAY_LINE];
+    char line[KN_CONSOLE_LINE];
+    va_list arguments;
+    va_start(arguments, format);
     int size = vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
     if (size < 0) return;
-    if (size > KN_SAY_LINE - 1) size = KN_SAY_LINE - 1;
+    if (size > KN_CONSOLE_LINE - 1) size = KN_CONSOLE_LINE - 1;
     line[size] = '\n'; // the newline replaces the text's NUL
     say(fd, line, (size_t)size + 1);
 }
 
-void kn_say(const char *format, ...)
-{
-    va_list arguments;
-    va_start(arguments, format);
-    say_formatted(STDERR_FILENO, format, arguments);
-    va_end(arguments);
-}
-
-void kn_say_out(const char *format, ...)
-{
-    va_list arguments;
-    va_start(arguments, format);
-    say_formatted(STDOUT_FILENO, format, arguments);
-    va_end(arguments);
-}
-
-void kn_say_lines(int fd, const char *text)
+void kn_console_lines(int fd, const char *text)
 {
     for (size_t size; *text; text += size) {
         const char *end = strchr(text, '\n');
         size = end ? (size_t)(end + 1 - text) : strlen(text);
-        if (size > KN_SAY_LINE) size = KN_SAY_LINE;
+        if (size > KN_CONSOLE_LINE) size = KN_CONSOLE_LINE;
         say(fd, text, size);
     }
 }
 
-bool kn_say_whole(int fd) { return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0; }
+bool kn_console_complete(int fd) { return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0; }
+
+bool kn_refuse(char *error, size_t error_size, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(error, error_size, format, arguments);
+    va_end(arguments);
+    return false;
+}

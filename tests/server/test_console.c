@@ -1,4 +1,4 @@
-#include "server/say.h"
+#include "server/console.h"
 #include "tests/check.h"
 #include <fcntl.h>
 #include <poll.h>
@@ -34,7 +34,7 @@ static pid_t speak(listener at, int fd, int (*says)(int fd))
         alarm(20); // ends the child if it is held up
         close(at.reads);
         dup2(at.writes, fd);
-        kn_say_start();
+        kn_console_start();
         _exit(says(fd));
     }
     close(at.writes);
@@ -51,8 +51,8 @@ static int ended(pid_t child)
 static int says_much(int fd)
 {
     (void)fd;
-    for (int i = 0; i < 2000; i++) kn_say("line %d %0400d", i, 0);
-    return kn_say_whole(STDERR_FILENO) ? 1 : 0;
+    for (int i = 0; i < 2000; i++) kn_console_err("line %d %0400d", i, 0);
+    return kn_console_complete(STDERR_FILENO) ? 1 : 0;
 }
 
 static char text[1 << 20];
@@ -100,11 +100,11 @@ TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held
 static int says_again(int fd)
 {
     char go;
-    for (int i = 0; i < 500; i++) kn_say("line %d %0400d", i, 0);
+    for (int i = 0; i < 500; i++) kn_console_err("line %d %0400d", i, 0);
     if (write(STDOUT_FILENO, "!", 1) != 1 || read(STDIN_FILENO, &go, 1) != 1) return 2;
-    kn_say("read again");
-    kn_say("and again");
-    return kn_say_whole(fd) ? 0 : 1;
+    kn_console_err("read again");
+    kn_console_err("and again");
+    return kn_console_complete(fd) ? 0 : 1;
 }
 
 TEST("what was dropped is counted in the line before the next one, once")
@@ -133,8 +133,8 @@ static int says_to_nobody(int fd)
 {
     struct pollfd left = {.fd = fd};
     if (poll(&left, 1, 10000) != 1) return 2; // wait until the reader has gone
-    kn_say_out("a line");
-    return kn_say_whole(fd) ? 1 : 0;
+    kn_console_out("a line");
+    return kn_console_complete(fd) ? 1 : 0;
 }
 
 TEST("a reader that has gone ends nobody, and that is told when asked")
@@ -150,8 +150,8 @@ static int says_long(int fd)
     char *lines = malloc(10000);
     memset(lines, 'x', 10000);
     strcpy(lines + 8999, "\nsecond\n");
-    kn_say_lines(fd, lines);
-    kn_say("%s", lines); // cut to its maximum length
+    kn_console_lines(fd, lines);
+    kn_console_err("%s", lines); // cut to its maximum length
     return 0;
 }
 
@@ -161,8 +161,8 @@ TEST("lines come as they are, one that is longer than what is written at once, t
     CHECK(ended(speak(to, STDERR_FILENO, says_long)) == 0);
     hear(to.reads);
     CHECK(strspn(text, "x") == 8999 && strncmp(text + 8999, "\nsecond\n", 8) == 0);
-    CHECK(strspn(text + 9007, "x") == KN_SAY_LINE - 1);
-    CHECK_STR(text + 9007 + KN_SAY_LINE - 1, "\n");
+    CHECK(strspn(text + 9007, "x") == KN_CONSOLE_LINE - 1);
+    CHECK_STR(text + 9007 + KN_CONSOLE_LINE - 1, "\n");
     close(to.reads);
 }
 

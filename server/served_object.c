@@ -1,10 +1,10 @@
-#include "server/served.h"
+#include "server/served_object.h"
 #include "server/backend/fpga.h"
 #include "core/composite.h"
 #include "core/deadline.h"
 #include "server/clock.h"
 #include "server/keeper.h"
-#include "server/say.h"
+#include "server/console.h"
 #include "server/skin.h"
 #include <inttypes.h>
 #include <math.h>
@@ -31,9 +31,8 @@ static bool check_memory(size_t bytes, const char *what, const char *path, char 
 {
     size_t available = memory_available();
     if (bytes <= available) return true;
-    snprintf(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes", path, what,
-             (bytes >> 20) + 1, available >> 20);
-    return false;
+    return kn_refuse(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes",
+                     path, what, (bytes >> 20) + 1, available >> 20);
 }
 
 // Return a lower bound of the object's bytes before the model is built: each node has a mass in the model, and position
@@ -48,13 +47,9 @@ static size_t least_bytes(const kn_model_def *def)
 
 // Parse the scene with the restored settings. Return NULL and put the reason in `why` if the settings do not fit the
 // scene any more, or if a safety limit of the hand would exceed the scene's.
-static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *why, size_t why_size)
+static kn_scene *with_settings(const kn_served_object *s, const kn_served_object_def *def, char *why, size_t why_size)
 {
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(&s->sets, room, list);
-    kn_scene *scene = kn_scene_parse_beside(def->scene_path, s->base->name, s->base->text, strlen(s->base->text), list,
-                                            count, why, why_size);
+    kn_scene *scene = kn_settings_parse(&s->settings, s->base, def->scene_path, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
     if (!raised) return scene;
     snprintf(why, why_size, "%s relaxes a limit for the hand beyond the scene", raised);
@@ -63,20 +58,20 @@ static kn_scene *with_sets(const kn_served *s, const kn_served_def *def, char *w
 }
 
 // Remove the settings of the device from the list.
-static void without_device(kn_sets *sets)
+static void without_device(kn_settings *settings)
 {
-    char room[KN_SETS_BYTES], error[200];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
-    *sets = (kn_sets){0};
+    char room[KN_SETTINGS_BYTES], error[200];
+    const char *list[KN_SETTINGS_MAX];
+    int count = kn_settings_list(settings, room, list);
+    *settings = (kn_settings){0};
     for (int i = 0; i < count; i++)
-        if (strncmp(list[i], "device", 6) != 0) kn_sets_add(sets, list[i], error, (int)sizeof error);
+        if (strncmp(list[i], "device", 6) != 0) kn_settings_add(settings, list[i], error, (int)sizeof error);
 }
 
 // Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply the settings as
 // well. If the scene no longer allows the settings, drop the settings of the device. If the scene still does not allow
 // the rest, drop all settings.
-static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size_t error_size)
+static bool load_scene(kn_served_object *s, const kn_served_object_def *def, char *error, size_t error_size)
 {
     char why[400];
     s->base = def->text ? kn_scene_parse_beside(def->scene_path, def->name, def->text, strlen(def->text), NULL, 0,
@@ -84,46 +79,45 @@ static bool load_scene(kn_served *s, const kn_served_def *def, char *error, size
                         : kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     s->scene = s->base;
     if (!s->base) return false;
-    if (def->state_dir) kn_store_sets(def->state_dir, s->base, &s->sets);
-    for (int try = 0; *s->sets.text; try++) {
-        s->scene = with_sets(s, def, why, sizeof why);
+    if (def->state_dir) kn_store_settings(def->state_dir, s->base, &s->settings);
+    for (int try = 0; *s->settings.text; try++) {
+        s->scene = with_settings(s, def, why, sizeof why);
         if (s->scene) break;
-        kn_say("kneadd: %s of the last run are left out: %s", try == 0 ? "the device's settings" : "all settings", why);
-        if (try == 0) without_device(&s->sets);
-        else s->sets = (kn_sets){0};
+        kn_console_err("kneadd: %s of the last run are left out: %s",
+                       try == 0 ? "the device's settings" : "all settings", why);
+        if (try == 0) without_device(&s->settings);
+        else s->settings = (kn_settings){0};
         s->scene = s->base;
     }
     return true;
 }
 
 // Create the backend: a circuit or this processor. Return exit code 3 if the circuit cannot be used.
-static bool place(kn_served *s, const kn_served_def *def, size_t room, int *code, char *error, size_t error_size)
+static bool place(kn_served_object *s, const kn_served_object_def *def, size_t room, int *code, char *error,
+                  size_t error_size)
 {
     char why[KN_LINK_WHY];
     bool device = false;
     if (kn_backend_place(&s->backend, s->model, def->device, false, room, why, &device)) return true;
     if (device) *code = 3;
-    snprintf(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
-    return false;
+    return kn_refuse(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
 }
 
 // Build scene, model, backend and audit, and check at each stage that the next one fits into memory.
-static bool build(kn_served *s, const kn_served_def *def, int *code, char *error, size_t error_size)
+static bool build(kn_served_object *s, const kn_served_object_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
-    if (kn_backend_steps(s->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
-                 def->scene_path, s->scene->solver_line, s->scene->solver_col, s->scene->model.solver.dt_s);
-        return false;
-    }
+    if (kn_backend_steps(s->scene->model.solver.dt_s) == 0)
+        return kn_refuse(error, error_size,
+                         "%s:%d:%d: solver.dt is %g s, expected the 1 ms tick divided by a whole number",
+                         def->scene_path, s->scene->solver_line, s->scene->solver_col, s->scene->model.solver.dt_s);
     if (!check_memory(least_bytes(&s->scene->model), "the object", def->scene_path, error, error_size)) return false;
     // build the model, and report a failure at the solver's line of the scene
     char why[256];
     s->model = kn_model_build(&s->scene->model, why, sizeof why);
-    if (!s->model) {
-        snprintf(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line, s->scene->solver_col, why);
-        return false;
-    }
+    if (!s->model)
+        return kn_refuse(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line,
+                         s->scene->solver_col, why);
     // check the state, and its copies for undo, snapshots and mesh
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
                    kn_skin_bytes(s->scene, s->model);
@@ -133,20 +127,14 @@ static bool build(kn_served *s, const kn_served_def *def, int *code, char *error
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
     // build the audit, and prepare local contact models; only the implicit solver has them
     s->audit = kn_audit_create(s->model);
-    if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
-        return false;
-    }
+    if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT)
+        return kn_refuse(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
     const kn_device_def *device = &s->scene->device;
     kn_coupling coupling = {device->coupling_n_m, device->coupling_n_s_m};
-    if (def->local_model && s->scene->model.solver.kind != KN_SOLVER_IMPLICIT) {
-        snprintf(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
-        return false;
-    }
-    if (def->local_model && !kn_backend_cpu_identify(&s->backend, coupling)) {
-        snprintf(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
-        return false;
-    }
+    if (def->local_model && s->scene->model.solver.kind != KN_SOLVER_IMPLICIT)
+        return kn_refuse(error, error_size, "%s: --local-model: expected solver.kind implicit", def->scene_path);
+    if (def->local_model && !kn_backend_cpu_identify(&s->backend, coupling))
+        return kn_refuse(error, error_size, "%s: --local-model: not enough memory", def->scene_path);
     return true;
 }
 
@@ -179,7 +167,7 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
 }
 
 // Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
-int64_t kn_served_measure(kn_backend *b, const kn_model *pressed)
+int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
@@ -221,7 +209,7 @@ static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, i
     b->reset(b->self);
 }
 
-int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s)
+int64_t kn_served_object_deadline(kn_backend *b, const kn_model *model, double budget_s)
 {
     const int64_t least = kn_deadline_least(model);
     int64_t took_ns[STRIKES], units[STRIKES];
@@ -232,12 +220,12 @@ int64_t kn_served_deadline(kn_backend *b, const kn_model *model, double budget_s
     for (int i = 0; i < STRIKES; i++) longest = units[i] > longest ? units[i] : longest;
     for (int i = 0; i < STRIKES; i++)
         if (4 * units[i] >= 3 * longest) sum_ns += took_ns[i], sum += units[i];
-    // number of units of work that fit into KN_SERVED_SHARE of the time budget
-    const int64_t most = (int64_t)(1e9 * KN_SERVED_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
+    // number of units of work that fit into KN_STEP_SHARE of the time budget
+    const int64_t most = (int64_t)(1e9 * KN_STEP_SHARE * budget_s * (double)sum / fmax((double)sum_ns, 1));
     return most > least ? most : least;
 }
 
-int64_t kn_served_worst(kn_backend *b, const kn_model *model, int64_t deadline)
+int64_t kn_served_object_worst(kn_backend *b, const kn_model *model, int64_t deadline)
 {
     int64_t took_ns[STRIKES], units[STRIKES], worst_ns = 0;
     strike_all(b, model, deadline, took_ns, units);
@@ -245,22 +233,22 @@ int64_t kn_served_worst(kn_backend *b, const kn_model *model, int64_t deadline)
     return worst_ns;
 }
 
-int kn_served_load(kn_served *served, const kn_served_def *def, char *error, size_t error_size)
+int kn_served_object_load(kn_served_object *served, const kn_served_object_def *def, char *error, size_t error_size)
 {
     int code = 2;
-    *served = (kn_served){0};
+    *served = (kn_served_object){0};
     if (build(served, def, &code, error, error_size)) return 0;
-    kn_served_free(served);
+    kn_served_object_free(served);
     return code;
 }
 
-void kn_served_free(kn_served *served)
+void kn_served_object_free(kn_served_object *served)
 {
-    kn_served *s = served;
+    kn_served_object *s = served;
     kn_audit_destroy(s->audit);
     if (s->backend.destroy) s->backend.destroy(s->backend.self);
     kn_model_destroy(s->model);
     if (s->scene != s->base) kn_scene_destroy(s->scene);
     kn_scene_destroy(s->base);
-    *s = (kn_served){0};
+    *s = (kn_served_object){0};
 }
