@@ -1,5 +1,5 @@
 #include "server/change.h"
-#include "core/carry.h"
+#include "core/snapshot.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,14 +2,14 @@
 #define KN_SERVER_CHANGE_H
 // A change: the replacement of the scene that is being served. The new scene has the same lattice and tools but another
 // material, other forces or another solver effort. Everything is built on a worker thread. Then one tick of the servo
-// adopts the change (kn_tick_in.change) and carries the object's state over to the new model (core/carry.h). The force
-// on the hand fades to zero and comes back.
+// adopts the change (kn_tick_in.change) and carries the object's state over to the new model (core/snapshot.h). The
+// force on the hand fades to zero and comes back.
 //
 //     worker thread   parse . build . fit ----+                   energy before and after . free the old one
 //     servo thread    ..tick....tick....tick..v carry, step ..tick....tick....tick..
 //     gain            --------------------------.                                 .  '  ------
 //                                                '._____________________ .  '
-#include "core/energy.h"
+#include "core/measure.h"
 #include "server/servo.h"
 
 typedef struct kn_change {

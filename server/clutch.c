@@ -1,5 +1,5 @@
 #include "server/clutch.h"
-#include "core/turn.h"
+#include "core/algebra.h"
 #include <string.h>
 
 void kn_clutch_open(kn_clutch *clutch) { *clutch = (kn_clutch){.turn_wxyz = {1, 0, 0, 0}}; }

@@ -1,5 +1,5 @@
 #include "server/daemon.h"
-#include "core/composite.h"
+#include "core/lattice.h"
 #include "core/solver_fixed.h"
 #include "proto/knead_status_t.h"
 #include "server/backend/fpga.h"

@@ -1,7 +1,7 @@
 // Requests of a page. Some are orders for kneadd, sent over its control socket; the others concern the picture and the
 // recordings. Every request gets one answer, but answers are dropped if a page does not read them.
 #include "clients/web/web.h"
-#include "core/scene/library.h"
+#include "core/scene/scene.h"
 #include <dirent.h>
 #include <stdarg.h>
 #include <stdio.h>
