@@ -47,7 +47,7 @@ static void touch(const real *p)
 #define kn_kernels_grid_base_f64 counted_grid_f64
 #define counted_step counted_step_f64
 #endif
-#include "core/kernel.c"
+#include "core/kernel_grid.c"
 
 static counted *edge_now, *iteration_now;
 

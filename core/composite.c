@@ -1,5 +1,4 @@
-#include "core/composite.h"
-#include "core/net.h"
+#include "core/lattice.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -293,6 +292,223 @@ static void build_faces(kn_model *m)
     if (m->def.support >= KN_SUPPORT_NONE) m->face_count = m->outside_count;
 }
 
+// --- kernels: those of the parts, and the exchange between tied nodes and their masters -----------------------------
+
+// Exchange between tied nodes and their masters, one source for both precisions.
+//
+// spread: set a field at tied nodes to the mean of their masters.
+// gather: add a part's forces at tied nodes to their masters, in equal shares, and clear them at the tied nodes.
+// gather_blocks: add share^2 of tied nodes' diagonal blocks to those of their masters. Blocks between neighbours that
+// share a master are left out. The sum is therefore up to an eighth too stiff, which is good enough for a
+// preconditioner.
+#define TIES(real)                                                                                                     \
+    static void spread_##real(const kn_composite *c, size_t stride, void *field)                                       \
+    {                                                                                                                  \
+        real *v = field;                                                                                               \
+        for (int t = 0; t < c->tie_first[c->part_count]; t++) {                                                        \
+            const kn_tie *tie = &c->tie[t];                                                                            \
+            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.5 : (real)0.25;                   \
+            for (size_t k = 0; k < 3 * stride; k += stride) {                                                          \
+                real sum = v[tie->master[0] + k];                                                                      \
+                for (int i = 1; i < tie->count; i++) sum += v[tie->master[i] + k];                                     \
+                v[tie->node + k] = share * sum;                                                                        \
+            }                                                                                                          \
+        }                                                                                                              \
+    }                                                                                                                  \
+    static void gather_##real(const kn_composite *c, size_t stride, void *field, int part)                             \
+    {                                                                                                                  \
+        real *v = field;                                                                                               \
+        for (int t = c->tie_first[part]; t < c->tie_first[part + 1]; t++) {                                            \
+            const kn_tie *tie = &c->tie[t];                                                                            \
+            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.5 : (real)0.25;                   \
+            for (size_t k = 0; k < 3 * stride; k += stride) {                                                          \
+                real each = share * v[tie->node + k];                                                                  \
+                for (int i = 0; i < tie->count; i++) v[tie->master[i] + k] += each;                                    \
+                v[tie->node + k] = 0;                                                                                  \
+            }                                                                                                          \
+        }                                                                                                              \
+    }                                                                                                                  \
+    static void gather_blocks_##real(const kn_composite *c, size_t stride, void *blocks, const void *whole, int part)  \
+    {                                                                                                                  \
+        real *p = blocks;                                                                                              \
+        const real *m = whole;                                                                                         \
+        const size_t row = 3 * stride;                                                                                 \
+        for (int t = c->tie_first[part]; t < c->tie_first[part + 1]; t++) {                                            \
+            const kn_tie *tie = &c->tie[t];                                                                            \
+            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.25 : (real)0.0625;                \
+            /* blocks have 6 components per row, vectors 3 */                                                          \
+            const size_t from = tie->node / row * 2 * row + tie->node % row;                                           \
+            for (int i = 0; i < tie->count; i++) {                                                                     \
+                const size_t to = tie->master[i] / row * 2 * row + tie->master[i] % row;                               \
+                for (size_t k = 0; k < 6 * stride; k += stride) p[to + k] += share * m[from + k];                      \
+            }                                                                                                          \
+        }                                                                                                              \
+    }
+TIES(float)
+TIES(double)
+
+// Set a field at all tied nodes to the mean of their masters' values, in the model's precision.
+static void spread(const kn_model *m, void *field)
+{
+    if (kn_model_single(m)) spread_float(m->composite, m->stride, field);
+    else spread_double(m->composite, m->stride, field);
+}
+
+static void gather(const kn_model *m, void *field, int part)
+{
+    if (kn_model_single(m)) gather_float(m->composite, m->stride, field, part);
+    else gather_double(m->composite, m->stride, field, part);
+}
+
+static void gather_all(const kn_model *m, void *field)
+{
+    for (int p = 0; p < m->composite->part_count; p++) gather(m, field, p);
+}
+
+static void gather_blocks(const kn_model *m, const kn_work *w, int part)
+{
+    if (kn_model_single(m)) gather_blocks_float(m->composite, m->stride, w->p, w->whole, part);
+    else gather_blocks_double(m->composite, m->stride, w->p, w->whole, part);
+}
+
+// The rows of one part, in the form of a separate state.
+typedef struct view {
+    kn_state state;
+    kn_work work;
+} view;
+
+// Return the address of a part's first row in a field.
+static void *rows_from(const kn_model *m, void *field, int components, int row)
+{
+    size_t reals = (size_t)row * (size_t)components * m->stride;
+    return field ? (char *)field + reals * kn_model_real(m) : NULL;
+}
+
+// Set up the view of one part.
+static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
+{
+    const kn_work *w = kn_state_work(state);
+    const int row = m->composite->row_first[part];
+#define KN_FIELD(name, components) v->state.name = rows_from(m, state->name, components, row);
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    v->work = (kn_work){
+        .guess = rows_from(m, w->guess, 3, row),
+        .r = rows_from(m, w->r, 3, row),
+        .q = rows_from(m, w->q, 3, row),
+        .d = rows_from(m, w->d, 3, row),
+        .z = rows_from(m, w->z, 3, row),
+        .p = rows_from(m, w->p, 6, row),
+        .whole = rows_from(m, w->whole, 6, row),
+        .g = rows_from(m, w->g, kn_work_edge(m) * KN_FORWARD, row),
+        .free = rows_from(m, w->free, 3, row),
+        .row_held = w->row_held + row,
+        .row_moved = w->row_moved + row,
+    };
+    v->state.scratch = &v->work;
+}
+
+// Copy the masters' guess to their tied nodes. If a prescribed velocity of a master has changed, mark the rows of its
+// tied nodes as moved, too.
+static void follow(const kn_model *m, const kn_work *w)
+{
+    const kn_composite *c = m->composite;
+    const size_t row = 3 * m->stride;
+    for (int t = 0; t < c->tie_first[c->part_count]; t++)
+        for (int i = 0; i < c->tie[t].count; i++)
+            w->row_moved[c->tie[t].node / row] |= w->row_moved[c->tie[t].master[i] / row];
+    spread(m, w->guess);
+}
+
+// Run the edge pass part by part, the last part first: the sums of its tied nodes must reach their masters before the
+// masters' rows are finished.
+static double edge(const kn_model *m, kn_state *state, kn_linearization how, bool again)
+{
+    const kn_composite *c = m->composite;
+    const kn_work *w = kn_state_work(state);
+    double rz = 0;
+    view v;
+    follow(m, w);
+    // every part adds the forces and diagonal blocks of its tied nodes to the masters in earlier parts
+    for (int p = c->part_count - 1; p >= 0; p--) {
+        view_of(m, state, p, &v);
+        rz += c->inside->edge(&c->part[p], &v.state, how, again);
+        gather(m, w->r, p);
+        gather_blocks(m, w, p);
+    }
+    return rz;
+}
+
+// The remaining kernels of kernel.h, run part by part.
+static double recall(const kn_model *m, kn_state *state)
+{
+    const kn_composite *c = m->composite;
+    double rz = 0;
+    view v;
+    for (int p = 0; p < c->part_count; p++) {
+        view_of(m, state, p, &v);
+        rz += c->inside->recall(&c->part[p], &v.state);
+    }
+    return rz;
+}
+
+static double apply(const kn_model *m, kn_state *state, double beta)
+{
+    const kn_composite *c = m->composite;
+    double dq = 0;
+    view v;
+    // tied nodes get the direction of their masters; after the product, update gathers q
+    spread(m, kn_state_work(state)->z);
+    for (int p = 0; p < c->part_count; p++) {
+        view_of(m, state, p, &v);
+        dq += c->inside->apply(&c->part[p], &v.state, beta);
+    }
+    return dq;
+}
+
+static double update(const kn_model *m, kn_state *state, double alpha)
+{
+    const kn_composite *c = m->composite;
+    const kn_work *w = kn_state_work(state);
+    double rz = 0;
+    view v;
+    // add the products of tied nodes to their masters
+    gather_all(m, w->q);
+    if (alpha == 0) gather_all(m, w->r); // alpha 0 means that contact has changed the residual r, so collect it again
+    for (int p = 0; p < c->part_count; p++) {
+        view_of(m, state, p, &v);
+        rz += c->inside->update(&c->part[p], &v.state, alpha);
+    }
+    return rz;
+}
+
+static void integrate(const kn_model *m, kn_state *state)
+{
+    const kn_composite *c = m->composite;
+    view v;
+    for (int p = 0; p < c->part_count; p++) {
+        view_of(m, state, p, &v);
+        c->inside->integrate(&c->part[p], &v.state);
+    }
+    // tied nodes moved like their masters except for rounding; copy again, so that rounding does not accumulate
+    spread(m, state->displacement);
+    spread(m, state->velocity);
+    spread(m, state->change);
+}
+
+// Set the kernels of the whole model, the last step of the build.
+static void composite_kernels(kn_model *m)
+{
+    kn_composite *c = m->composite;
+    c->kernels = (kn_kernels){.name = c->inside->name,
+                              .edge = edge,
+                              .recall = recall,
+                              .apply = apply,
+                              .update = update,
+                              .integrate = integrate};
+    m->kernels = &c->kernels;
+}
+
 // --- nodes -----------------------------------------------------------------------------------------------------------
 
 // Place the nodes of all parts: offset, rest position, mass, support and share of the top.
@@ -316,24 +532,11 @@ static void place_nodes(kn_model *m)
     }
 }
 
-// Convert the shares of the top load, which are indexed by node, into the list of top nodes and their shares.
-static void list_top(kn_model *m)
-{
-    double sum = 0;
-    m->top_count = 0;
-    for (int node = 0; node < m->node_count; node++) sum += m->top_share[node];
-    for (int node = 0; node < m->node_count; node++) {
-        double share = m->top_share[node];
-        if (!(share > 0)) continue;
-        m->top_share[m->top_count] = share / sum;
-        m->top[m->top_count++] = node;
-    }
-}
-
 const char *kn_composite_build(kn_model *m)
 {
     kn_composite *c = m->composite = calloc(1, sizeof *c);
     size_t places = 1;
+    double share = 0; // sum of the top nodes' shares of a load
     for (int k = 0; k < 3; k++) places *= (size_t)m->def.nodes[k] / 2 + 1;
     if (!c) return KN_NO_MEMORY;
     c->inside = m->kernels;
@@ -353,8 +556,9 @@ const char *kn_composite_build(kn_model *m)
     build_faces(m);
     place_nodes(m);
     tie_all(m);
-    list_top(m);
-    kn_composite_kernels(m);
+    for (int node = 0; node < nodes; node++) share += m->top_share[node];
+    kn_top_list(m, share);
+    composite_kernels(m);
     return NULL;
 }
 

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_CONTACT_H
 #define KN_CORE_CONTACT_H
 // Contact of rigid tools with the object. This module does the geometry: it lists the held nodes and the pressing
-// samples. All solvers use the two lists.
+// samples, which are points of the skin near tools. All solvers use the two lists.
 //
 // Plate. The plate holds the top nodes that it reaches: they move with the plate's velocity (it sticks). The residual
 // that the lattice leaves on a held node is the contact force, unfiltered. A held node that would pull at the plate is
@@ -76,7 +76,7 @@ typedef struct kn_sample { // a point of the skin near a tool
     } line, last;      // last: `line` as it was before its last update
     double force_n[3]; // set by the solver: force on the skin
     double pressing_n; // set by the solver: part of force_n along the normal; < 0: the sample pulls
-    uint64_t key;      // identifies the sample from step to step, see sampling.c
+    uint64_t key;      // identifies the sample from step to step, see key_of in contact.c
     bool bonds;        // the sample touched the tool in the last step, so adhesion may hold it
 } kn_sample;
 
@@ -89,6 +89,9 @@ typedef struct kn_contact { // contacts of one step; lives in the state's scratc
     kn_tool_step tool[KN_PROBES_MAX];
     bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
 } kn_contact;
+
+// Return the largest number of samples that all tools and the table can have at once.
+int kn_contact_samples(const kn_model *model);
 
 size_t kn_contact_bytes(const kn_model *model);
 void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory);

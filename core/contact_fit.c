@@ -1,17 +1,15 @@
 #include "core/contact_fit.h"
-#include "core/ahead.h"
-#include "core/mobility.h"
 #include "core/patch.h"
-#include "core/scratch.h"
+#include "core/solver.h"
 #include "core/shape.h"
 #include "core/tool.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define ITERATIONS 2   // number of iterations of the mobility solve (core/mobility.h) per step
+#define ITERATIONS 2   // number of iterations of the mobility solve (core/patch.h) per step
 #define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
 #define REACH 3.0      // largest distance at which a plane ahead of the tool is reported, in radii of the tool
 #define PLATE_M 0.01   // radius used for a plate
@@ -50,7 +48,7 @@ struct kn_contact_fit {
     fitted probe[KN_PROBES_MAX];
     int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
-    int round; // probe for which a mobility solve (core/mobility.h) is running; -1: none
+    int round; // probe for which a mobility solve (core/patch.h) is running; -1: none
 };
 
 // --- the object's outside -------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 #include "core/field.h"
 #include "core/hash.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>

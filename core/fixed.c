@@ -1,5 +1,5 @@
 #include "core/fixed.h"
-#include "core/arena.h"
+#include "core/bytes.h"
 
 #include <string.h>
 

@@ -1,6 +1,5 @@
-#include "core/foundation.h"
-#include "core/six.h"
-#include "core/vec.h"
+#include "core/solver.h"
+#include "core/algebra.h"
 
 #include <math.h>
 #include <string.h>
@@ -74,7 +73,7 @@ static void rate_of(const kn_sample *s, const patch *p, double v[3])
 static void tool_rate(const kn_contact *c, const kn_sample *s, double v[3])
 {
     if (s->probe == KN_TABLE) v[0] = v[1] = v[2] = 0;
-    else kn_tool_velocity(&c->tool[s->probe], s->arm_m, v);
+    else kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, v);
 }
 
 static bool coupled(const kn_contact *c, const kn_sample *s)

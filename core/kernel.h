@@ -1,8 +1,8 @@
 #ifndef KN_CORE_KERNEL_H
 #define KN_CORE_KERNEL_H
-// The hot loops of the implicit step: kernel.c for a grid, kernel_net.c for any lattice. They are compiled once per
-// instruction set and precision; isa.c chooses for a model. All of them visit rows in memory order and sum in the same
-// order, so all machines give the same bits.
+// The hot loops of the implicit step: kernel_grid.c for a grid, kernel_net.c for any lattice. They are compiled once
+// per instruction set and precision; kernel.c chooses for a model. All of them visit rows in memory order and sum in
+// the same order, so all machines give the same bits.
 //
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r      [step]
 //     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
@@ -38,7 +38,6 @@ typedef struct kn_work {
 
 typedef struct kn_kernels {
     const char *name; // instruction set and precision, e.g. "avx512 f32"
-    size_t real_size; // size of a float or a double [bytes]
     size_t (*tables_size)(const kn_model *model);
     void (*tables_build)(const kn_model *model, void *tables);
     // Linearise the law, fill r, g, P and z, and return r.z. `again`: linearise once more around the guess, without
@@ -71,20 +70,8 @@ static inline int kn_work_edge(const kn_model *m)
 
 static inline kn_work *kn_state_work(const kn_state *state) { return state->scratch; }
 
-// Get, set or add to element i of a field in the model's precision. For the few scalar places (contact, output).
-static inline double kn_real_get(const kn_model *model, const void *field, size_t i)
-{
-    bool single = model->def.solver.precision == KN_PRECISION_F32;
-    return single ? (double)((const float *)field)[i] : ((const double *)field)[i];
-}
-static inline void kn_real_set(const kn_model *model, void *field, size_t i, double value)
-{
-    if (model->def.solver.precision == KN_PRECISION_F32) ((float *)field)[i] = (float)value;
-    else ((double *)field)[i] = value;
-}
-static inline void kn_real_add(const kn_model *model, void *field, size_t i, double value)
-{
-    kn_real_set(model, field, i, kn_real_get(model, field, i) + value);
-}
+// Return true if the preconditioner has a second level, the rigid motions (solver_implicit.c): only contact and gravity
+// hold the object. A step in which a plate holds nodes does not use them.
+bool kn_rigid_wanted(const kn_model *model);
 
 #endif

@@ -1,4 +1,4 @@
-// Pressure in the cells, sixteen at a time. This file is part of kernel.c, which includes it. core/cell.h has the
+// Pressure in the cells, sixteen at a time. This file is part of kernel_grid.c, which includes it. core/cell.h has the
 // equations.
 //
 // A cell is named after its lowest node. It lies between the nodes a and a+1 of four rows (two in a flat object). The

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_LANES_H
 #define KN_CORE_LANES_H
-// Vectors of sixteen lanes of float or double, for the instruction set that the file is compiled for. Private to
-// kernel.c.
+// Vectors of sixteen lanes of float or double, for the instruction set that the file is compiled for. Private to the
+// kernels.
 //
 // Every instruction set has the same 16 logical lanes and IEEE division and square root. Operations are fused only
 // where lanes_fma is written. All instruction sets therefore give the same bits: a native vector N of W lanes is

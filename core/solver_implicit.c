@@ -1,7 +1,5 @@
-#include "core/solver_implicit.h"
-#include "core/foundation.h"
-#include "core/impact.h"
-#include "core/rigid.h"
+#include "core/solver.h"
+#include "core/algebra.h"
 
 #include <math.h>
 #include <string.h>
@@ -50,7 +48,7 @@ static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, c
 // Start the guess from the last velocities and overwrite the components that plates prescribe.
 static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
 {
-    size_t bytes = kn_model_field(m, 3) * m->kernels->real_size;
+    size_t bytes = kn_state_field(m, 3);
     free_last_held(m, s);
     memcpy(s->work.guess, state->velocity, bytes);
     for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
@@ -67,16 +65,132 @@ static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
 // Clear the residual and the blocks, then add the loads that act besides the edges' forces.
 static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input)
 {
-    memset(s->work.r, 0, kn_model_field(m, 3) * m->kernels->real_size);
-    memset(s->work.p, 0, kn_model_field(m, 6) * m->kernels->real_size);
+    memset(s->work.r, 0, kn_state_field(m, 3));
+    memset(s->work.p, 0, kn_state_field(m, 6));
     if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
     kn_foundation_push(m, s);
+}
+
+// --- rigid motions --------------------------------------------------------------------------------------------------
+
+// The second level of the preconditioner: the six rigid motions of an object that nothing holds.
+//
+//     z = P r + R (R'AR)^-1 R'r        R: [nodes] (v, w) -> v + w x (x - centre)
+//
+// A lattice resists its own deformation a thousand times more than inertia resists its motion as a whole. The 3 x 3
+// blocks of P represent the first resistance only, so falling or being lifted would take hundreds of iterations. Edges
+// do no work under rigid motions. So R'AR is mass and inertia over dt plus the contact, and needs no product with A.
+
+static size_t arm_of(const kn_model *m, int node)
+{
+    size_t row = m->offset[node] / (3 * m->stride);
+    return row * 4 * m->stride + m->offset[node] % (3 * m->stride);
+}
+
+// Add mass and inertia over dt, lower half.
+static void add_inertia(const kn_model *m, const kn_rigid *rigid, double a[6][6])
+{
+    double scale = m->def.solver.mass_scale / m->def.solver.dt_s;
+    for (int i = 0; i < m->node_count; i++) {
+        const float *arm = rigid->arm + arm_of(m, i);
+        double mass = scale * m->node_mass_kg[i], x = (double)arm[0], y = (double)arm[m->stride],
+               z = (double)arm[2 * m->stride];
+        a[0][0] += mass, a[1][1] += mass, a[2][2] += mass;
+        a[3][1] -= mass * z, a[3][2] += mass * y, a[4][0] += mass * z; // mass (w x arm), in the rows of v
+        a[4][2] -= mass * x, a[5][0] -= mass * y, a[5][1] += mass * x;
+        a[3][3] += mass * (y * y + z * z), a[4][4] += mass * (x * x + z * z), a[5][5] += mass * (x * x + y * y);
+        a[4][3] -= mass * x * y, a[5][3] -= mass * x * z, a[5][4] -= mass * y * z;
+    }
+}
+
+// Compute the centre of mass, and the arm of every node from it.
+static void find_centre(const kn_model *m, const kn_state *state, kn_rigid *rigid)
+{
+    double mass = 0, sum[3] = {0}, x[3];
+    for (int i = 0; i < m->node_count; i++) {
+        kn_state_position(m, state, i, x);
+        mass += m->node_mass_kg[i];
+        for (int k = 0; k < 3; k++) sum[k] += m->node_mass_kg[i] * x[k];
+    }
+    for (int k = 0; k < 3; k++) rigid->centre_m[k] = sum[k] / mass;
+    for (int i = 0; i < m->node_count; i++) {
+        float *arm = rigid->arm + arm_of(m, i);
+        kn_state_position(m, state, i, x);
+        for (size_t k = 0; k < 3; k++) arm[k * m->stride] = (float)(x[k] - rigid->centre_m[k]);
+        arm[3 * m->stride] = 1;
+    }
+}
+
+// Prepare R and the factor of R'AR for the present positions and pressing samples.
+static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch *scratch)
+{
+    kn_rigid *rigid = &scratch->rigid;
+    rigid->on = kn_rigid_wanted(model) && scratch->contact.hold_count == 0;
+    if (!rigid->on) return;
+    find_centre(model, state, rigid);
+    memset(rigid->factor, 0, sizeof rigid->factor);
+    // R'AR: inertia and contact, in closed form
+    add_inertia(model, rigid, rigid->factor);
+    kn_foundation_rigid(model, scratch, rigid->centre_m, rigid->factor);
+    double *w[3] = {&rigid->factor[3][3], &rigid->factor[4][4], &rigid->factor[5][5]}, spin = *w[0] + *w[1] + *w[2];
+    // a bar has no inertia about its own axis: keep the matrix regular
+    for (int k = 0; k < 3; k++) *w[k] += 1e-9 * spin + 1e-30;
+    kn_six_factor(rigid->factor);
+}
+
+// Loops over the nodes of one row, one source for both precisions. Rows of a field: x, y and z of `stride` nodes each.
+#define GATHER(real)                                                                                                   \
+    const real *r = (const real *)scratch->work.r + 3 * at;                                                            \
+    const float *x = rigid->arm + 4 * at, *y = x + stride, *z = y + stride;                                            \
+    for (size_t i = 0; i < stride; i++) {                                                                              \
+        double f[3] = {(double)r[i], (double)r[stride + i], (double)r[2 * stride + i]};                                \
+        const double arm[3] = {(double)x[i], (double)y[i], (double)z[i]};                                              \
+        kn_six_wrench(arm, f, 1, sum);                                                                                 \
+    }
+
+#define SCATTER(real)                                                                                                  \
+    real *out = (real *)scratch->work.z + 3 * at;                                                                      \
+    const float *x = rigid->arm + 4 * at, *y = x + stride, *z = y + stride, *here = z + stride;                        \
+    for (size_t i = 0; i < stride; i++) {                                                                              \
+        const double arm[3] = {(double)x[i], (double)y[i], (double)z[i]};                                              \
+        double v[3];                                                                                                   \
+        kn_six_velocity(c, arm, v);                                                                                    \
+        for (size_t k = 0; k < 3; k++) out[k * stride + i] += (real)v[k] * (real)here[i];                              \
+    }
+
+// Add the rigid part of z = P r to work.z, for the residual work.r. Return the increase of r.z.
+static double rigid_add(const kn_model *model, kn_scratch *scratch)
+{
+    const kn_rigid *rigid = &scratch->rigid;
+    const size_t stride = model->stride, end = (size_t)model->row_count * stride;
+    double sum[6] = {0}, c[6], more = 0;
+    if (!rigid->on) return 0;
+    // R'r: total force and torque of the residual
+    for (size_t at = 0; at < end; at += stride) {
+        if (kn_model_single(model)) {
+            GATHER(float)
+        } else {
+            GATHER(double)
+        }
+    }
+    // solve the 6 x 6 system, then add the rigid motion to z
+    memcpy(c, sum, sizeof c);
+    kn_six_solve((const double(*)[6])rigid->factor, c);
+    for (int k = 0; k < 6; k++) more += c[k] * sum[k];
+    for (size_t at = 0; at < end; at += stride) {
+        if (kn_model_single(model)) {
+            SCATTER(float)
+        } else {
+            SCATTER(double)
+        }
+    }
+    return more;
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
 // Return the power below which products of f32 begin to underflow. A quotient of such products is meaningless.
-static double least_w(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? 1e-28 : 0; }
+static double least_w(const kn_model *m) { return kn_model_single(m) ? 1e-28 : 0; }
 
 // Return the r.z below which the object is at rest and no iteration is needed.
 static double nothing_of(const kn_model *m, const kn_state *state)
@@ -93,7 +207,7 @@ static double nothing_of(const kn_model *m, const kn_state *state)
 static double note_start(const kn_model *m, kn_state *state, double rz)
 {
     double faded = state->residual_scale * (1 - fmin(1, m->def.solver.dt_s)); // fades over a second
-    // a blow raises the scale by no more than the limit of an impact: see impact.h
+    // a blow raises the scale by no more than the limit of an impact: see step_effort.h
     double most = kn_impact_power(m);
     state->residual_scale = rz <= faded ? faded : rz > most ? most : rz;
     return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
@@ -103,7 +217,7 @@ static double note_start(const kn_model *m, kn_state *state, double rz)
 static double update(const kn_model *m, kn_state *state, kn_scratch *s, double alpha)
 {
     double rz = m->kernels->update(m, state, alpha);
-    return rz + kn_rigid_add(m, s);
+    return rz + rigid_add(m, s);
 }
 
 // When the deadline hurries a linearisation that others follow, the linear system is solved only to this share of its
@@ -248,9 +362,9 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         if (impact) let_go(model, state, s);
         // linearise: external loads, contact, then the law of every edge at the guess
         add_external(model, s, input);
-        kn_rigid_begin(model, state, s);
+        rigid_begin(model, state, s);
         rz = model->kernels->edge(model, state, how, pass > 0);
-        rz += kn_rigid_add(model, s);
+        rz += rigid_add(model, s);
         // the first residual tells whether this step is a blow that needs further linearisations
         if (pass == 0) start = note_start(model, state, rz);
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
@@ -273,5 +387,3 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     read_forces(model, s);
     output->units = s->deadline.spent;
 }
-
-void kn_advance_implicit(const kn_model *model, kn_state *state) { model->kernels->integrate(model, state); }

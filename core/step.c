@@ -1,7 +1,6 @@
 #include "core/step.h"
-#include "core/scratch.h"
+#include "core/solver.h"
 #include "core/solver_fixed.h"
-#include "core/solver_implicit.h"
 
 #include <math.h>
 #include <string.h>
@@ -100,7 +99,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     else kn_solve_implicit(model, state, input, output);
     // sum the forces on the probes, then move the probes and the lattice
     kn_contact_end(model, state, input, contact, output);
-    if (kind == KN_SOLVER_IMPLICIT) kn_advance_implicit(model, state);
+    if (kind == KN_SOLVER_IMPLICIT) model->kernels->integrate(model, state);
     // watch the force for chatter
     if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);

@@ -1,9 +1,65 @@
 #include "core/tool.h"
-#include "core/six.h"
-#include "core/turn.h"
+#include "core/algebra.h"
 
 #include <math.h>
 #include <string.h>
+
+// --- shape ----------------------------------------------------------------------------------------------------------
+
+// Return the reason why a box or cross is too small or too round, or NULL.
+static const char *unfit_box(const kn_probe_def *p, double spacing_m)
+{
+    for (int k = 0; k < 3; k++)
+        if (!(p->size_m[k] > 2 * p->edge_m && p->edge_m >= 0 && isfinite(p->size_m[k])))
+            return "a box's sizes must be positive and more than twice the radius of its edges";
+    for (int k = 0; k < 3; k++)
+        if (p->size_m[k] < spacing_m) return "a box must be at least a lattice spacing wide and high";
+    return NULL;
+}
+
+// Refuse a shape smaller than the lattice's spacing, because it would fall between the nodes.
+const char *kn_tool_unfit(const kn_probe_def *p, double spacing_m)
+{
+    const bool cylinder = p->shape == KN_PROBE_CYLINDER, long_one = cylinder || p->shape == KN_PROBE_CAPSULE;
+    if (p->shape == KN_PROBE_BOX || p->shape == KN_PROBE_CROSS) return unfit_box(p, spacing_m);
+    const bool of_parts = p->shape == KN_PROBE_UNION || p->shape == KN_PROBE_MESH;
+    if (of_parts && !p->parts) return "a union or mesh needs its parts";
+    if (of_parts && !(2 * p->parts->fine_m >= spacing_m))
+        return "every part of a tool must be at least a lattice spacing wide and high";
+    if (long_one && !(p->length_m > 0 && isfinite(p->length_m))) return "a capsule or cylinder needs a positive length";
+    if (cylinder && !(p->edge_m >= 0 && p->edge_m <= p->radius_m && 2 * p->edge_m <= p->length_m))
+        return "a cylinder's edges must not be rounder than it is wide or long";
+    if (p->shape == KN_PROBE_PLATE && !(p->size_m[0] > 0 && p->size_m[1] > 0 && isfinite(p->size_m[0] + p->size_m[1])))
+        return "a plate needs two positive sizes";
+    if ((long_one || p->shape == KN_PROBE_SPHERE) && !(p->radius_m >= spacing_m && isfinite(p->radius_m)))
+        return "a tool's radius must be at least the lattice spacing, or it falls between the nodes";
+    return NULL;
+}
+
+// Add the two boxes of a cross.
+static bool add_cross(kn_shape *shape, const kn_probe_def *def)
+{
+    const double along[3] = {def->size_m[0], def->size_m[1], def->size_m[2]};
+    const double across[3] = {def->size_m[1], def->size_m[0], def->size_m[2]};
+    const kn_solid arms[2] = {kn_solid_box(along, def->edge_m), kn_solid_box(across, def->edge_m)};
+    return kn_shape_add(shape, &arms[0]) && kn_shape_add(shape, &arms[1]);
+}
+
+bool kn_tool_shape(const kn_probe_def *def, kn_shape *shape)
+{
+    kn_solid part;
+    switch (def->shape) {
+    case KN_PROBE_PLATE: return true;
+    case KN_PROBE_CROSS: return add_cross(shape, def);
+    case KN_PROBE_UNION:
+    case KN_PROBE_MESH: return *shape = *def->parts, true;
+    case KN_PROBE_SPHERE: part = kn_solid_sphere(def->radius_m); break;
+    case KN_PROBE_CAPSULE: part = kn_solid_capsule(def->radius_m, def->length_m); break;
+    case KN_PROBE_CYLINDER: part = kn_solid_cylinder(def->radius_m, def->length_m, def->edge_m); break;
+    default: part = kn_solid_box(def->size_m, def->edge_m);
+    }
+    return kn_shape_add(shape, &part);
+}
 
 // --- orientation ----------------------------------------------------------------------------------------------------
 
@@ -106,11 +162,6 @@ void kn_tool_begin(const kn_model *m, kn_state *state, int p, const kn_probe_inp
         tool->velocity[k] = probe->velocity_m_s[k];
         tool->velocity[3 + k] = own->turn_rad_s[k];
     }
-}
-
-void kn_tool_velocity(const kn_tool_step *tool, const double arm_m[3], double v_m_s[3])
-{
-    kn_six_velocity(tool->velocity, arm_m, v_m_s);
 }
 
 void kn_tool_advance(const kn_model *m, kn_state *state, int p, const kn_tool_step *tool)

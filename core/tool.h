@@ -1,6 +1,6 @@
 #ifndef KN_CORE_TOOL_H
 #define KN_CORE_TOOL_H
-// Motion of rigid tools, and the virtual coupling that ties a tool to its pose.
+// Rigid tools: their shapes, their motion, and the virtual coupling that ties a tool to its pose.
 //
 // Rigid (coupling 0). The tool never jumps to a pose. It moves with v = velocity_m_s + (position_m - x)/20 ms. So a
 // late or repeated pose reduces the force by about one per cent. A tool pinned to its last pose would lose the whole
@@ -15,7 +15,8 @@
 // tool, solved exactly in every product of the conjugate gradients. The hand feels k and b in series with the object,
 // never stiffer than k. Rejected: an explicit spring on the pose. It chatters at 500 Hz on soft objects at any
 // stiffness.
-#include "core/step.h"
+#include "core/shape.h"
+#include "core/state.h"
 
 #define KN_FOLLOW_S 0.020      // time in which a rigid tool catches up with its pose
 #define KN_COUPLING_ARM_M 0.03 // arm l, half a palm: the rotational stiffness of a coupling is l^2 times its stiffness
@@ -33,6 +34,13 @@ typedef struct kn_tool_step { // one tool in one step
     double factor[6][6]; // lower Cholesky factor of the 6 x 6 matrix of coupling and contact
 } kn_tool_step;
 
+// Return NULL, or the reason why a lattice of the given spacing is too coarse for the shape of a probe.
+const char *kn_tool_unfit(const kn_probe_def *probe, double spacing_m);
+
+// Add the parts of a probe's shape to `shape`; a plate adds nothing. Return false if the shape would get more than
+// KN_PARTS_MAX parts.
+bool kn_tool_shape(const kn_probe_def *probe, kn_shape *shape);
+
 // Store the rotation matrix of an orientation; all 0: identity.
 void kn_tool_matrix(const double orientation_wxyz[4], double turn[3][3]);
 
@@ -41,9 +49,6 @@ bool kn_tool_turns(const kn_probe_def *def);
 
 // Attach or detach the tool and fill in velocity, turn, give and drive. A coupled tool starts with its last velocity.
 void kn_tool_begin(const kn_model *model, kn_state *state, int p, const kn_probe_input *in, kn_tool_step *tool);
-
-// Compute the velocity of the tool's point at `arm` from the tool's position.
-void kn_tool_velocity(const kn_tool_step *tool, const double arm_m[3], double v_m_s[3]);
 
 // Move the tool by its velocity over one step.
 void kn_tool_advance(const kn_model *model, kn_state *state, int p, const kn_tool_step *tool);

@@ -1,5 +1,5 @@
 #include "server/operator_orders.h"
-#include "core/carry.h"
+#include "core/snapshot.h"
 #include "proto/knead_event_t.h"
 #include "server/clock.h"
 #include "server/snapshot.h"

@@ -1,5 +1,5 @@
 #include "server/scene_change.h"
-#include "core/carry.h"
+#include "core/snapshot.h"
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -3,13 +3,13 @@
 // Changes of the scene while it is served. An operator overrides keys of the scene by settings. The settings lead to a
 // new scene, which has the same lattice and tools but another material, other forces or another solver effort.
 // Everything is built on a worker thread. Then one tick of the servo adopts the change (kn_tick_in.change) and carries
-// the object's state over to the new model (core/carry.h). The force on the hand fades to zero and comes back.
+// the object's state over to the new model (core/snapshot.h). The force on the hand fades to zero and comes back.
 //
 //     worker thread   parse . build . fit ----+                   energy before and after . free the old one
 //     servo thread    ..tick....tick....tick..v carry, step ..tick....tick....tick..
 //     gain            --------------------------.                                 .  '  ------
 //                                                '._____________________ .  '
-#include "core/energy.h"
+#include "core/measure.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
 

@@ -2,7 +2,7 @@
 #include "clients/identify/curve_parts.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 #include "clients/identify/chain.h"
 #include "clients/identify/onset.h"
 #include "clients/identify/stages.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 #include "clients/identify/pull.h"
 #include "clients/identify/curve.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

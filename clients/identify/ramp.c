@@ -1,5 +1,5 @@
 #include "clients/identify/ramp.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

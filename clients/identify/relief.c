@@ -1,6 +1,6 @@
 #include "clients/identify/relief.h"
 #include "clients/identify/relief_points.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 #include "clients/identify/relief_points.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdbool.h>
 

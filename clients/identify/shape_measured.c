@@ -5,8 +5,8 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/foot.h"
-#include "core/outside.h"
-#include "core/turn.h"
+#include "core/tool.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,7 +27,7 @@ static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double l
         for (int k = 0; k < 2; k++) low_m[k] = -0.5 * def->size_m[k], high_m[k] = 0.5 * def->size_m[k];
         return;
     }
-    kn_outside_shape(def, &shape);
+    kn_tool_shape(def, &shape);
     kn_turn_unit(turn_wxyz, unit);
     kn_turn_matrix(unit, r);
     for (int k = 0; k < 2; k++) { // directions of the scene in the tool's frame

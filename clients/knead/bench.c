@@ -2,7 +2,8 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"
-#include "core/scene/library.h"
+#include "core/scene/scene.h"
+#include "core/scene/keys.h"
 #include "core/scene/units.h"
 #include <getopt.h>
 #include <math.h>

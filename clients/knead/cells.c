@@ -1,6 +1,6 @@
 #include "clients/knead/cells.h"
 #include "clients/knead/vtu.h"
-#include "core/composite.h"
+#include "core/lattice.h"
 #include <stdlib.h>
 #include <string.h>
 

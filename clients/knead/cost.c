@@ -1,7 +1,7 @@
 #include "clients/knead/cost.h"
-#include "core/composite.h"
+#include "core/lattice.h"
 #include "core/contact.h"
-#include "core/impact.h"
+#include "core/step_effort.h"
 #include "core/kernel.h"
 #include "core/shape.h"
 

@@ -9,7 +9,7 @@
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/record.h"
-#include "core/composite.h"
+#include "core/lattice.h"
 #include "core/scene/scene.h"
 #include <getopt.h>
 #include <limits.h>

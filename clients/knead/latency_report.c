@@ -3,7 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/latency.h"
 #include "clients/knead/plot.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_MEASURE_OPTION_H
 #define KN_CLIENTS_MEASURE_OPTION_H
 // The options --color WHAT and --top QUANTITY of `knead view` and `knead export`.
-#include "core/gauge.h"
+#include "core/measure.h"
 
 #define KN_MEASURE_EXPECTED "displacement, stress or residual"
 

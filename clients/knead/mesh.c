@@ -2,7 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/mesher.h"
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "core/scene/units.h"
 #include <errno.h>
 #include <getopt.h>

@@ -1,7 +1,6 @@
 #include "clients/knead/mesher.h"
 #include "clients/knead/commands.h"
-#include "core/scene/msh.h"
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <ftw.h>

@@ -6,7 +6,7 @@
 //   gmsh     splits the surface at edges sharper than 40 degrees, meshes its pieces anew, then the inside: edges have
 //            the wanted length, whatever the triangles were
 //   tetgen   keeps the surface and adds points if quality or size need them, so it is never coarser than the triangles
-#include "core/scene/shell.h"
+#include "core/scene/mesh_file.h"
 #include "core/simplices.h"
 
 typedef enum kn_mesher { KN_MESHER_GMSH, KN_MESHER_TETGEN } kn_mesher;

@@ -2,8 +2,7 @@
 #include "clients/knead/cells.h"
 #include "clients/knead/tool_form.h"
 #include "clients/knead/vtu.h"
-#include "core/gauge.h"
-#include "core/springs.h"
+#include "core/measure.h"
 #include "core/touch.h"
 #include <limits.h>
 #include <stdio.h>

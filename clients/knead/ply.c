@@ -1,6 +1,6 @@
 #include "clients/knead/ply.h"
 #include "clients/viewer/label.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

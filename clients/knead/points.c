@@ -2,7 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/graft.h"
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <libgen.h>

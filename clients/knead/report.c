@@ -1,6 +1,6 @@
 #include "clients/knead/report.h"
 #include "clients/knead/rows.h"
-#include "core/order.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
 #include "clients/knead/still.h"
-#include "core/springs.h"
+#include "core/measure.h"
 #include "core/surface.h"
 #include <math.h>
 #include <stdio.h>

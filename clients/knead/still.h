@@ -4,7 +4,7 @@
 // tools. A still is filled from a state of this process, or from messages on the bus.
 #include "clients/knead/live.h"
 #include "clients/viewer/renderer.h"
-#include "core/gauge.h"
+#include "core/measure.h"
 #include "core/shape.h"
 #include "core/state.h"
 

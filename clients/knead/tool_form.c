@@ -1,8 +1,7 @@
 #include "clients/knead/tool_form.h"
 #include "core/field.h"
 #include "core/shape.h"
-#include "core/turn.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

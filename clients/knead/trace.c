@@ -1,5 +1,5 @@
 #include "clients/knead/trace.h"
-#include "core/composite.h"
+#include "core/lattice.h"
 #include "core/hash.h"
 #include "proto/knead_event_t.h"
 #include <limits.h>

@@ -2,7 +2,7 @@
 #define KN_CLIENTS_VIEW_OPTIONS_H
 // Command line of `knead view`.
 #include "clients/viewer/renderer.h"
-#include "core/gauge.h"
+#include "core/measure.h"
 
 #define KN_VIEW_FILES_MAX 4
 

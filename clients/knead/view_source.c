@@ -1,7 +1,7 @@
 #include "clients/knead/view_source.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

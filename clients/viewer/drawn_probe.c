@@ -1,7 +1,6 @@
 #include "clients/viewer/drawn_probe.h"
 #include "core/field.h"
-#include "core/outside.h"
-#include "core/turn.h"
+#include "core/tool.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,9 +39,8 @@ static frame frame_of(const kn_view_probe *p)
 {
     static const double level[4] = {1}; // orientation of a plate, which ignores the orientation of its probe
     frame f;
-    double unit[4], r[3][3];
-    kn_turn_unit(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, unit);
-    kn_turn_matrix(unit, r);
+    double r[3][3];
+    kn_tool_matrix(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, r);
     for (int i = 0; i < 3; i++) {
         f.at[i] = (float)p->position_m[i];
         for (int k = 0; k < 3; k++) f.axis[k][i] = (float)r[i][k];
@@ -150,7 +148,7 @@ int kn_drawn_probe_solids(const kn_drawn_shapes *t, const kn_view_probe *p, kn_d
         return 1;
     }
     if (p->def.shape == KN_PROBE_PLATE) out[count++] = solid_at(&f, &t->box, 0, size[0], size[1], PLATE_THICKNESS_M);
-    kn_outside_shape(&p->def, &shape);
+    kn_tool_shape(&p->def, &shape);
     for (int i = 0; i < shape.part_count; i++) count += solids_of_part(t, &f, &shape.part[i], out + count);
     return count;
 }
@@ -160,7 +158,7 @@ static double height_of(const kn_probe_def *def)
 {
     kn_shape shape = {0};
     if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
-    kn_outside_shape(def, &shape);
+    kn_tool_shape(def, &shape);
     return kn_shape_support(&shape, (double[]){0, 0, 1});
 }
 

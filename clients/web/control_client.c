@@ -1,6 +1,6 @@
 #include "clients/web/control_client.h"
 #include "clients/knead/ask.h"
-#include "core/scene/library.h"
+#include "core/scene/scene.h"
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

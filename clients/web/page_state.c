@@ -1,8 +1,8 @@
 // The state that the pages are told. Every message has the present state, and a picture if there is a new one. The
 // rarely changing facts (`about`) are added only if they have changed.
 #include "clients/web/web.h"
-#include "core/scene/library.h"
-#include "core/springs.h"
+#include "core/scene/scene.h"
+#include "core/measure.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
 #include <math.h>

@@ -1,24 +1,11 @@
 #include "core/scene/keys.h"
-#include "core/scene/draft.h"
+#include "core/scene/scene.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-_Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
-
-// The key table. Each list of keys.h has its own struct, so each has its own row macro for offsetof.
-#define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
-    [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
-                     most_,           fallback_, offsetof(parent, member), meaning_},
-#define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
-#define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
-#define SURFACE_ROW(...) ROW(kn_draft_surface, __VA_ARGS__)
-#define PART_ROW(...) ROW(kn_draft_part, __VA_ARGS__)
-const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW)
-                                          KN_PART_KEYS(PART_ROW)};
 
 // Return the unit of a key; dimensionless if it has none.
 static kn_unit unit_of(const kn_key *key)

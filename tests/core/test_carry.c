@@ -1,5 +1,5 @@
-#include "core/carry.h"
-#include "core/energy.h"
+#include "core/snapshot.h"
+#include "core/measure.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"

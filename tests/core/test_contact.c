@@ -1,5 +1,6 @@
 #include "core/contact.h"
-#include "core/scratch.h"
+#include "core/solver.h"
+#include "core/step.h"
 #include "tests/check.h"
 
 #include <string.h>

@@ -1,6 +1,6 @@
 #include "core/device.h"
-#include "core/scene/library.h"
 #include "core/scene/scene.h"
+#include "core/scene/keys.h"
 #include "tests/check.h"
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "core/energy.h"
+#include "core/measure.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"

@@ -1,7 +1,6 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "core/gauge.h"
-#include "core/composite.h"
-#include "core/energy.h"
+#include "core/measure.h"
+#include "core/lattice.h"
 #include "core/kernel.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"

@@ -1,4 +1,4 @@
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "tests/check.h"
 
 #include <dirent.h>

@@ -1,5 +1,5 @@
 #include "core/shape.h"
-#include "core/vec.h"
+#include "core/algebra.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 

@@ -1,6 +1,6 @@
 #include "core/snapshot.h"
-#include "core/codec.h"
-#include "core/composite.h"
+#include "core/bytes.h"
+#include "core/lattice.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"

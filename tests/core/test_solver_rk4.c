@@ -1,4 +1,4 @@
-#include "core/solver_rk4.h"
+#include "core/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

@@ -3,7 +3,7 @@
 #include "core/kernel.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
-#include "core/scratch.h"
+#include "core/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -172,8 +172,8 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
     for (int i = 0; i < 16000; i++) {
         double w = (driven_strain((i + 1) * 1e-3) - driven_strain(i * 1e-3)) / 1e-3;
         kn_real_set(model, work->guess, top, w * def.spacing_m);
-        memset(work->r, 0, kn_model_field(model, 3) * model->kernels->real_size);
-        memset(work->p, 0, kn_model_field(model, 6) * model->kernels->real_size);
+        memset(work->r, 0, kn_state_field(model, 3));
+        memset(work->p, 0, kn_state_field(model, 6));
         memset(work->row_moved, 1, (size_t)model->row_count);
         model->kernels->edge(model, state, KN_LINEARIZATION_BLEND, false);
         double inertia = kn_real_get(model, state->velocity, top) - kn_real_get(model, work->guess, top);

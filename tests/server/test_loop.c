@@ -1,6 +1,6 @@
 #include "server/loop.h"
 #include "clients/knead_mesh.h"
-#include "core/deadline.h"
+#include "core/step_effort.h"
 #include "core/kernel.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"

@@ -1,5 +1,53 @@
-#ifndef KN_CORE_COMPOSITE_H
-#define KN_CORE_COMPOSITE_H
+#ifndef KN_CORE_LATTICE_H
+#define KN_CORE_LATTICE_H
+// The nodes, edges, cells and skin of a model, as kn_model_build (build.c) assembles them. lattice.c builds a plain
+// block, net.c a mesh, composite.c a block of two resolutions.
+//
+// A net: a lattice on triangles or tetrahedra. Every side of an element is an edge with the whole law of law.h.
+//
+// Stiffness. Each element gives each of its sides k = E V/L^2 (Van Gelder), where V is its volume, or area times
+// thickness. If the nodes followed the body's strain, edges of all directions would give exactly E. But the nodes give
+// way, so one factor for all edges sets the Young modulus of the whole body to E (net.c). With springs alone,
+// Poisson's ratio is 1/4 in three dimensions and 1/3 in two. The shear modulus depends on the directions of the mesh's
+// edges. `knead check` prints Poisson's ratio and the shear modulus.
+//
+// Stress. The damper sees |f|/(gamma kappa_e L0). gamma makes the body creep like the 1-D element. gamma is a property
+// of the mesh, 0.55 to 0.9, and is also fitted.
+//
+// Memory. A row is one node, with its components side by side. Edges are ordered by their lower node.
+#include "core/kernel.h"
+
+#define KN_NO_MEMORY "not enough memory for the model"
+
+// Allocate room for that many nodes and top nodes, or for that many cells. Return false if memory is short.
+bool kn_model_nodes(kn_model *model, int nodes, int top);
+bool kn_model_cells(kn_model *model, int cells);
+
+// Return the components that a support holds at a base node, as bits.
+uint8_t kn_support_mask(kn_support support);
+
+// List the top nodes. model->top_share holds the share of every node in a load on the top, `sum` the sum of the shares.
+void kn_top_list(kn_model *model, double sum);
+
+// Build the nodes of a plain block. Return false if memory is short.
+bool kn_block_build(kn_model *model);
+
+// Fill in the model's nodes, edges, skin and top from def.mesh. Return NULL, or a sentence that says what is wrong.
+const char *kn_net_build(kn_model *model);
+
+// List the edges or the gas cells of a block for a solver that needs the list; a net already has its own. Return false
+// if memory is short.
+bool kn_lattice_edges(kn_model *model);
+bool kn_lattice_cells(kn_model *model);
+
+// List the nodes of the outside that the table can push, with their areas. Return false if memory is short.
+bool kn_base_build(kn_model *model);
+
+// Return the area at rest of a triangle of skin nodes, m^2.
+double kn_skin_area(const kn_model *model, const int node[3]);
+
+// --- block of two resolutions: composite.c --------------------------------------------------------------------------
+
 // A block of two resolutions: cells of side h in a box under the tool, cells of side 2h around the box. The block is
 // cut into parts. Each part is a block of the regular lattice with its own kernel tables. A node that several parts
 // share, or that hangs on a coarse face, is tied to master nodes:
@@ -20,9 +68,8 @@
 // Accuracy. A uniform strain passes exactly through the faces and edges of the box. In shear the box's corners are out
 // of balance by up to a ninth of a boundary node's force. At a corner of the box, seven coarse cells meet one fine
 // cell. The corner forces of body diagonals grow with h^2, and they cancel only between neighbours of equal size. So
-// the corners should lie where the object deforms little: core/scene/draft_fine.c keeps them 0.7 of a tool's width away
-// from the tool. tests/physics/test_composite.c measures the error.
-#include "core/kernel.h"
+// the corners should lie where the object deforms little: core/scene/draft_quality.c keeps them 0.7 of a tool's width
+// away from the tool. tests/physics/test_composite.c measures the error.
 
 #define KN_COMPOSITE_PARTS 7
 
@@ -68,7 +115,6 @@ const char *kn_composite_check(const kn_model_def *def);
 
 // Fill in the model's nodes, faces and kernels. Return NULL, or what went wrong.
 const char *kn_composite_build(kn_model *model);
-void kn_composite_kernels(kn_model *model);         // last step of the build; in composite_step.c
 void kn_composite_destroy(kn_composite *composite); // NULL is fine
 
 // Store the displacement, m, at a node of the lattice as if it were fine everywhere. Outside the box the result is the

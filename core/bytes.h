@@ -1,5 +1,5 @@
-#ifndef KN_CORE_CODEC_H
-#define KN_CORE_CODEC_H
+#ifndef KN_CORE_BYTES_H
+#define KN_CORE_BYTES_H
 // Plain values as bytes, little-endian, in the order of the calls. One description of a layout measures, writes and
 // reads it, so the three cannot differ:
 //
@@ -29,5 +29,19 @@ void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // 
 void kn_codec_bool(kn_codec *c, bool *value);
 void kn_codec_f64(kn_codec *c, double *value, size_t count);              // all values must be finite
 void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite floats or doubles
+
+// An arena: it hands out pieces of one block, each aligned to 64 bytes. If `base` is NULL, the arena only adds up the
+// sizes, so that one description of a layout measures it and hands out its memory.
+typedef struct kn_arena {
+    char *base;
+    size_t used;
+} kn_arena;
+
+static inline void *kn_arena_take(kn_arena *a, size_t bytes)
+{
+    void *p = a->base ? a->base + a->used : NULL;
+    a->used += (bytes + 63) / 64 * 64;
+    return p;
+}
 
 #endif

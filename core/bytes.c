@@ -1,4 +1,4 @@
-#include "core/codec.h"
+#include "core/bytes.h"
 
 #include <math.h>
 #include <string.h>
