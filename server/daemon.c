@@ -340,11 +340,9 @@ static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_
     // without an option, take the URL from the environment, as every LCM client does
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL");
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
-    if (!kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) ||
-        !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
-        (def->key && !kn_auth_load(&d->auth, def->key, error, error_size)))
-        return false;
-    return true;
+    return kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) &&
+           kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) &&
+           (!def->key || kn_auth_load(&d->auth, def->key, error, error_size));
 }
 
 // Claim and open both buses, then set up the modules that use them.
@@ -445,21 +443,19 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
                                   threads[i].run, d);
     // Lock the memory now that all stacks exist and no thread runs yet.
     if (!failed) kn_rt_lock_memory(&d->rt);
-    if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
-    else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
-        snprintf(error, error_size, "not real time: %s", d->rt.missing);
-    else {
-        // Start the grids of servo and sentinel, then release the threads.
-        const int64_t start_ns = d->check.start_ns = kn_now_ns() + START_DELAY_NS;
-        kn_loop_start(&d->loop, start_ns);
-        d->sentinel.beside = &d->loop.start_ns;
-        d->sentinel.busy = &d->loop.busy;
-        kn_clock_start(&d->sentinel.clock, start_ns + KN_SENTINEL_OFFSET_NS);
-        d->budget = DATAGRAMS_PER_TICK;
-        pthread_barrier_wait(&d->go);
-        return true;
-    }
-    return false; // give up; the threads that wait at the barrier end with the process
+    // On failure, the threads that wait at the barrier end with the process.
+    if (failed) return kn_refuse(error, error_size, "cannot start a thread: %s", strerror(failed));
+    if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
+        return kn_refuse(error, error_size, "not real time: %s", d->rt.missing);
+    // Start the grids of servo and sentinel, then release the threads.
+    const int64_t start_ns = d->check.start_ns = kn_now_ns() + START_DELAY_NS;
+    kn_loop_start(&d->loop, start_ns);
+    d->sentinel.beside = &d->loop.start_ns;
+    d->sentinel.busy = &d->loop.busy;
+    kn_clock_start(&d->sentinel.clock, start_ns + KN_SENTINEL_OFFSET_NS);
+    d->budget = DATAGRAMS_PER_TICK;
+    pthread_barrier_wait(&d->go);
+    return true;
 }
 
 // time after which a further signal ends the process, as in on_signal, ns; 0: no signal yet

@@ -54,13 +54,11 @@ void kn_publisher_close(kn_publisher *p)
     p->bytes = NULL;
 }
 
-// Sign and send the message that is encoded in p->bytes. `size` <= 0: encoding has failed.
+// Send the message that is encoded in p->bytes. A message that does not fit or is refused counts as failed; later messages
+// are not affected.
 static void send_bytes(kn_publisher *p, const char *channel, int size)
 {
-    if (size > 0 && p->auth)
-        size = (int)kn_auth_sign(p->auth, channel, p->bytes, (size_t)size, kn_auth_now(p->auth, &p->signed_us));
-    // a message that does not fit or is refused counts as failed; later messages are not affected
-    bool sent = size > 0 && lcm_publish(p->lcm, channel, p->bytes, (unsigned)size) == 0;
+    bool sent = kn_wire_send(p->lcm, p->auth, &p->signed_us, channel, p->bytes, size);
     p->published += sent;
     p->failed += !sent;
 }

@@ -96,13 +96,6 @@ static bool fetch(kn_log *log, kn_log_record *r)
     return true;
 }
 
-static bool all_finite(const double *value, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (!isfinite(value[i])) return false;
-    return true;
-}
-
 // Return whether the record has the size of a fixed-size type, with or without a trailer, and the type's hash.
 static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
 {
@@ -117,8 +110,8 @@ static kn_log_kind read_force(kn_log_record *r)
     if (!fits(r, size, __knead_contact_force_t_get_hash())) return KN_LOG_MALFORMED;
     if (knead_contact_force_t_decode(r->data, 0, size, &r->force) != size) return KN_LOG_MALFORMED;
     const knead_contact_force_t *f = &r->force;
-    bool sane = all_finite(f->contact_force_n, 3) && all_finite(f->force_n, 3) && isfinite(f->gain) && f->tick >= 0 &&
-                f->tick <= KN_LOG_TICK_MAX && f->missed_cycles >= 0 && f->missed_cycles <= f->tick;
+    bool sane = kn_wire_finite(f->contact_force_n, 3) && kn_wire_finite(f->force_n, 3) && isfinite(f->gain) &&
+                f->tick >= 0 && f->tick <= KN_LOG_TICK_MAX && f->missed_cycles >= 0 && f->missed_cycles <= f->tick;
     return sane ? KN_LOG_FORCE : KN_LOG_MALFORMED;
 }
 
@@ -127,7 +120,7 @@ static kn_log_kind read_event(kn_log_record *r)
     int size = knead_event_t_encoded_size(&r->event);
     if (!fits(r, size, __knead_event_t_get_hash())) return KN_LOG_MALFORMED;
     if (knead_event_t_decode(r->data, 0, size, &r->event) != size) return KN_LOG_MALFORMED;
-    bool sane = r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX && all_finite(r->event.arg, 8);
+    bool sane = r->event.tick >= 0 && r->event.tick <= KN_LOG_TICK_MAX && kn_wire_finite(r->event.arg, 8);
     return sane ? KN_LOG_EVENT : KN_LOG_MALFORMED;
 }
 

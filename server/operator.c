@@ -546,18 +546,19 @@ static const struct command {
     // name of the command's only argument field; NULL: the command has none
     const char *argument;
     json_type type;
-    bool needed;
-} commands[] = {{"status", status, NULL, JSON_NULL, false},
-                {"reset", reset, NULL, JSON_NULL, false},
-                {"quality", quality, "name", JSON_STRING, true},
-                {"snapshot", snapshot, NULL, JSON_NULL, false},
-                {"restore", restore, "generation", JSON_INTEGER, false},
-                {"undo", undo, NULL, JSON_NULL, false},
-                {"recover", recover, NULL, JSON_NULL, false},
-                {"estop", estop, NULL, JSON_NULL, false},
-                {"set", set, "values", JSON_ARRAY, true},
-                {"load", load, "scene", JSON_STRING, false},
-                {"stop", stop, NULL, JSON_NULL, false}};
+    bool needed; // the argument must be given
+    bool slow;   // waits for the disk, for a restored state or for a model, so it runs on the worker thread
+} commands[] = {{"status", status, NULL, JSON_NULL, false, false},
+                {"reset", reset, NULL, JSON_NULL, false, false},
+                {"quality", quality, "name", JSON_STRING, true, false},
+                {"snapshot", snapshot, NULL, JSON_NULL, false, true},
+                {"restore", restore, "generation", JSON_INTEGER, false, true},
+                {"undo", undo, NULL, JSON_NULL, false, true},
+                {"recover", recover, NULL, JSON_NULL, false, false},
+                {"estop", estop, NULL, JSON_NULL, false, false},
+                {"set", set, "values", JSON_ARRAY, true, true},
+                {"load", load, "scene", JSON_STRING, false, true},
+                {"stop", stop, NULL, JSON_NULL, false, false}};
 #define COMMANDS (sizeof commands / sizeof *commands)
 
 static json_t *no_command(const char *name)
@@ -585,12 +586,11 @@ static bool audits(void *op, const json_t *request)
     return !c || c->run != status;
 }
 
-// Return true for commands that wait for the disk, for a restored state or for a model. They run on the worker thread.
 static bool is_slow(void *op, const json_t *request)
 {
     (void)op;
     const struct command *c = command_of(request);
-    return c && (c->run == snapshot || c->run == restore || c->run == undo || c->run == set || c->run == load);
+    return c && c->slow;
 }
 
 // Return true for an emergency stop, which is carried out before everything else.

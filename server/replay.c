@@ -6,13 +6,13 @@
 #include "server/log.h"
 #include "server/operator_orders.h"
 #include "server/receiver.h"
+#include "server/rt.h"
 #include "server/store.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // number of poses remembered per probe, a power of two: up to this many poses may lie between a pose and its force in
 // the log
@@ -613,20 +613,13 @@ static void check_hashes(kn_replay *r)
     }
 }
 
-static int64_t read_ns(clockid_t clock)
-{
-    struct timespec t;
-    clock_gettime(clock, &t);
-    return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
-}
-
 // Run the servo tick, and measure the time it takes.
 static void run_tick(kn_replay *r)
 {
-    int64_t start_ns = read_ns(CLOCK_MONOTONIC), start_cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID);
+    int64_t start_ns = kn_rt_clock_ns(CLOCK_MONOTONIC), start_cpu_ns = kn_rt_clock_ns(CLOCK_THREAD_CPUTIME_ID);
     kn_servo_tick(&r->servo, &r->tick.in, &r->tick.out);
-    r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
-    r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
+    r->tick.cpu_ns = kn_rt_clock_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
+    r->tick.execution_ns = kn_rt_clock_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
     if (r->tick.out.changed) { // a tick applied a new change, so nothing uses the previous change any more
         kn_scene_change_destroy(r->private->change);

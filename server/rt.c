@@ -30,6 +30,13 @@ bool kn_rt_files(char *error, size_t error_size)
     return count == FILES;
 }
 
+int64_t kn_rt_clock_ns(clockid_t clock)
+{
+    struct timespec t;
+    clock_gettime(clock, &t);
+    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
+}
+
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
 {
     static const char *const names[] = {[KN_RT_AUTO] = "auto", [KN_RT_REQUIRE] = "require", [KN_RT_OFF] = "off"};

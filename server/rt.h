@@ -16,6 +16,8 @@
 #include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
+#include <time.h>
 
 typedef enum kn_rt_mode {
     KN_RT_AUTO,    // use the priorities and the memory lock that the machine grants, and report those that it refuses
@@ -35,6 +37,9 @@ typedef struct kn_rt {
 // Check at the start that the process can open as many files as its buses, sockets and libraries need. liblcm and libev
 // hang or abort when they cannot open a file. On failure return false and put one line in error.
 bool kn_rt_files(char *error, size_t error_size);
+
+// Return a clock of the kernel, ns; CLOCK_THREAD_CPUTIME_ID: processor time of the calling thread.
+int64_t kn_rt_clock_ns(clockid_t clock);
 
 // Parse "auto", "require" or "off"; return false for any other word.
 bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode);

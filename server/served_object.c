@@ -4,6 +4,7 @@
 #include "core/step_effort.h"
 #include "server/clock.h"
 #include "server/keeper.h"
+#include "server/rt.h"
 #include "server/console.h"
 #include "server/skin.h"
 #include <inttypes.h>
@@ -11,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // Return the memory available without swapping (MemAvailable of /proc/meminfo), bytes. Return SIZE_MAX if it is
 // unknown.
@@ -138,13 +138,6 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
     return true;
 }
 
-static int64_t read_ns(clockid_t clock)
-{
-    struct timespec t;
-    clock_gettime(clock, &t);
-    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
-}
-
 // Fill in the input of one tick of a simulated impact: all tools move into the top of the object at 5 cm/s, deeper with
 // each `tick`.
 static void strike(const kn_model *model, int tick, kn_input *input)
@@ -160,10 +153,10 @@ static void strike(const kn_model *model, int tick, kn_input *input)
 // Run one tick of the backend, and return its time by the given clock, ns.
 static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_output *output)
 {
-    int64_t from_ns = read_ns(clock);
+    int64_t from_ns = kn_rt_clock_ns(clock);
     b->submit(b->self, input);
     b->wait(b->self, 0, output);
-    return read_ns(clock) - from_ns;
+    return kn_rt_clock_ns(clock) - from_ns;
 }
 
 // Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
@@ -172,8 +165,8 @@ int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
     const clockid_t clock = kn_backend_fpga_counts(b, &circuit) ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID;
-    int64_t start_ns = read_ns(clock), best_ns = INT64_MAX;
-    for (int i = 0; i < 10 && read_ns(clock) - start_ns < 20 * KN_PERIOD_NS; i++) {
+    int64_t start_ns = kn_rt_clock_ns(clock), best_ns = INT64_MAX;
+    for (int i = 0; i < 10 && kn_rt_clock_ns(clock) - start_ns < 20 * KN_PERIOD_NS; i++) {
         kn_input input = {0};
         kn_output output;
         if (pressed) strike(pressed, i, &input);
@@ -194,8 +187,8 @@ static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, i
                        int64_t units[STRIKES])
 {
     const clockid_t clock = CLOCK_THREAD_CPUTIME_ID;
-    const int64_t start_ns = read_ns(clock);
-    for (int round = 0; round < STRIKE_ROUNDS && read_ns(clock) - start_ns < 100 * KN_PERIOD_NS; round++) {
+    const int64_t start_ns = kn_rt_clock_ns(clock);
+    for (int round = 0; round < STRIKE_ROUNDS && kn_rt_clock_ns(clock) - start_ns < 100 * KN_PERIOD_NS; round++) {
         b->reset(b->self);
         for (int i = 0; i < STRIKES; i++) {
             kn_input input = {.deadline = deadline};
