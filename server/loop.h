@@ -97,8 +97,8 @@ typedef struct kn_loop {
     _Atomic int64_t obeyed_tick[KN_LOOP_ORDERS]; // tick that took order number n, stored at index n % KN_LOOP_ORDERS
     atomic_bool done;                            // true when the loop has ended and its last record is in `records`
     int64_t execution_ns;                        // duration of the last tick, ns
-    // Number of units of work (core/step_effort.h) that a step may take from the first tick on; 0: no deadline; set
-    // before the start.
+    // Number of units of work (core/step_effort.h) that a step may take from the first tick on; 0: no
+    // deadline; set before the start.
     int64_t deadline;
     // Deadline measured for the present model, at the start or when a change was built, units of work.
     int64_t priced;

@@ -35,10 +35,11 @@ int kn_served_load(kn_served *served, const kn_served_def *def, char *error, siz
 // measured in processor time, which other processes do not lengthen. A step on a circuit is measured until the answer
 // arrives. The object is reset afterwards.
 int64_t kn_served_measure(kn_backend *backend, const kn_model *pressed);
-// Return the deadline of a step, in units of work (core/step_effort.h), such that a step ends within KN_SERVED_SHARE of
-// `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object at 5 cm/s, on
-// one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the units
-// of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.
+// Return the deadline of a step, in units of work (core/step_effort.h), such that a step ends within
+// KN_SERVED_SHARE of `budget_s` on this machine. The time of a unit is measured while all tools of `model`
+// hit the object at 5 cm/s, on one thread of this processor. `model` must be the model that the backend
+// steps. The deadline is never below the units of the shortest step. Return 0 if the solver has no deadline.
+// The object is reset afterwards.
 int64_t kn_served_deadline(kn_backend *backend, const kn_model *model, double budget_s);
 // Fraction of the time budget for a step; the rest is for work that the units do not count, and for delays by a busy
 // hyperthread.
