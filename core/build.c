@@ -322,7 +322,6 @@ static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->force = kn_arena_take(a, nodes * sizeof *s->force);
     s->reaction = kn_arena_take(a, nodes * sizeof *s->reaction);
     s->stages = kn_arena_take(a, kn_rk4_scratch(m));
-    s->boundary = (kn_boundary){s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
 }
 
 // Hand out the scratch of the integer solver, which has a layout of its own.

@@ -51,8 +51,9 @@ void kn_contact_fit_reset(kn_contact_fit *fit);   // forget all contacts; call w
 // safe.
 void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
 
-// Do two iterations of the mobility solve (core/patch.h) for the present contact, and group the pressed nodes into
-// patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
+// Do two iterations of the mobility solve (core/patch.h) for the present contact, and group the pressed nodes
+// into patches for the next step. Call once per tick, after the forces and units have been sent. Real-time
+// safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
 // Store the units of probe p after the last step, physical fields only: unit[0 .. contact_count - 1]. contact_count is

@@ -49,7 +49,8 @@ bool kn_springs_init(kn_springs *s, const kn_model *model)
     return fits;
 }
 
-size_t kn_springs_bytes(const kn_model *model)
+// Return the peak memory of kn_springs_init, bytes.
+static size_t springs_bytes(const kn_model *model)
 {
     return ((size_t)edges_of(model) + 1) * (sizeof(kn_spring) + sizeof(kn_edge));
 }
@@ -201,7 +202,7 @@ kn_gauge *kn_gauge_create(const kn_model *model)
 size_t kn_gauge_bytes(const kn_model *model)
 {
     const size_t nodes = (size_t)model->node_count;
-    return sizeof(kn_gauge) + nodes * (sizeof(share) + sizeof(int)) + kn_springs_bytes(model);
+    return sizeof(kn_gauge) + nodes * (sizeof(share) + sizeof(int)) + springs_bytes(model);
 }
 
 void kn_gauge_destroy(kn_gauge *gauge)
@@ -471,7 +472,7 @@ static double in_contact(const kn_state *state)
 }
 
 // Start a new energy account: forget all work and stored energy.
-static void begin(kn_audit *a)
+void kn_audit_restart(kn_audit *a)
 {
     a->ticks = a->steps = 0;
     a->summing = a->closed = false;
@@ -488,7 +489,7 @@ static void judge(kn_audit *a)
     a->taken.stored_j = kn_energy_sum(&a->sum.energy);
     // the energy of a diverged state is not finite, so start a new account
     if (!isfinite(a->taken.stored_j)) {
-        begin(a);
+        kn_audit_restart(a);
         return;
     }
     news->stored = a->sum.energy;
@@ -511,15 +512,13 @@ static void judge(kn_audit *a)
     a->summing = false;
 }
 
-void kn_audit_restart(kn_audit *audit) { begin(audit); }
-
 void kn_audit_follow(kn_audit *next, const kn_audit *last) { next->news = last->news; }
 
 void kn_audit_tick(kn_audit *audit, const kn_state *state)
 {
     kn_audit *a = audit;
     // if the state's tick has gone back, the state was reset
-    if (state->tick < a->steps || state->bad) begin(a);
+    if (state->tick < a->steps || state->bad) kn_audit_restart(a);
     a->steps = state->tick;
     if (state->bad) return; // the energies are not finite; keep the earlier judgements
     book_work(a, state);

@@ -34,8 +34,7 @@ typedef struct kn_springs {
 
 // List the edges. Allocates; returns false if memory is short.
 bool kn_springs_init(kn_springs *springs, const kn_model *model);
-void kn_springs_free(kn_springs *springs);      // free the list; does nothing to a zeroed struct
-size_t kn_springs_bytes(const kn_model *model); // peak memory of kn_springs_init [bytes]
+void kn_springs_free(kn_springs *springs); // free the list; does nothing to a zeroed struct
 
 // Return the present values of one edge. Real-time safe, some 100 ns. A force-dependent law takes a Newton iteration.
 kn_spring_now kn_spring_look(const kn_springs *springs, const kn_state *state, int number);

@@ -36,8 +36,8 @@ typedef struct kn_scratch {
     kn_rigid rigid;       // implicit
     int *last_held;       // implicit: nodes whose velocities the last step prescribed
     int last_held_count;
-    uint8_t *row_base;    // implicit: [rows] 1 where the support holds a node of the row
-    kn_boundary boundary; // RK4: boundary of the step; its arrays are `fixed`, `velocity`, `force`, `reaction`
+    uint8_t *row_base; // implicit: [rows] 1 where the support holds a node of the row
+    // RK4: arrays of the step's boundary
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
     void *stages; // RK4: memory of its stages; FIXED: memory of the integer step

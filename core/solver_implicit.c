@@ -4,22 +4,16 @@
 #include <math.h>
 #include <string.h>
 
-typedef struct node_at { // the place of a node's three components in a field
-    size_t offset, stride;
-} node_at;
-
-static node_at locate(const kn_model *m, int node) { return (node_at){m->offset[node], m->stride}; }
-
 // --- boundary -------------------------------------------------------------------------------------------------------
 
 // Undo the constraints of the last step's holds. Only the nodes held last are visited, not all nodes.
 static void free_last_held(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->last_held_count; i++) {
-        node_at n = locate(m, s->last_held[i]);
+        const size_t at = m->offset[s->last_held[i]];
         int mask = m->support[s->last_held[i]];
         // a component is free again unless the support holds it
-        for (size_t k = 0; k < 3; k++) kn_real_set(m, s->work.free, n.offset + k * n.stride, mask >> k & 1 ? 0 : 1);
+        for (size_t k = 0; k < 3; k++) kn_real_set(m, s->work.free, at + k * m->stride, mask >> k & 1 ? 0 : 1);
     }
     s->last_held_count = 0;
     memcpy(s->work.row_held, s->row_base, (size_t)m->row_count);
@@ -30,11 +24,11 @@ static void free_last_held(const kn_model *m, kn_scratch *s)
 // velocity differs from the last one.
 static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_hold *hold)
 {
-    node_at n = locate(m, hold->node);
-    size_t row = n.offset / (3 * n.stride);
+    const size_t at = m->offset[hold->node];
+    size_t row = at / (3 * m->stride);
     int mask = m->support[hold->node];
     for (size_t k = 0; k < 3; k++) {
-        size_t o = n.offset + k * n.stride;
+        size_t o = at + k * m->stride;
         kn_real_set(m, s->work.free, o, 0);
         // a component that the support holds keeps its zero velocity
         if (mask >> k & 1) continue;
@@ -294,9 +288,9 @@ static void read_forces(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
         kn_hold *hold = &s->contact.hold[i];
-        node_at n = locate(m, hold->node);
+        const size_t at = m->offset[hold->node];
         for (size_t k = 0; k < 3; k++)
-            hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, n.offset + k * n.stride);
+            hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, at + k * m->stride);
     }
     kn_foundation_read(m, s);
 }
@@ -324,15 +318,14 @@ static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
         kn_hold *hold = &s->contact.hold[i];
-        node_at n = locate(m, hold->node);
-        if (hold->gone || kn_real_get(m, s->work.r, n.offset + 2 * n.stride) >= 0) continue;
+        const size_t at = m->offset[hold->node];
+        if (hold->gone || kn_real_get(m, s->work.r, at + 2 * m->stride) >= 0) continue;
         hold->gone = true;
         for (size_t k = 0; k < 3; k++) {
             if (m->support[hold->node] >> k & 1) continue;
             // free the components and start them again from their last velocity
-            kn_real_set(m, s->work.free, n.offset + k * n.stride, 1);
-            kn_real_set(m, s->work.guess, n.offset + k * n.stride,
-                        kn_real_get(m, state->velocity, n.offset + k * n.stride));
+            kn_real_set(m, s->work.free, at + k * m->stride, 1);
+            kn_real_set(m, s->work.guess, at + k * m->stride, kn_real_get(m, state->velocity, at + k * m->stride));
         }
     }
 }

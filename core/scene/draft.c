@@ -119,19 +119,13 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
 // Return the key whose value decides whether key id is relevant.
 static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
 {
+    if (kn_keys[id].when >= KN_WHEN_PLATE) return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK:
     case KN_WHEN_MESH: return KN_KEY_MESH;
     case KN_WHEN_DIAGONALS: return *draft->mesh_path ? KN_KEY_MESH : KN_KEY_STRUCTURE;
     case KN_WHEN_PRESSURE: return KN_KEY_PRESSURE;
     case KN_WHEN_TABLE: return KN_KEY_SUPPORT;
-    case KN_WHEN_PLATE:
-    case KN_WHEN_TOOL:
-    case KN_WHEN_ROUND:
-    case KN_WHEN_LONG:
-    case KN_WHEN_BOX:
-    case KN_WHEN_SURFACE:
-    case KN_WHEN_EDGED: return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
     default: return KN_KEY_DAMPER;
     }
 }
@@ -164,6 +158,7 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     const kn_model_def *def = &draft->scene.model;
     const bool mesh = *draft->mesh_path != '\0';
     // shapes belong to a probe or part, all other conditions to the scene
+    if (kn_keys[id].when >= KN_WHEN_PLATE) return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK: return !mesh;
     case KN_WHEN_MESH: return mesh;
@@ -174,13 +169,6 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     case KN_WHEN_FORCE: return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
     case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
     case KN_WHEN_TABLE: return def->support == KN_SUPPORT_FRICTION;
-    case KN_WHEN_PLATE:
-    case KN_WHEN_TOOL:
-    case KN_WHEN_ROUND:
-    case KN_WHEN_LONG:
-    case KN_WHEN_BOX:
-    case KN_WHEN_SURFACE:
-    case KN_WHEN_EDGED: return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     default: return true;
     }
 }

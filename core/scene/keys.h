@@ -274,13 +274,14 @@ typedef enum kn_key_when {
     KN_WHEN_RAMP,        // material.damper is ramp
     KN_WHEN_FORCE,       // material.damper is exponential or ramp
     KN_WHEN_TABLE,       // support is friction
-    KN_WHEN_PLATE,       // the tool's shape is plate
-    KN_WHEN_TOOL,        // the tool's shape is any but plate
-    KN_WHEN_ROUND,       // the tool's shape is sphere, capsule or cylinder
-    KN_WHEN_LONG,        // the tool's shape is capsule or cylinder
-    KN_WHEN_BOX,         // the tool's shape is box or cross
-    KN_WHEN_EDGED,       // the tool's shape is box, cross or cylinder
-    KN_WHEN_SURFACE      // the tool's shape is mesh
+    // the conditions from here on are those on a tool's shape
+    KN_WHEN_PLATE,  // the tool's shape is plate
+    KN_WHEN_TOOL,   // the tool's shape is any but plate
+    KN_WHEN_ROUND,  // the tool's shape is sphere, capsule or cylinder
+    KN_WHEN_LONG,   // the tool's shape is capsule or cylinder
+    KN_WHEN_BOX,    // the tool's shape is box or cross
+    KN_WHEN_EDGED,  // the tool's shape is box, cross or cylinder
+    KN_WHEN_SURFACE // the tool's shape is mesh
 } kn_key_when;
 
 typedef enum kn_key_type {

@@ -235,25 +235,44 @@ static bool read_mapping(reader *r, const char *path)
     }
 }
 
+// Read a list of mappings: the scene's probes, or the parts of the probe that is being read. `name`, `keys`: the list and
+// the keys of a mapping in messages. `path`: path of a mapping. `count`: number of mappings read so far, at most `most`.
+static bool read_list(reader *r, const char *name, const char *keys, const char *path, int *count, int most)
+{
+    // r->slot is the slot of the mapping while it is read, else that of the scene or the probe
+    const int slot = r->slot;
+    if (r->event.type != YAML_SEQUENCE_START_EVENT)
+        return kn_draft_complain(r->draft, here(r), "%s: %s, expected a list of mappings", name, kind_of(r));
+    for (;;) {
+        if (!next(r)) return false;
+        if (r->event.type == YAML_SEQUENCE_END_EVENT) return true;
+        if (r->event.type != YAML_MAPPING_START_EVENT)
+            return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping with %s", name, kind_of(r), keys);
+        if (*count == most)
+            return kn_draft_complain(r->draft, here(r), "%s: one too many, expected at most %d", name, most);
+        ++*count;
+        r->slot = slot == 0 ? *count : kn_slot_of_part(slot, *count - 1);
+        if (!read_mapping(r, path)) return false;
+        r->slot = slot;
+    }
+}
+
 // Read the list of probes. A --set can change only one key of one probe.
 static bool read_probes(reader *r)
 {
     if (r->source >= 0)
         return kn_draft_complain(r->draft, here(r), "expected one key of one probe, e.g. probes.plate.size");
-    if (r->event.type != YAML_SEQUENCE_START_EVENT)
-        return kn_draft_complain(r->draft, here(r), "probes: %s, expected a list of mappings", kind_of(r));
-    for (;;) {
-        if (!next(r)) return false;
-        if (r->event.type == YAML_SEQUENCE_END_EVENT) return true;
-        if (r->event.type != YAML_MAPPING_START_EVENT)
-            return kn_draft_complain(r->draft, here(r), "probes: %s, expected a mapping with name and shape",
-                                     kind_of(r));
-        if (r->draft->scene.model.probe_count == KN_PROBES_MAX)
-            return kn_draft_complain(r->draft, here(r), "probes: one too many, expected at most %d", KN_PROBES_MAX);
-        r->slot = ++r->draft->scene.model.probe_count;
-        if (!read_mapping(r, "probes.NAME")) return false;
-        r->slot = 0;
-    }
+    return read_list(r, "probes", "name and shape", "probes.NAME", &r->draft->scene.model.probe_count, KN_PROBES_MAX);
+}
+
+// Read the list of a union's parts. A --set can change only one key of one part.
+static bool read_parts(reader *r)
+{
+    const int probe = r->slot - 1;
+    if (r->source >= 0)
+        return kn_draft_complain(r->draft, here(r), "expected one key of one part, e.g. probes.pin.parts.1.radius");
+    r->draft->parts_at[probe] = here(r);
+    return read_list(r, "parts", "shape", "probes.NAME.parts.N", &r->draft->part_count[probe], KN_PARTS_MAX);
 }
 
 // Parse the text of a material's file and copy its values into the draft.
@@ -344,29 +363,6 @@ static bool read_material(reader *r)
                              "material: '%.40s' is unknown, expected a mapping, a file.yaml, or %s (with -rheological, "
                              "-viscoelastic, -plastic)",
                              name ? name : "", kn_library_names(names));
-}
-
-// Read the list of a union's parts. A --set can change only one key of one part.
-static bool read_parts(reader *r)
-{
-    // r->slot is the slot of the part while a part is read, else that of the probe
-    const int slot = r->slot, probe = slot - 1;
-    if (r->source >= 0)
-        return kn_draft_complain(r->draft, here(r), "expected one key of one part, e.g. probes.pin.parts.1.radius");
-    if (r->event.type != YAML_SEQUENCE_START_EVENT)
-        return kn_draft_complain(r->draft, here(r), "parts: %s, expected a list of mappings", kind_of(r));
-    r->draft->parts_at[probe] = here(r);
-    for (;;) {
-        if (!next(r)) return false;
-        if (r->event.type == YAML_SEQUENCE_END_EVENT) return true;
-        if (r->event.type != YAML_MAPPING_START_EVENT)
-            return kn_draft_complain(r->draft, here(r), "parts: %s, expected a mapping with shape", kind_of(r));
-        if (r->draft->part_count[probe] == KN_PARTS_MAX)
-            return kn_draft_complain(r->draft, here(r), "parts: one too many, expected at most %d", KN_PARTS_MAX);
-        r->slot = kn_slot_of_part(slot, r->draft->part_count[probe]++);
-        if (!read_mapping(r, "probes.NAME.parts.N")) return false;
-        r->slot = slot;
-    }
 }
 
 // Read the node at an existing path: a value, a mapping, a list of probes or parts, or a short form. The short forms
