@@ -37,17 +37,6 @@ int64_t kn_rt_clock_ns(clockid_t clock)
     return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
-{
-    static const char *const names[] = {[KN_RT_AUTO] = "auto", [KN_RT_REQUIRE] = "require", [KN_RT_OFF] = "off"};
-    for (int i = 0; i < 3; i++) {
-        if (strcmp(name, names[i]) != 0) continue;
-        *mode = (kn_rt_mode)i;
-        return true;
-    }
-    return false;
-}
-
 // Add a refused request to rt->missing, with its reason and remedy.
 static void add_missing(kn_rt *rt, const char *what, const char *why, const char *cure)
 {

@@ -41,9 +41,6 @@ bool kn_rt_files(char *error, size_t error_size);
 // Return a clock of the kernel, ns; CLOCK_THREAD_CPUTIME_ID: processor time of the calling thread.
 int64_t kn_rt_clock_ns(clockid_t clock);
 
-// Parse "auto", "require" or "off"; return false for any other word.
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode);
-
 // Move the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Call it before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
 void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended

@@ -372,10 +372,9 @@ static int identify(work *w, int argc, char **argv)
 int kn_identify_creep_main(int argc, char **argv)
 {
     work *w = calloc(1, sizeof *w);
-    bool done = false;
     if (!w) return kn_complain("identify creep", KN_EXIT_DEVICE, "out of memory");
-    int code = kn_identify_options_parse(&w->opt, "identify creep", 'c', help, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) code = identify(w, argc, argv);
+    int code = kn_identify_options_parse(&w->opt, "identify creep", 'c', help, argc, argv);
+    if (code == KN_OPTIONS_READ) code = identify(w, argc, argv);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
     kn_models_free(&w->models);
     kn_identify_options_free(&w->opt);

@@ -196,7 +196,7 @@ int kn_identify_shape_main(int argc, char **argv)
 {
     kn_shape_options o;
     int code = kn_shape_options_parse(&o, argc, argv);
-    if (code == KN_EXIT_OK && !o.help) code = run(&o);
+    if (code == KN_OPTIONS_READ) code = run(&o);
     kn_shape_options_free(&o);
     kn_result_close(code);
     return code;

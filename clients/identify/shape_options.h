@@ -3,6 +3,7 @@
 // The options of `knead identify shape`.
 #include "clients/identify/candidate.h"
 #include "clients/viewer/range.h"
+#include "server/option_table.h"
 
 // special value of kn_shape_options.at_s: the end of the hold. The value INFINITY means the end of the press
 #define KN_SHAPE_HOLD (-INFINITY)
@@ -17,14 +18,14 @@ typedef struct kn_shape_options { // all paths are pointers into argv
     double force_begin_s;          // time in the force file at which the press begins
     kn_press_def press;
     kn_range_given given;
-    bool align, finer, help;
+    bool align, finer;
     const char *only;
     int jobs;
     const char *png, *out, *out_depth;
 } kn_shape_options;
 
-// Parse the command line. Return 0, or print an error and return an exit code. If --json is given, kn_result is open
-// afterwards.
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after an error. If
+// --json is given, kn_result is open afterwards.
 int kn_shape_options_parse(kn_shape_options *options, int argc, char **argv);
 void kn_shape_options_free(kn_shape_options *options);
 

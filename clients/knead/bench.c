@@ -5,7 +5,6 @@
 #include "core/scene/scene.h"
 #include "core/scene/keys.h"
 #include "core/scene/units.h"
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -398,10 +397,9 @@ int kn_bench_main(const kn_experiment *x, kn_bench_options opt, int argc, char *
 {
     kn_bench b = {0};
     kn_table t;
-    bool done = false;
     kn_table_init(&t, x->columns);
-    int code = kn_bench_options_parse(&opt, x->name, x->help, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
+    int code = kn_bench_options_parse(&opt, x->name, x->help, argc, argv);
+    if (code == KN_OPTIONS_READ) {
         code = kn_bench_open(&b, &opt);
         if (code == KN_EXIT_OK) code = x->run(&b, &t);
         if (code == KN_EXIT_OK) code = x->finish(&b, &t);

@@ -14,6 +14,7 @@
 #include "core/network.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
+#include "server/option_table.h"
 
 // Height of the specimen in the papers, a cube. The section S0 of the cube is 1 cm^2 (KN_BENCH_AREA_M2).
 #define KN_BENCH_HEIGHT_M 0.01
@@ -53,10 +54,9 @@ typedef struct kn_bench {
 } kn_bench;
 
 // Read the command-line options of a rheometer subcommand. One table says which options each subcommand accepts.
-// `*done` becomes true after --help, which prints `help`. Return an exit code. Call kn_bench_options_free afterwards,
+// Return KN_OPTIONS_READ, or an exit code: 0 after --help, which prints `help`. Call kn_bench_options_free afterwards,
 // also after a failure.
-int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const char *help, int argc, char **argv,
-                           bool *done);
+int kn_bench_options_parse(kn_bench_options *opt, const char *subcommand, const char *help, int argc, char **argv);
 void kn_bench_options_free(kn_bench_options *opt);
 
 // Build the specimen: a material (by name, or from the file of a scene) or an expression.

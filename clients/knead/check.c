@@ -12,8 +12,8 @@
 #include "core/shape.h"
 #include "core/solver_fixed.h"
 #include "core/tool.h"
+#include "server/option_table.h"
 #include "server/served_object.h"
-#include <getopt.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -480,43 +480,50 @@ static int check(const char *path, const char *const *sets, int count, bool text
     return model ? KN_EXIT_OK : KN_EXIT_USAGE;
 }
 
+typedef struct options {
+    const char **sets, *log; // sets: settings of the scene, from --set and --quality
+    int count;
+    bool text, json;
+} options;
+
+static const char *take_quality(void *to, const char *name)
+{
+    options *o = to;
+    return (o->sets[o->count++] = kn_quality_set(name)) ? NULL : kn_quality_names;
+}
+
+static void print_keys(void)
+{
+    for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
+}
+
+static int run(options *o, int argc, char **argv)
+{
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("keys", ANSWER, .call = print_keys),
+        KN_OPTION("text", FLAG, AT(text)),
+        KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, count)),
+        KN_OPTION("quality", SPECIAL, .take = take_quality),
+        KN_OPTION("log", TEXT, AT(log)),
+        KN_OPTION("json", FLAG, AT(json)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage, .short_help = true};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (argc - optind != 1) return kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
+    if (o->json && (o->log || o->text))
+        return kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
+    if (o->json) kn_result_open();
+    if (o->log) return kn_like_uniform(argv[optind], o->log, o->sets, o->count);
+    return check(argv[optind], o->sets, o->count, o->text);
+}
+
 int kn_check_main(int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"help", no_argument, NULL, 'h'},          {"keys", no_argument, NULL, 'k'},
-        {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
-        {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
-        {"json", no_argument, NULL, 'j'},          {0}};
     // Kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
-    const char **sets = calloc((size_t)argc + 1, sizeof *sets);
-    int count = 0, status = -1;
-    const char *log = NULL;
-    bool text = false, json = false;
-    if (!sets) return KN_EXIT_INTERNAL;
-    // Each option --set or --quality adds one setting of the scene.
-    for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
-        if (c == 's') sets[count++] = optarg;
-        else if (c == 't') text = true;
-        else if (c == 'j') json = true;
-        else if (c == 'l') log = optarg;
-        else if (c == 'q') {
-            if (!(sets[count++] = kn_quality_set(optarg)))
-                status = kn_complain("check", KN_EXIT_USAGE, "--quality %s: expected %s", optarg, kn_quality_names);
-        } else if (c == 'h') {
-            fputs(usage, stdout);
-            status = KN_EXIT_OK;
-        } else if (c == 'k') {
-            for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
-            status = KN_EXIT_OK;
-        } else status = KN_EXIT_USAGE; // getopt has printed the error
-    }
-    if (status < 0 && argc - optind != 1)
-        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
-    if (status < 0 && json && (log || text))
-        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
-    if (status < 0 && json) kn_result_open();
-    if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
-    if (status < 0) status = check(argv[optind], sets, count, text);
-    free(sets);
-    return status;
+    options o = {.sets = calloc((size_t)argc + 1, sizeof *o.sets)};
+    const int code = o.sets ? run(&o, argc, argv) : KN_EXIT_INTERNAL;
+    free(o.sets);
+    return code;
 }

@@ -3,7 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/ask.h"
 #include "server/clock.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -37,22 +37,20 @@ static const char help[] =
 
 typedef struct options {
     const char *path;
-    bool json, help;
+    bool json;
 } options;
 
 static int parse(options *o, int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"control", 1, NULL, 'c'}, {"json", 0, NULL, 'j'}, {"help", 0, NULL, 'h'}, {0}};
+    static const kn_option rows[] = {
+        KN_OPTION("control", TEXT, .offset = offsetof(options, path)),
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
     const char *environment = getenv("KNEAD_CONTROL");
     *o = (options){.path = environment && *environment ? environment : KN_ASK_PATH};
-    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'c') o->path = optarg;
-        else if (option == 'j') o->json = true;
-        else if (option == 'h') o->help = true;
-        else return KN_EXIT_USAGE; // getopt has printed the error
-    }
-    if (o->help || optind < argc) return KN_EXIT_OK;
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ || optind < argc) return code;
     return kn_complain("ctl", KN_EXIT_USAGE,
                        "no command: expected status, reset, quality NAME, set KEY=VALUE, load, snapshot, restore, "
                        "undo, estop, recover or stop");
@@ -238,8 +236,8 @@ int kn_ctl_main(int argc, char **argv)
     options o;
     char error[256];
     int code = parse(&o, argc, argv);
-    if (code == KN_EXIT_OK && o.help) return fputs(help, stdout), KN_EXIT_OK;
-    if (code != KN_EXIT_OK) return code;
+    if (code != KN_OPTIONS_READ) return code;
+    code = KN_EXIT_OK;
     const char *command = argv[optind], *argument = argv[optind + 1];
     bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
     // Only the command `set` accepts more than one argument.

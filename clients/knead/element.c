@@ -4,7 +4,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "core/oneport.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -256,16 +256,11 @@ static void print_catalogue(void)
 
 int kn_element_main(int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"help", no_argument, NULL, 'h'}, {"catalogue", no_argument, NULL, 'c'}, {0}};
+    static const kn_option rows[] = {KN_OPTION("catalogue", FLAG, .offset = 0)};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage, .short_help = true};
     bool catalogue = false;
-    for (int c; (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
-        if (c == 'c') catalogue = true;
-        else if (c == 'h') {
-            fputs(usage, stdout);
-            return KN_EXIT_OK;
-        } else return KN_EXIT_USAGE; // getopt has printed the error
-    }
+    const int code = kn_options_read(&table, &catalogue, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (argc - optind != !catalogue)
         return kn_complain("element", KN_EXIT_USAGE,
                            "expected one expression like '(s|d)-d', or --catalogue; see --help");

@@ -5,16 +5,15 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/interrupt.h"
 #include "clients/knead/measure_option.h"
-#include "clients/knead/number.h"
 #include "clients/knead/output.h"
 #include "clients/knead/paraview.h"
 #include "clients/knead/ply.h"
 #include "clients/knead/progress.h"
 #include "clients/knead/rows.h"
 #include "clients/viewer/beside.h"
+#include "server/option_table.h"
 #include <ctype.h>
 #include <errno.h>
-#include <getopt.h>
 #include <limits.h>
 #include <math.h>
 #include <stdlib.h>
@@ -55,7 +54,6 @@ typedef struct options {
     int measure;
     const char *top;
     double top_si; // end of the colour scale, SI; 0: chosen from the values in the file
-    bool help;
 } options;
 
 typedef struct run {
@@ -74,29 +72,6 @@ typedef struct run {
 
 // ---- options
 
-// Store the value of one option. Return NULL, or a description of the expected value if the value is invalid.
-static const char *take(options *o, int option, const char *text)
-{
-    o->spaced |= option == 'f' || option == 't' || option == 'e';
-    switch (option) {
-    case 'v': o->vtk = text; return NULL;
-    case 'p': o->ply = text; return NULL;
-    case 'c': o->csv = text; return NULL;
-    case 'S': o->scene = text; return NULL;
-    case 's': o->snapshot = text; return NULL;
-    case 'T': o->top = text; return NULL;
-    case 'm': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
-    case 'f': return kn_number_take(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
-    case 't': return kn_number_take(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
-    case 'e':
-        if (kn_number_take(text, 0.001, 1e9, &o->every_s)) return NULL;
-        return "seconds, 0.001 or more: a tick is a millisecond";
-    default:
-        o->at_s = INFINITY;
-        return strcmp(text, "end") == 0 || kn_number_take(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
-    }
-}
-
 // Check that no output file replaces an input file, and that no output lies inside the folder of another output.
 static int check_outputs(const options *o)
 {
@@ -114,7 +89,7 @@ static int check_outputs(const options *o)
                 REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
     // A series of PLY files needs a fixed colour scale, so that a colour means the same value in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
-    return KN_EXIT_OK;
+    return KN_OPTIONS_READ;
 }
 
 // Check that the given options can be combined.
@@ -136,22 +111,26 @@ static int check(options *o)
 
 static int parse(int argc, char **argv, options *o)
 {
-    static const struct option names[] = {{"vtk", 1, NULL, 'v'},   {"ply", 1, NULL, 'p'},      {"csv", 1, NULL, 'c'},
-                                          {"scene", 1, NULL, 'S'}, {"from", 1, NULL, 'f'},     {"to", 1, NULL, 't'},
-                                          {"every", 1, NULL, 'e'}, {"at", 1, NULL, 'a'},       {"color", 1, NULL, 'm'},
-                                          {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
-                                          {NULL, 0, NULL, 0}};
-    int option, which = 0;
-    opterr = 0; // switch off getopt's messages, because this program prints its own
-    while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
-        const char *word = argv[optind - 1];
-        if (option == ':') REFUSE("%s: expected a value", word);
-        if (option == '?') REFUSE("%s: no such option; knead export --help lists them", word);
-        if (option == 'h') return o->help = true, KN_EXIT_OK;
-        if (!*optarg) REFUSE("--%s '': expected a value", names[which].name);
-        const char *expected = take(o, option, optarg);
-        if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
-    }
+#define AT(member) .offset = offsetof(options, member)
+#define SPACED .given = offsetof(options, spaced)
+    static const kn_option rows[] = {
+        KN_OPTION("vtk", TEXT, AT(vtk)),
+        KN_OPTION("ply", TEXT, AT(ply)),
+        KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("scene", TEXT, AT(scene)),
+        KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
+        KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
+        KN_OPTION("every", NUMBER, AT(every_s), KN_RANGE(0.001, 1e9), SPACED,
+                  .expected = "seconds, 0.001 or more: a tick is a millisecond"),
+        KN_OPTION("at", SPECIAL, AT(at_s), .take = kn_moment_take),
+        KN_OPTION("color", CHOICE, AT(measure), .unit = KN_MEASURE_WORDS),
+        KN_OPTION("top", TEXT, AT(top)),
+        KN_OPTION("snapshot", TEXT, AT(snapshot)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .no_empty = true,
+                                          .unknown = "no such option; knead export --help lists them"};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) o->log = argv[optind++];
     if (optind < argc) REFUSE("%s: expected one log", argv[optind]);
     return check(o);
@@ -426,8 +405,7 @@ int kn_export_main(int argc, char **argv)
 {
     options o = {.to_s = INFINITY, .every_s = 0.1, .at_s = NAN, .measure = KN_MEASURE_DISPLACEMENT};
     int code = parse(argc, argv, &o);
-    if (code == KN_EXIT_OK && o.help) fputs(help, stdout);
-    if (code != KN_EXIT_OK || o.help) return code;
+    if (code != KN_OPTIONS_READ) return code;
     kn_interrupt_watch();
     run r = {.o = &o};
     code = o.scene ? of_scene(&r) : of_log(&r);

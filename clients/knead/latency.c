@@ -11,8 +11,9 @@
 #include "clients/knead/record.h"
 #include "core/lattice.h"
 #include "core/scene/scene.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <limits.h>
+#include <math.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,9 +46,7 @@ static const double deep = 0.3; // depth of the press as a share of the object's
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
-    int seconds;
-    bool done;
-    double drift_ppm, contract_us[2];
+    double seconds, drift_ppm, contract_us[2]; // seconds: a whole number
 } options;
 
 static volatile int interrupted;
@@ -58,74 +57,47 @@ static void on_signal(int number)
     interrupted = 1;
 }
 
-static int bad(const char *option, const char *value, const char *expected)
-{
-    return kn_complain("latency", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
-}
-
-static int take_number(const char *option, const char *text, double low, double high, double *value)
-{
-    char *end, expected[64];
-    double x = strtod(text, &end);
-    snprintf(expected, sizeof expected, "%g to %g", low, high);
-    if (end == text || *end || !(x >= low && x <= high)) return bad(option, text, expected);
-    *value = x;
-    return KN_EXIT_OK;
-}
-
 // Read the two tolerances of a latency contract (for p50 and p99), us. The text "none" is stored as -1.
-static int take_contract(const char *text, double us[2])
+static const char *take_contract(void *to, const char *text)
 {
+    double *us = to;
     char rest;
-    if (!strcmp(text, "none")) us[0] = us[1] = -1;
-    else if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) != 2 || !(us[0] >= 0 && us[1] >= 0))
-        return bad("contract", text, "two numbers of us, like 60,150, or none");
-    return KN_EXIT_OK;
+    if (!strcmp(text, "none")) return us[0] = us[1] = -1, NULL;
+    if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) == 2 && us[0] >= 0 && us[1] >= 0) return NULL;
+    return "two numbers of us, like 60,150, or none";
 }
 
 // Read the command-line options and check that they can be combined.
 static int parse(options *o, int argc, char **argv)
 {
-    enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
-    static const struct option list[] = {
-        {"seconds", 1, 0, SECONDS},   {"phase", 1, 0, PHASE}, {"lcm-url", 1, 0, LCM_URL},
-        {"contract", 1, 0, CONTRACT}, {"drift", 1, 0, DRIFT}, {"json", 1, 0, JSON},
-        {"plot", 1, 0, PLOT},         {"help", 0, 0, HELP},   {0, 0, 0, 0}};
-    double seconds = 10;
-    int code = KN_EXIT_OK;
-    *o = (options){.drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
-    optind = 1;
-    for (int c; code == KN_EXIT_OK && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case SECONDS: code = take_number("seconds", optarg, 1, 3600, &seconds); break;
-        case PHASE: o->phase = optarg; break;
-        case LCM_URL: o->url = optarg; break;
-        case CONTRACT: code = take_contract(optarg, o->contract_us); break;
-        case DRIFT: code = take_number("drift", optarg, -1000, 1000, &o->drift_ppm); break;
-        case JSON: o->json = optarg; break;
-        case PLOT: o->plot = optarg; break;
-        case HELP:
-            fputs(help, stdout);
-            o->done = true;
-            return KN_EXIT_OK;
-        default:
-            return kn_complain("latency", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead latency --help lists them");
-        }
-    }
-    o->seconds = (int)seconds;
-    if (code != KN_EXIT_OK) return code;
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(1, 3600)),
+        KN_OPTION("phase", TEXT, AT(phase)),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+        KN_OPTION("contract", SPECIAL, AT(contract_us), .take = take_contract),
+        KN_OPTION("drift", REAL, AT(drift_ppm), KN_RANGE(-1000, 1000)),
+        KN_OPTION("json", TEXT, AT(json)),
+        KN_OPTION("plot", TEXT, AT(plot)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead latency --help lists them"};
+    char error[256];
+    *o = (options){.seconds = 10, .drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    o->seconds = trunc(o->seconds);
     // The only argument that is not an option is the scene.
     if (optind < argc) o->scene = argv[optind++];
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
-    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
+    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
+        return kn_complain("latency", KN_EXIT_USAGE, "--phase %s: expected lock or free", o->phase);
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
                            "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
-    char error[256];
     if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
-    return KN_EXIT_OK;
+    return code;
 }
 
 // Find the file of the default scene, starting from the folder of this program. The file is in an installation or in
@@ -207,7 +179,7 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 // Start kneadd if necessary, run the measurement, stop kneadd and report.
 static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
-    kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
+    kn_latency l = {.seconds = (int)o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
     // Choose a separate bus for the echo in every case.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
@@ -230,7 +202,7 @@ int kn_latency_main(int argc, char **argv)
 {
     options o;
     int code = parse(&o, argc, argv);
-    if (code != KN_EXIT_OK || o.done) return code;
+    if (code != KN_OPTIONS_READ) return code;
     // Check first that the output files can be written, because a measurement may take an hour.
     if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
     if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;

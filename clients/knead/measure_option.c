@@ -1,29 +1,21 @@
 #include "clients/knead/measure_option.h"
 #include "clients/viewer/label.h"
-#include "core/scene/units.h"
+#include "server/option_table.h"
 #include <math.h>
 #include <string.h>
 
-bool kn_measure_take(const char *text, int *measure)
+const char *kn_moment_take(void *at_s, const char *text)
 {
-    // Search the list of names from its end. If the name is unknown, the result is -1.
-    *measure = KN_MEASURES - 1;
-    while (*measure >= 0 && strcmp(kn_measure_names[*measure].name, text) != 0) --*measure;
-    return *measure >= 0;
+    *(double *)at_s = INFINITY;
+    return strcmp(text, "end") == 0 || kn_number_take(text, -1e9, 1e9, at_s) ? NULL : "seconds, or end";
 }
 
 double kn_measure_top(kn_measure measure, const char *text)
 {
-    kn_quantity q;
-    kn_unit unit = {0};
-    char error[100];
-    const char *name = kn_measure_names[measure].unit;
+    double top = 0;
     // A number without a unit is accepted only if the measure itself has no unit.
-    if (*name && !kn_unit_parse(&unit, name, error, sizeof error)) return 0;
-    if (!kn_quantity_parse(&q, text, error, sizeof error) || (*name && q.bare)) return 0;
-    if (!kn_unit_same_dimension(&q.unit, &unit)) return 0;
-    const double top = kn_quantity_in(&q, &unit);
-    return top >= 1e-9 && top <= 1e12 ? top : 0;
+    const char *unit = *kn_measure_names[measure].unit ? kn_measure_names[measure].unit : "1";
+    return kn_quantity_read(text, unit, !strcmp(unit, "1"), 1e-9, 1e12, &top) ? top : 0;
 }
 
 const char *kn_measure_top_example(kn_measure measure)

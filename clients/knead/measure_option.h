@@ -1,11 +1,14 @@
 #ifndef KN_CLIENTS_MEASURE_OPTION_H
 #define KN_CLIENTS_MEASURE_OPTION_H
-// The options --color WHAT and --top QUANTITY of `knead view` and `knead export`.
+// The options --color WHAT, --top QUANTITY and --at SECONDS|end of `knead view` and `knead export`.
 #include "core/measure.h"
 
-#define KN_MEASURE_EXPECTED "displacement, stress or residual"
+#define KN_MEASURE_WORDS "displacement|stress|residual" // the names of kn_measure
 
-bool kn_measure_take(const char *text, int *measure); // find the measure named `text`, store its number (kn_measure)
+// Read a moment of a recording into the double at `at_s`: seconds, or INFINITY for "end". Return NULL, or the expected
+// words if `text` is not a valid value.
+const char *kn_moment_take(void *at_s, const char *text);
+
 // Read the end of the colour scale from `text`. Return it in the SI unit of the measure, 1e-9 .. 1e12, or 0 if `text`
 // is not a valid value.
 double kn_measure_top(kn_measure measure, const char *text);

@@ -4,8 +4,8 @@
 #include "clients/knead/mesher.h"
 #include "core/scene/mesh_file.h"
 #include "core/scene/units.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -33,49 +33,16 @@ static const char help[] =
 typedef struct options {
     const char *in, *out;
     double size_m, units_per_m;
-    const char *unit;
-    kn_mesher tool;
-    bool help, tool_given;
+    int unit; // index of a unit
+    int tool; // a kn_mesher; -1: not given
 } options;
+
+static const char *const unit_names[] = {"m", "cm", "mm", "um"};
+static const double unit_scales[] = {1, 1e2, 1e3, 1e6};
 
 static const char mesh[] = "mesh"; // name of the subcommand in error messages
 
 // ---- options
-
-static bool take_unit(options *o, const char *text)
-{
-    static const struct {
-        const char *name;
-        double per_m;
-    } unit[] = {{"m", 1}, {"cm", 1e2}, {"mm", 1e3}, {"um", 1e6}};
-    for (size_t i = 0; i < sizeof unit / sizeof *unit; i++)
-        if (strcmp(text, unit[i].name) == 0) {
-            o->unit = unit[i].name;
-            o->units_per_m = unit[i].per_m;
-            return true;
-        }
-    return false;
-}
-
-// Read --size. Return false unless it is a length from 1e-5 to 1 m.
-static bool take_size(options *o, const char *text)
-{
-    kn_quantity q;
-    kn_unit metre;
-    char problem[128];
-    kn_unit_parse(&metre, "m", problem, sizeof problem);
-    if (!kn_quantity_parse(&q, text, problem, sizeof problem) || q.bare || !kn_unit_same_dimension(&q.unit, &metre))
-        return false;
-    o->size_m = kn_quantity_in(&q, &metre);
-    return o->size_m >= 1e-5 && o->size_m <= 1;
-}
-
-static bool take_tool(options *o, const char *text)
-{
-    o->tool_given = true;
-    o->tool = strcmp(text, "tetgen") == 0 ? KN_MESHER_TETGEN : KN_MESHER_GMSH;
-    return strcmp(text, "tetgen") == 0 || strcmp(text, "gmsh") == 0;
-}
 
 static bool ends_in_msh(const char *path)
 {
@@ -90,36 +57,32 @@ static int check_options(const options *o)
     bool surface = kn_shell_named(o->in);
     if (!surface && !ends_in_msh(o->in))
         return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
-    if (!surface && (o->out || o->size_m > 0 || o->tool_given))
+    if (!surface && (o->out || o->size_m > 0 || o->tool >= 0))
         return kn_complain(mesh, KN_EXIT_USAGE,
                            "-o, --size and --tool make a mesh of a surface, expected .obj or .stl");
-    if (!surface) return KN_EXIT_OK;
+    if (!surface) return KN_OPTIONS_READ;
     if (!(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
     if (!o->out || !ends_in_msh(o->out)) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
-    return KN_EXIT_OK;
+    return KN_OPTIONS_READ;
 }
 
-// Read the command-line options. Return 0, or print an error and return an exit code.
+// Read the command line.
 static int take_options(int argc, char **argv, options *o)
 {
-    static const struct option known[] = {
-        {"help", no_argument, NULL, 'h'},       {"output", required_argument, NULL, 'o'},
-        {"size", required_argument, NULL, 's'}, {"tool", required_argument, NULL, 't'},
-        {"unit", required_argument, NULL, 'u'}, {0}};
-    for (int c; (c = getopt_long(argc, argv, "ho:", known, NULL)) != -1;) {
-        if (c == 'h') o->help = true;
-        else if (c == 'o') o->out = optarg;
-        else if (c == 's' && !take_size(o, optarg))
-            return kn_complain(mesh, KN_EXIT_USAGE, "--size %s: expected a length from 1e-05 to 1 m, e.g. 5mm", optarg);
-        else if (c == 't' && !take_tool(o, optarg))
-            return kn_complain(mesh, KN_EXIT_USAGE, "--tool %s: expected gmsh or tetgen", optarg);
-        else if (c == 'u' && !take_unit(o, optarg))
-            return kn_complain(mesh, KN_EXIT_USAGE, "--unit %s: expected m, cm, mm or um", optarg);
-        else if (c == '?') return KN_EXIT_USAGE; // getopt has printed the error
-    }
-    if (o->help) return KN_EXIT_OK;
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("output", TEXT, AT(out), .letter = 'o'),
+        KN_OPTION("size", QUANTITY, AT(size_m), .expected = "a length from 1e-05 to 1 m, e.g. 5mm", .unit = "m",
+                  KN_RANGE(1e-5, 1)),
+        KN_OPTION("tool", CHOICE, AT(tool), .unit = "gmsh|tetgen"),
+        KN_OPTION("unit", CHOICE, AT(unit), .unit = "m|cm|mm|um"),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (argc - optind != 1) return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; see --help");
     o->in = argv[optind];
+    o->units_per_m = unit_scales[o->unit];
     return check_options(o);
 }
 
@@ -145,7 +108,7 @@ static void print_mesh(const options *o, const char *file, const char *format, c
     // Warn if the worst element of the mesh is thin.
     if (m.quality_min < THIN)
         printf("warning   element %ld is thin: it hardly carries load and may invert\n", s->tag[m.worst]);
-    printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, o->unit);
+    printf("scene     object: { mesh: %s, mesh_unit: %s }\n", base, unit_names[o->unit]);
 }
 
 // Load a mesh in the same way as a scene does, and print its properties.
@@ -210,7 +173,8 @@ static int fill(const options *o, const kn_shell *shell)
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
                            1e3 * o->size_m, count, KN_SIMPLICES_ELEMENTS_MAX);
     if (isatty(STDERR_FILENO)) fprintf(stderr, "about %.2g tetrahedra\n", fmax(count, 1));
-    int code = kn_mesher_run(o->tool, shell, size, o->units_per_m, &s, error, sizeof error);
+    int code = kn_mesher_run(o->tool > 0 ? KN_MESHER_TETGEN : KN_MESHER_GMSH, shell, size, o->units_per_m, &s, error,
+                             sizeof error);
     if (code != KN_EXIT_OK) return kn_complain(mesh, code, "%s: %s", o->in, error);
     code = save_mesh(o, s);
     kn_simplices_destroy(s);
@@ -222,11 +186,10 @@ static int fill(const options *o, const kn_shell *shell)
 
 int kn_mesh_main(int argc, char **argv)
 {
-    options o = {.unit = "mm", .units_per_m = 1e3};
+    options o = {.unit = 2, .tool = -1};
     char error[512];
     int code = take_options(argc, argv, &o);
-    if (o.help) fputs(help, stdout);
-    if (code != KN_EXIT_OK || o.help) return code;
+    if (code != KN_OPTIONS_READ) return code;
     if (!kn_shell_named(o.in)) return check_mesh(&o, o.in);
     kn_shell *shell = kn_shell_load(o.in, error, sizeof error);
     if (!shell) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);

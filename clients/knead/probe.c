@@ -508,11 +508,10 @@ static int run(probe *p)
 
 int kn_probe_main(int argc, char **argv)
 {
-    bool done = false;
     probe *p = calloc(1, sizeof *p);
     if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_probe_options_parse(&p->opt, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) code = run(p);
+    int code = kn_probe_options_parse(&p->opt, argc, argv);
+    if (code == KN_OPTIONS_READ) code = run(p);
     kn_join_close(p->mesh_bus);
     kn_mesh_free(&p->mesh);
     free(p->top);

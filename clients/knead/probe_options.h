@@ -3,6 +3,7 @@
 // Command line of `knead probe`. Lengths, times and speeds are written with their units, as in scenes.
 #include "clients/knead/arm.h"
 #include "clients/knead/path.h"
+#include "server/option_table.h"
 #include <stdbool.h>
 
 typedef struct kn_probe_options {
@@ -25,8 +26,7 @@ typedef struct kn_probe_options {
     bool quiet;
 } kn_probe_options;
 
-// Parse the command line. Return KN_EXIT_OK, or print one line on stderr and return KN_EXIT_USAGE. *done: --help was
-// answered and nothing is left to do.
-int kn_probe_options_parse(kn_probe_options *options, int argc, char **argv, bool *done);
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+int kn_probe_options_parse(kn_probe_options *options, int argc, char **argv);
 
 #endif

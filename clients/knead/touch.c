@@ -5,7 +5,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/live.h"
 #include "proto/knead_touch_patch_t.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <inttypes.h>
 #include <math.h>
 #include <poll.h>
@@ -39,7 +39,7 @@ static const char help[] =
 typedef struct watch {
     const char *probe, *url;
     double seconds; // time to run; INFINITY: run until a signal
-    bool json, once, draws, help;
+    bool json, once, draws;
     char name[64];             // name of the tool that is shown; "": not known yet
     knead_touch_patch_t patch; // newest contact patch of the tool
     // Counts of patch messages: all received; those received until the last picture was drawn; those with a contact.
@@ -50,40 +50,24 @@ typedef struct watch {
 
 // --- options --------------------------------------------------------------------------------------------------------
 
-static bool seconds(const char *text, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= 0.1 && *value <= 86400;
-}
-
 static int parse(watch *w, int argc, char **argv)
 {
-    static const struct option list[] = {
-        {"probe", 1, 0, 'p'},   {"json", 0, 0, 'j'}, {"once", 0, 0, 'o'}, {"seconds", 1, 0, 's'},
-        {"lcm-url", 1, 0, 'u'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
+#define AT(member) .offset = offsetof(watch, member)
+    static const kn_option rows[] = {
+        KN_OPTION("probe", TEXT, AT(probe)), KN_OPTION("json", FLAG, AT(json)),
+        KN_OPTION("once", FLAG, AT(once)),   KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(0.1, 86400)),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead touch --help lists them"};
     char error[256];
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case 'p': w->probe = optarg; break;
-        case 'j': w->json = true; break;
-        case 'o': w->once = true; break;
-        case 'u': w->url = optarg; break;
-        case 'h': w->help = true; return KN_EXIT_OK;
-        case 's':
-            if (seconds(optarg, &w->seconds)) break;
-            return kn_complain("touch", KN_EXIT_USAGE, "--seconds %s: expected 0.1 to 86400", optarg);
-        default:
-            return kn_complain("touch", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead touch --help lists them");
-        }
-    }
+    const int code = kn_options_read(&table, w, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("touch", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
     if (w->probe && (!*w->probe || strspn(w->probe, "abcdefghijklmnopqrstuvwxyz0123456789_") != strlen(w->probe) ||
                      strlen(w->probe) >= KN_NAME_MAX))
         return kn_complain("touch", KN_EXIT_USAGE, "--probe %s: expected a tool's name, [a-z0-9_]+", w->probe);
-    if (kn_join_check(w->url, KN_FORCE_URL, error, sizeof error)) return KN_EXIT_OK;
+    if (kn_join_check(w->url, KN_FORCE_URL, error, sizeof error)) return code;
     return kn_complain("touch", KN_EXIT_USAGE, "%s", error);
 }
 
@@ -229,8 +213,7 @@ int kn_touch_main(int argc, char **argv)
     watch w = {.seconds = INFINITY};
     char error[256], channel[64];
     int code = parse(&w, argc, argv);
-    if (code != KN_EXIT_OK) return code;
-    if (w.help) return fputs(help, stdout), KN_EXIT_OK;
+    if (code != KN_OPTIONS_READ) return code;
     w.draws = !w.json && isatty(STDOUT_FILENO);
     snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "*");
     kn_join *bus = kn_join_open(w.url, KN_FORCE_URL, error, sizeof error);

@@ -265,12 +265,11 @@ static int run(sweep *s)
 
 int kn_tradeoff_main(int argc, char **argv)
 {
-    bool done = false;
     sweep *s = calloc(1, sizeof *s);
     if (!s) return kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_tradeoff_options_parse(&s->opt, argc, argv, &done);
+    int code = kn_tradeoff_options_parse(&s->opt, argc, argv);
     // --job is set when GNU parallel runs this program for a single run.
-    if (code == KN_EXIT_OK && !done) code = s->opt.job ? kn_job_play(s->opt.job) : run(s);
+    if (code == KN_OPTIONS_READ) code = s->opt.job ? kn_job_play(s->opt.job) : run(s);
     for (int i = 0; i < s->plan.count; i++) kn_trace_free(&s->traces[i]);
     kn_plan_close(&s->plan);
     free(s);

@@ -2,9 +2,6 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"
-#include "core/scene/units.h"
-#include <getopt.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,203 +70,69 @@ static const char help[] =
     "precision.\n\n"
     "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host failed.\n";
 
-static int bad(const char *option, const char *text, const char *expected)
+static const char *take_tolerance(void *tolerance, const char *text)
 {
-    return kn_complain("tradeoff", KN_EXIT_USAGE, "--%s %s: expected %s", option, text, expected);
+    // The item is 0 already, so nothing is stored.
+    if (!strcmp(text, "0") || kn_quantity_read(text, "1", true, KN_ABOVE_0, KN_BELOW_1, tolerance)) return NULL;
+    return "at most 32 numbers from 0 to 1, separated by commas";
 }
 
-// Parse one item of a list into element i of an axis. Return false if the item is not valid.
-typedef bool (*take_item)(kn_axes_def *axes, int i, const char *text);
-
-// Parse a whole number in least..most.
-static bool whole(const char *text, long least, long most, long *value)
+static const char *take_step(void *dt_s, const char *text)
 {
-    char *end;
-    *value = strtol(text, &end, 10);
-    return end != text && *end == '\0' && *value >= least && *value <= most;
+    if (kn_quantity_read(text, "s", false, KN_ABOVE_0, DBL_MAX, dt_s) && kn_backend_steps(*(double *)dt_s) > 0)
+        return NULL;
+    return "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas";
 }
 
-// Parse a quantity > 0 in unit_text. Only the unit "1" may be left out.
-static bool quantity(const char *text, const char *unit_text, double *value)
-{
-    kn_unit unit;
-    kn_quantity q;
-    char why[128];
-    if (!kn_unit_parse(&unit, unit_text, why, sizeof why) || !kn_quantity_parse(&q, text, why, sizeof why))
-        return false;
-    if (q.bare ? strcmp(unit_text, "1") != 0 : !kn_unit_same_dimension(&q.unit, &unit)) return false;
-    *value = kn_quantity_in(&q, &unit);
-    return isfinite(*value) && *value > 0;
-}
+#define AT(member) .offset = offsetof(kn_tradeoff_options, member)
+#define AXIS(member, number, most) AT(axes.member), .count = offsetof(kn_tradeoff_options, axes.number), .items = most
+static const kn_option rows[] = {
+    KN_OPTION("json", CALL, .call = kn_result_open),
+    KN_OPTION("quick", FLAG, AT(quick)),
+    KN_OPTION("budget-us", QUANTITY, AT(budget_us), .unit = "1",
+              .expected = "a number of microseconds above 0, like 300"),
+    KN_OPTION("write", FLAG, AT(write)),
+    KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("plot", TEXT, AT(plot)),
+    KN_OPTION("set", LIST, AT(sets), .count = offsetof(kn_tradeoff_options, set_count), .most = KN_TRADEOFF_SETS,
+              .expected = "at most 64 of them"),
+    KN_OPTION("solver", CHOICE, AXIS(method, methods, 4), .unit = "blend|secant|tangent|rk4",
+              .expected = "any of blend, secant, tangent and rk4, separated by commas"),
+    KN_OPTION("precision", CHOICE, AXIS(precision, precisions, 2), .unit = "f32|f64",
+              .expected = "f32, f64 or f32,f64"),
+    KN_OPTION("iterations", INTEGER, AXIS(count, counts, KN_AXIS_MAX), KN_RANGE(1, 1000),
+              .expected = "at most 32 whole numbers from 1 to 1000, separated by commas"),
+    KN_OPTION("tolerance", SPECIAL, AXIS(tolerance, tolerances, KN_AXIS_MAX), .take = take_tolerance,
+              .expected = "at most 32 numbers from 0 to 1, separated by commas"),
+    KN_OPTION("passes", INTEGER, AXIS(pass, passes, KN_AXIS_MAX), KN_RANGE(1, 20),
+              .expected = "at most 32 whole numbers from 1 to 20, separated by commas"),
+    KN_OPTION("dt", SPECIAL, AXIS(dt_s, steps, KN_AXIS_MAX), .take = take_step,
+              .expected = "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"),
+    KN_OPTION("spacing", QUANTITY, AXIS(spacing_m, spacings, KN_AXIS_MAX), .unit = "m",
+              .expected = "at most 32 lengths like '5 mm', separated by commas"),
+    KN_OPTION("resume", TEXT, AT(resume)),
+    KN_OPTION("jobs", INTEGER, AT(jobs), KN_RANGE(0, 1000), .expected = "a whole number, 0: one per processor"),
+    KN_OPTION("hosts", TEXT, AT(hosts), .expected = "host,host"),
+    KN_OPTION("job", TEXT, AT(job)),
+};
 
-static bool take_method(kn_axes_def *a, int i, const char *text)
+int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
 {
-    for (kn_method m = KN_METHOD_BLEND; m <= KN_METHOD_RK4; m++)
-        if (!strcmp(text, kn_method_name(m))) {
-            a->method[i] = m;
-            a->methods = i + 1;
-            return true;
-        }
-    return false;
-}
-
-static bool take_precision(kn_axes_def *a, int i, const char *text)
-{
-    a->precision[i] = strcmp(text, "f64") ? KN_PRECISION_F32 : KN_PRECISION_F64;
-    a->precisions = i + 1;
-    return !strcmp(text, "f64") || !strcmp(text, "f32");
-}
-
-static bool take_count(kn_axes_def *a, int i, const char *text)
-{
-    long value;
-    if (!whole(text, 1, 1000, &value)) return false;
-    a->count[i] = (int)value;
-    a->counts = i + 1;
-    return true;
-}
-
-static bool take_pass(kn_axes_def *a, int i, const char *text)
-{
-    long value;
-    if (!whole(text, 1, 20, &value)) return false;
-    a->pass[i] = (int)value;
-    a->passes = i + 1;
-    return true;
-}
-
-static bool take_tolerance(kn_axes_def *a, int i, const char *text)
-{
-    a->tolerances = i + 1;
-    // The element of the list is 0 already, so nothing is stored.
-    if (!strcmp(text, "0")) return true;
-    return quantity(text, "1", &a->tolerance[i]) && a->tolerance[i] < 1;
-}
-
-static bool take_step(kn_axes_def *a, int i, const char *text)
-{
-    a->steps = i + 1;
-    return quantity(text, "s", &a->dt_s[i]) && kn_backend_steps(a->dt_s[i]) > 0;
-}
-
-static bool take_spacing(kn_axes_def *a, int i, const char *text)
-{
-    a->spacings = i + 1;
-    return quantity(text, "m", &a->spacing_m[i]);
-}
-
-// Options that take lists. most: largest number of items in the list.
-static const struct axis {
-    char letter;
-    const char *option;
-    int most;
-    take_item take;
-    const char *expected;
-} list_axes[] = {
-    {'s', "solver", 4, take_method, "any of blend, secant, tangent and rk4, separated by commas"},
-    {'p', "precision", 2, take_precision, "f32, f64 or f32,f64"},
-    {'i', "iterations", KN_AXIS_MAX, take_count, "at most 32 whole numbers from 1 to 1000, separated by commas"},
-    {'t', "tolerance", KN_AXIS_MAX, take_tolerance, "at most 32 numbers from 0 to 1, separated by commas"},
-    {'P', "passes", KN_AXIS_MAX, take_pass, "at most 32 whole numbers from 1 to 20, separated by commas"},
-    {'d', "dt", KN_AXIS_MAX, take_step,
-     "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"},
-    {'x', "spacing", KN_AXIS_MAX, take_spacing, "at most 32 lengths like '5 mm', separated by commas"}};
-
-// Parse a list separated by commas.
-static int take_list(kn_tradeoff_options *opt, const struct axis *axis, const char *text)
-{
-    int i = 0;
-    opt->listed = true;
-    for (const char *at = text; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
-        char item[64];
-        int length = snprintf(item, sizeof item, "%.*s", (int)strcspn(at, ","), at);
-        if (i == axis->most || length >= (int)sizeof item || !axis->take(&opt->axes, i, item))
-            return bad(axis->option, text, axis->expected);
-        i++;
-    }
-    return KN_EXIT_OK;
-}
-
-static int take_option(kn_tradeoff_options *opt, int letter, const char *value)
-{
-    long jobs;
-    // Handle the options that take lists first.
-    for (size_t i = 0; i < sizeof list_axes / sizeof *list_axes; i++)
-        if (list_axes[i].letter == letter) return take_list(opt, &list_axes[i], value);
-    switch (letter) {
-    case 'q': opt->quick = true; return KN_EXIT_OK;
-    case 'o': kn_result_open(); return KN_EXIT_OK;
-    case 'w': opt->write = true; return KN_EXIT_OK;
-    case 'c': opt->csv = value; return KN_EXIT_OK;
-    case 'f': opt->plot = value; return KN_EXIT_OK;
-    case 'r': opt->resume = value; return KN_EXIT_OK;
-    case 'H': opt->hosts = value; return *value ? KN_EXIT_OK : bad("hosts", value, "host,host");
-    case 'J': opt->job = value; return KN_EXIT_OK;
-    case 'b':
-        if (quantity(value, "1", &opt->budget_us)) return KN_EXIT_OK;
-        return bad("budget-us", value, "a number of microseconds above 0, like 300");
-    case 'j':
-        if (!whole(value, 0, 1000, &jobs)) return bad("jobs", value, "a whole number, 0: one per processor");
-        opt->jobs = (int)jobs;
-        return KN_EXIT_OK;
-    case 'k':
-        if (opt->set_count == KN_TRADEOFF_SETS) return bad("set", value, "at most 64 of them");
-        opt->sets[opt->set_count++] = value;
-        return KN_EXIT_OK;
-    default: return KN_EXIT_USAGE; // getopt has printed the reason
-    }
-}
-
-// Check combinations of options.
-static int check(const kn_tradeoff_options *opt)
-{
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
+    *opt = (kn_tradeoff_options){.jobs = 1};
+    const int code = kn_options_read(&table, opt, argc, argv);
+    const kn_axes_def *a = &opt->axes;
+    opt->listed = a->methods + a->precisions + a->counts + a->tolerances + a->passes + a->steps + a->spacings > 0;
+    // With --job the job contains all settings, so no other arguments are needed.
+    if (code != KN_OPTIONS_READ || opt->job) return code;
+    if (argc - optind != 2)
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
+    opt->scene = argv[optind];
+    opt->log = argv[optind + 1];
     if (opt->write && opt->set_count > 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
                            "--write: the points would be of the scene with --set %s, expected "
                            "no --set",
                            opt->sets[0]);
-    return KN_EXIT_OK;
-}
-
-int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done)
-{
-    static const struct option options[] = {{"json", no_argument, NULL, 'o'},
-                                            {"quick", no_argument, NULL, 'q'},
-                                            {"budget-us", required_argument, NULL, 'b'},
-                                            {"write", no_argument, NULL, 'w'},
-                                            {"csv", required_argument, NULL, 'c'},
-                                            {"plot", required_argument, NULL, 'f'},
-                                            {"set", required_argument, NULL, 'k'},
-                                            {"solver", required_argument, NULL, 's'},
-                                            {"precision", required_argument, NULL, 'p'},
-                                            {"iterations", required_argument, NULL, 'i'},
-                                            {"tolerance", required_argument, NULL, 't'},
-                                            {"passes", required_argument, NULL, 'P'},
-                                            {"dt", required_argument, NULL, 'd'},
-                                            {"spacing", required_argument, NULL, 'x'},
-                                            {"resume", required_argument, NULL, 'r'},
-                                            {"jobs", required_argument, NULL, 'j'},
-                                            {"hosts", required_argument, NULL, 'H'},
-                                            {"job", required_argument, NULL, 'J'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
-    memset(opt, 0, sizeof *opt);
-    opt->jobs = 1;
-    optind = 0; // restart getopt, because a test calls this function more than once
-    for (int letter; (letter = getopt_long(argc, argv, "", options, NULL)) != -1;) {
-        if (letter == 'h') {
-            fputs(help, stdout);
-            *done = true;
-            return KN_EXIT_OK;
-        }
-        int code = take_option(opt, letter, optarg);
-        if (code != KN_EXIT_OK) return code;
-    }
-    // With --job the job contains all settings, so no other arguments are needed.
-    if (opt->job) return KN_EXIT_OK;
-    if (argc - optind != 2)
-        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
-    opt->scene = argv[optind];
-    opt->log = argv[optind + 1];
-    return check(opt);
+    return code;
 }

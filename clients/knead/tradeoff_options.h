@@ -2,6 +2,7 @@
 #define KN_CLIENTS_TRADEOFF_OPTIONS_H
 // Command line of `knead tradeoff`.
 #include "clients/knead/plan.h"
+#include "server/option_table.h"
 
 #define KN_TRADEOFF_SETS 64
 
@@ -19,8 +20,7 @@ typedef struct kn_tradeoff_options {
     kn_axes_def axes; // values of each varied solver setting, see plan.h
 } kn_tradeoff_options;
 
-// Parse the command line. Return 0, or print an error message and return an exit code. *done: set to true if --help was
-// answered.
-int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv, bool *done);
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv);
 
 #endif

@@ -76,7 +76,6 @@ int kn_view_main(int argc, char **argv)
 {
     kn_view_options o;
     int code = kn_view_parse(argc, argv, &o);
-    if (o.help) fputs(kn_view_help, stdout);
-    if (o.help || code != KN_EXIT_OK) return code;
+    if (code != KN_OPTIONS_READ) return code;
     return o.video ? kn_view_film(&o) : o.depth ? range_image(&o) : picture(&o);
 }

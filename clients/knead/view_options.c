@@ -4,17 +4,16 @@
 #include "clients/knead/film.h"
 #include "clients/knead/join.h"
 #include "clients/knead/measure_option.h"
-#include "clients/knead/number.h"
 #include "clients/knead/output.h"
 #include "clients/viewer/offscreen.h"
+#include "core/scene/keys.h"
 #include <errno.h>
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-const char kn_view_help[] =
+static const char help[] =
     "usage: knead view --png FILE [OPTION]...               draw the object that a running kneadd serves\n"
     "       knead view --png FILE [OPTION]... OBJECT...     draw files: a log, stepped to its end or to --at; a\n"
     "                                                       scene at rest; a snapshot of a kneadd state\n"
@@ -59,91 +58,32 @@ const char kn_view_help[] =
     "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n"
     "Exit codes: 0 ok, 2 bad input, 3 no message, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
-static bool size(const char *text, kn_view_options *o)
+static const char *take_size(void *options, const char *text)
 {
-    return kn_number_pair(text, &o->width, &o->height) && o->width >= KN_OFFSCREEN_MIN &&
-           o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN && o->height <= KN_OFFSCREEN_MAX;
-}
-
-static bool style(const char *text, kn_view_options *o)
-{
-    static const char *const name[] = {
-        [KN_VIEW_LINED] = "lined", [KN_VIEW_SOLID] = "solid", [KN_VIEW_WIRE] = "wire", [KN_VIEW_EDGES] = "edges"};
-    int i = 0;
-    while (i < 4 && strcmp(name[i], text) != 0) i++;
-    o->look.style = (kn_view_style)(i & 3);
-    return i < 4;
+    kn_view_options *o = options;
+    const bool good = kn_number_pair(text, &o->width, &o->height) && o->width >= KN_OFFSCREEN_MIN &&
+                      o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN && o->height <= KN_OFFSCREEN_MAX;
+    return good ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
 }
 
 // Set azimuth and elevation from the name of a camera. --azimuth and --elevation may change them later.
-static bool camera(const char *text, kn_view_options *o)
+static const char *take_camera(void *options, const char *text)
 {
     static const struct {
-        const char *name;
         double azimuth_deg, elevation_deg;
-    } from[] = {{"front", 0, 14},  {"right", 90, 14}, {"back", 180, 14},
-                {"left", 270, 14}, {"top", 0, 90},    {"corner", 28, 27}};
-    for (int i = 0; i < 6; i++) {
-        if (strcmp(from[i].name, text) != 0) continue;
-        o->look.azimuth_deg = from[i].azimuth_deg;
-        o->look.elevation_deg = from[i].elevation_deg;
-        return true;
-    }
-    return false;
+    } from[] = {{0, 14}, {180, 14}, {270, 14}, {90, 14}, {0, 90}, {28, 27}};
+    kn_view_options *o = options;
+    const int i = kn_choice_of("front|back|left|right|top|corner", text);
+    if (i < 0) return "front, back, left, right, top or corner";
+    o->look.azimuth_deg = from[i].azimuth_deg;
+    o->look.elevation_deg = from[i].elevation_deg;
+    return NULL;
 }
 
-typedef struct asked {                 // options that are applied after all other options are known
-    double azimuth_deg, elevation_deg; // viewing angles of --azimuth and --elevation; NAN: as set by --camera
-    bool sized;                        // true: the option --size was given
-    int moments;                       // number of times in the list of --at; 0: --at was not given
-} asked;
-
-// Parse a list of moments such as "0.5,2,end".
-static bool moments(const char *text, kn_view_options *o, asked *a)
+static const char *take_video(void *path, const char *text)
 {
-    char one[32];
-    for (a->moments = 0; a->moments < KN_VIEW_FILES_MAX; text++) {
-        const size_t n = strcspn(text, ",");
-        if (n == 0 || n >= sizeof one) return false;
-        snprintf(one, sizeof one, "%.*s", (int)n, text);
-        double *at_s = &o->at_s[a->moments++];
-        *at_s = INFINITY;
-        if (strcmp(one, "end") != 0 && !kn_number_take(one, -1e9, 1e9, at_s)) return false;
-        text += n;
-        if (!*text) return true;
-    }
-    return false;
-}
-
-// Store one option of the command line. Return NULL, or a text that describes a valid value.
-static const char *take(kn_view_options *o, asked *a, int option, const char *text)
-{
-    switch (option) {
-    case 'd': o->depth = text; return NULL;
-    case 'C': o->compare = true; return NULL;
-    case 'k': return camera(text, o) ? NULL : "front, back, left, right, top or corner";
-    case 'z': return kn_number_take(text, 0.2, 20, &o->look.zoom) ? NULL : "0.2..20";
-    case 'c': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
-    case 'T': o->top = text; return NULL;
-    case 'y': return style(text, o) ? NULL : "lined, solid, wire or edges";
-    case 'P': o->plain = true; return NULL;
-    case 'p': o->png = text; return NULL;
-    case 'v': o->video = text; return kn_film_knows(text) ? NULL : KN_FILM_NAMES;
-    case 'S': o->scene = text; return NULL;
-    case 'l': o->url = text; return NULL;
-    case 'm': o->mesh_url = text; return NULL;
-    case 'n': o->look.style = KN_VIEW_SOLID; return NULL;
-    case 't': return moments(text, o, a) ? NULL : "up to 4 times in seconds, or end, separated by commas";
-    case 's': return (a->sized = size(text, o)) ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
-    case 'a': return kn_number_take(text, -360, 360, &a->azimuth_deg) ? NULL : "degrees, -360..360";
-    case 'e': return kn_number_take(text, 0, 90, &a->elevation_deg) ? NULL : "degrees, 0..90";
-    case 'F': return kn_number_take(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
-    case 'G': return kn_number_take(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
-    case 'N': return kn_number_take(text, 0.1, 3600, &o->seconds) ? NULL : "seconds, 0.1..3600";
-    case 'f': return kn_number_take(text, 1, 120, &o->fps) ? NULL : "pictures per second, 1..120";
-    case 'x': return kn_number_take(text, 0.01, 1000, &o->speed) ? NULL : "how many times as fast, 0.01..1000";
-    default: return kn_number_take(text, 0, 3600, &o->wait_s) ? NULL : "seconds, 0..3600";
-    }
+    *(const char **)path = text;
+    return kn_film_knows(text) ? NULL : KN_FILM_NAMES;
 }
 
 #define REFUSE(...) return kn_complain("view", KN_EXIT_USAGE, __VA_ARGS__)
@@ -200,19 +140,19 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
 
 // Assign the moments of --at to the objects. One recording at several moments counts as several objects. A single
 // moment is for all objects.
-static int share_out(kn_view_options *o, const asked *a)
+static int share_out(kn_view_options *o)
 {
-    if (a->moments == 0) return KN_EXIT_OK;
+    if (o->moments == 0) return KN_EXIT_OK;
     if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (o->video) REFUSE("--at: expected --from and --to for a film");
-    for (int i = 1; a->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
+    for (int i = 1; o->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
     // Repeat the only file once for each time of --at.
-    while (a->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
+    while (o->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
         o->file[o->file_count] = o->file[0];
         o->kind[o->file_count++] = o->kind[0];
     }
-    if (a->moments > 1 && a->moments != o->file_count)
-        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", a->moments,
+    if (o->moments > 1 && o->moments != o->file_count)
+        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", o->moments,
                o->file_count);
     return KN_EXIT_OK;
 }
@@ -231,16 +171,16 @@ static int check_film(const kn_view_options *o)
         REFUSE("--color: expected --top as well, because the range is not known in advance");
     if (o->to_s <= o->from_s) REFUSE("--to %g: expected more than --from %g", o->to_s, o->from_s);
     if (o->width % 2 || o->height % 2) REFUSE("--size %dx%d: expected even numbers for a film", o->width, o->height);
-    return KN_EXIT_OK;
+    return KN_OPTIONS_READ;
 }
 
 // Check the options of a range image, which has one object and a fixed camera.
-static int check_depth(const kn_view_options *o, const asked *a)
+static int check_depth(const kn_view_options *o)
 {
     const kn_view_scene usual = kn_view_scene_default();
     if (o->file_count > 1) REFUSE("--depth: expected one object");
     if (o->measure >= 0 || o->compare) REFUSE("--depth: expected neither --color nor --compare; its greys are heights");
-    if (isfinite(a->azimuth_deg) || isfinite(a->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
+    if (isfinite(o->azimuth_deg) || isfinite(o->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
         o->look.elevation_deg != usual.elevation_deg || o->look.zoom > 0)
         REFUSE("--depth: the view is straight from above, expected no --camera, --azimuth, --elevation or --zoom");
     return KN_EXIT_OK;
@@ -271,7 +211,7 @@ static void default_size(kn_view_options *o)
 }
 
 // Check all options together.
-static int check(kn_view_options *o, const asked *a)
+static int check(kn_view_options *o)
 {
     const char *out = o->video ? o->video : o->depth ? o->depth : o->png;
     const char *option = o->video ? "video" : o->depth ? "depth" : "png";
@@ -280,37 +220,59 @@ static int check(kn_view_options *o, const asked *a)
     int code = check_scale(o);
     if (code == KN_EXIT_OK) code = check_files(o, out, option);
     if (code != KN_EXIT_OK) return code;
-    if ((code = share_out(o, a)) != KN_EXIT_OK) return code;
+    if ((code = share_out(o)) != KN_EXIT_OK) return code;
     if (o->compare && o->file_count != 2) REFUSE("--compare: expected two objects, there are %d", o->file_count);
-    if (!a->sized) default_size(o);
+    if (!o->sized) default_size(o);
     const int panels = o->file_count + o->compare;
     if (panels > 1 && o->width / panels < KN_OFFSCREEN_MIN)
         REFUSE("--size %dx%d: expected at least %d pixels for each of %d pictures side by side", o->width, o->height,
                KN_OFFSCREEN_MIN, panels);
     const char *gl = getenv("KNEAD_GL");
     if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);
-    if (o->depth && (code = check_depth(o, a)) != KN_EXIT_OK) return code;
+    if (o->depth && (code = check_depth(o)) != KN_EXIT_OK) return code;
     // --azimuth and --elevation override the camera.
-    if (isfinite(a->azimuth_deg)) o->look.azimuth_deg = a->azimuth_deg;
-    if (isfinite(a->elevation_deg)) o->look.elevation_deg = a->elevation_deg;
+    if (isfinite(o->azimuth_deg)) o->look.azimuth_deg = o->azimuth_deg;
+    if (isfinite(o->elevation_deg)) o->look.elevation_deg = o->elevation_deg;
     if (o->video) return check_film(o);
     if (o->seconds > 0 || o->speed != 1 || isfinite(o->to_s) || o->from_s != 0 || o->fps != 30)
         REFUSE("--from, --to, --seconds, --fps and --speed: expected --video");
-    return KN_EXIT_OK;
+    return KN_OPTIONS_READ;
 }
+
+#define AT(member) .offset = offsetof(kn_view_options, member)
+static const kn_option rows[] = {
+    KN_OPTION("png", TEXT, AT(png)),
+    KN_OPTION("at", SPECIAL, AT(at_s), .take = kn_moment_take, .items = KN_VIEW_FILES_MAX,
+              .count = offsetof(kn_view_options, moments),
+              .expected = "up to 4 times in seconds, or end, separated by commas"),
+    KN_OPTION("size", SPECIAL, .take = take_size, .given = offsetof(kn_view_options, sized)),
+    KN_OPTION("azimuth", NUMBER, AT(azimuth_deg), KN_RANGE(-360, 360), .expected = "degrees, -360..360"),
+    KN_OPTION("elevation", NUMBER, AT(elevation_deg), KN_RANGE(0, 90), .expected = "degrees, 0..90"),
+    KN_OPTION("no-lines", SET, AT(look.style), .least = KN_VIEW_SOLID),
+    KN_OPTION("scene", TEXT, AT(scene)),
+    KN_OPTION("wait", NUMBER, AT(wait_s), KN_RANGE(0, 3600), .expected = "seconds, 0..3600"),
+    KN_OPTION("lcm-url", TEXT, AT(url)),
+    KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+    KN_OPTION("color", CHOICE, AT(measure), .unit = KN_MEASURE_WORDS),
+    KN_OPTION("top", TEXT, AT(top)),
+    KN_OPTION("style", CHOICE, AT(look.style), .unit = "lined|solid|wire|edges"),
+    KN_OPTION("plain", FLAG, AT(plain)),
+    KN_OPTION("video", SPECIAL, AT(video), .take = take_video),
+    KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds"),
+    KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds"),
+    KN_OPTION("seconds", NUMBER, AT(seconds), KN_RANGE(0.1, 3600), .expected = "seconds, 0.1..3600"),
+    KN_OPTION("fps", NUMBER, AT(fps), KN_RANGE(1, 120), .expected = "pictures per second, 1..120"),
+    KN_OPTION("speed", NUMBER, AT(speed), KN_RANGE(0.01, 1000), .expected = "how many times as fast, 0.01..1000"),
+    KN_OPTION("depth", TEXT, AT(depth)),
+    KN_OPTION("compare", FLAG, AT(compare)),
+    KN_OPTION("camera", SPECIAL, .take = take_camera),
+    KN_OPTION("zoom", NUMBER, AT(look.zoom), KN_RANGE(0.2, 20), .expected = "0.2..20"),
+};
 
 int kn_view_parse(int argc, char **argv, kn_view_options *o)
 {
-    static const struct option names[] = {
-        {"png", 1, NULL, 'p'},       {"at", 1, NULL, 't'},       {"size", 1, NULL, 's'},    {"azimuth", 1, NULL, 'a'},
-        {"elevation", 1, NULL, 'e'}, {"no-lines", 0, NULL, 'n'}, {"scene", 1, NULL, 'S'},   {"wait", 1, NULL, 'w'},
-        {"lcm-url", 1, NULL, 'l'},   {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},    {"color", 1, NULL, 'c'},
-        {"top", 1, NULL, 'T'},       {"style", 1, NULL, 'y'},    {"plain", 0, NULL, 'P'},   {"video", 1, NULL, 'v'},
-        {"from", 1, NULL, 'F'},      {"to", 1, NULL, 'G'},       {"seconds", 1, NULL, 'N'}, {"fps", 1, NULL, 'f'},
-        {"speed", 1, NULL, 'x'},     {"depth", 1, NULL, 'd'},    {"compare", 0, NULL, 'C'}, {"camera", 1, NULL, 'k'},
-        {"zoom", 1, NULL, 'z'},      {NULL, 0, NULL, 0}};
-    asked a = {NAN, NAN, false, 0};
-    int option, which = 0;
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .no_empty = true,
+                                          .unknown = "no such option; knead view --help lists them"};
     *o = (kn_view_options){.measure = -1,
                            .at_s = {INFINITY, INFINITY, INFINITY, INFINITY},
                            .to_s = INFINITY,
@@ -319,22 +281,16 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
                            .speed = 1,
                            .width = 1280,
                            .height = 720,
+                           .azimuth_deg = NAN,
+                           .elevation_deg = NAN,
                            .look = kn_view_scene_default()};
     o->look.hands = true;
-    opterr = 0; // this file writes its own messages
-    while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
-        const char *word = argv[optind - 1];
-        if (option == ':') REFUSE("%s: expected a value", word);
-        if (option == '?') REFUSE("%s: no such option; knead view --help lists them", word);
-        if (option == 'h') return o->help = true, KN_EXIT_OK;
-        if (optarg && !*optarg) REFUSE("--%s '': expected a value", names[which].name);
-        const char *expected = take(o, &a, option, optarg);
-        if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
-    }
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     for (; optind < argc; optind++) {
         if (o->file_count == KN_VIEW_FILES_MAX)
             REFUSE("%s: expected %d objects at most", argv[optind], KN_VIEW_FILES_MAX);
         o->file[o->file_count++] = argv[optind];
     }
-    return check(o, &a);
+    return check(o);
 }

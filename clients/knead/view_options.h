@@ -3,6 +3,7 @@
 // Command line of `knead view`.
 #include "clients/viewer/renderer.h"
 #include "core/measure.h"
+#include "server/option_table.h"
 
 #define KN_VIEW_FILES_MAX 4
 
@@ -28,13 +29,16 @@ typedef struct kn_view_options {
     const char *top;    // argument of --top, as the user wrote it
     double top_si;      // end of the colour scale in SI units; 0: the largest value in the picture
     bool compare;       // draw two files, and in a third panel the distance of the second object from the first
-    bool plain, help;
+    bool plain;
+    // Options that are applied after all others are known. Angles: of --azimuth and --elevation; NAN: as set by
+    // --camera. sized: --size was given. moments: number of times in the list of --at.
+    double azimuth_deg, elevation_deg;
+    bool sized;
+    int moments;
 } kn_view_options;
 
-extern const char kn_view_help[];
-
-// Parse the command line. Return 0, or print an error message and return an exit code. Paths and URLs in `options`
-// point into argv.
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake. Paths
+// and URLs in `options` point into argv.
 int kn_view_parse(int argc, char **argv, kn_view_options *options);
 
 // Return true if at least one of the objects has this kind.

@@ -11,7 +11,7 @@
 #include "clients/knead/rig.h"
 #include "clients/knead/slab.h"
 #include "clients/knead/table.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -213,60 +213,43 @@ static int draw(const zwidth *z)
     return kn_table_draw(&z->table, "zwidth", z->plot, title, axes, 2);
 }
 
-static int take_material(zwidth *z, const char *name)
+static const char *take_material(void *material, const char *name)
 {
     for (int i = 0; i < KN_PADS; i++)
-        if (!strcmp(kn_pads[i].name, name)) {
-            z->material = &kn_pads[i];
-            return KN_EXIT_OK;
-        }
-    return kn_complain("zwidth", KN_EXIT_USAGE, "--material %s: expected wall, dough, clay, jelly or stiff-jelly",
-                       name);
+        if (!strcmp(kn_pads[i].name, name)) return *(const kn_pad_def **)material = &kn_pads[i], NULL;
+    return "wall, dough, clay, jelly or stiff-jelly";
 }
 
-static int take(zwidth *z, int option, const char *value)
+static const char *take_set(void *survey, const char *set)
 {
-    switch (option) {
-    case 'd': z->device = value; return KN_EXIT_OK;
-    case 'c': z->csv = value; return KN_EXIT_OK;
-    case 'p': z->plot = value; return KN_EXIT_OK;
-    case 'S': z->scene_path = value; return KN_EXIT_OK;
-    case 't': z->tool = value; return KN_EXIT_OK;
-    case 'q': z->quick = true; return KN_EXIT_OK;
-    case 'j': kn_result_open(); return KN_EXIT_OK;
-    case 'm': return take_material(z, value);
-    case 's':
-        if (strncmp(value, "device.", 7) != 0)
-            return kn_complain("zwidth", KN_EXIT_USAGE, "--set %s: expected a key of the device, device.KEY=VALUE",
-                               value);
-        if (z->set_count == SETS) return kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
-        z->sets[z->set_count++] = value;
-        return KN_EXIT_OK;
-    default:
-        if (kn_grip_find(value, &z->grip)) return KN_EXIT_OK;
-        return kn_complain("zwidth", KN_EXIT_USAGE, "--hand %s: expected %s", value, kn_grip_names);
-    }
+    zwidth *z = survey;
+    if (strncmp(set, "device.", 7) != 0) return "a key of the device, device.KEY=VALUE";
+    if (z->set_count < SETS) return z->sets[z->set_count++] = set, NULL;
+    kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
+    return KN_OPTION_TOLD;
 }
 
-static int parse(zwidth *z, int argc, char **argv, bool *done)
+static const char *take_grip(void *grip, const char *name) { return kn_grip_find(name, grip) ? NULL : kn_grip_names; }
+
+static int parse(zwidth *z, int argc, char **argv)
 {
-    static const struct option list[] = {{"device", 1, 0, 'd'},   {"set", 1, 0, 's'},   {"hand", 1, 0, 'h'},
-                                         {"material", 1, 0, 'm'}, {"quick", 0, 0, 'q'}, {"csv", 1, 0, 'c'},
-                                         {"plot", 1, 0, 'p'},     {"json", 0, 0, 'j'},  {"scene", 1, 0, 'S'},
-                                         {"probe", 1, 0, 't'},    {"help", 0, 0, '!'},  {0, 0, 0, 0}};
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        if (c == '!') {
-            fputs(help, stdout);
-            *done = true;
-            return KN_EXIT_OK;
-        }
-        if (c == '?' || c == ':')
-            return kn_complain("zwidth", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; --help lists them");
-        int code = take(z, c, optarg);
-        if (code != KN_EXIT_OK) return code;
-    }
+#define AT(member) .offset = offsetof(zwidth, member)
+    static const kn_option rows[] = {
+        KN_OPTION("device", TEXT, AT(device)),
+        KN_OPTION("set", SPECIAL, .take = take_set),
+        KN_OPTION("hand", SPECIAL, AT(grip), .take = take_grip),
+        KN_OPTION("material", SPECIAL, AT(material), .take = take_material),
+        KN_OPTION("quick", FLAG, AT(quick)),
+        KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("plot", TEXT, AT(plot)),
+        KN_OPTION("json", CALL, .call = kn_result_open),
+        KN_OPTION("scene", TEXT, AT(scene_path)),
+        KN_OPTION("probe", TEXT, AT(tool)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; --help lists them"};
+    const int code = kn_options_read(&table, z, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
     // Without a hand a constant force of 1 N pushes the device, and only a wall can hold it.
@@ -275,7 +258,7 @@ static int parse(zwidth *z, int argc, char **argv, bool *done)
                            "%s: without a hand the device only sinks in, expected --hand "
                            "light, normal or firm",
                            z->scene_path ? z->scene_path : z->material->name);
-    return KN_EXIT_OK;
+    return code;
 }
 
 // Measure all rows, print the table and write the results. Return the exit code.
@@ -313,9 +296,8 @@ static int load_scene(zwidth *z)
 int kn_zwidth_main(int argc, char **argv)
 {
     zwidth z = {.device = "touch", .material = &kn_pads[0]};
-    bool done = false;
-    int code = parse(&z, argc, argv, &done);
-    if (code != KN_EXIT_OK || done) return code;
+    int code = parse(&z, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     code = kn_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
     if (code == KN_EXIT_OK && z.scene_path) code = load_scene(&z);
     if (code == KN_EXIT_OK && z.csv) code = kn_output_try("zwidth", z.csv);

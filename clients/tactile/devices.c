@@ -4,8 +4,8 @@
 #include "clients/knead/complain.h"
 #include "clients/tactile/haply.h"
 #include "clients/tactile/spacenav.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <glob.h>
 #include <grp.h>
 #include <limits.h>
@@ -236,28 +236,29 @@ static int print_json(const kn_found *found, int count)
     return kn_devices_print("devices", "devices", list);
 }
 
+typedef struct options {
+    const char *root;
+    bool json;
+} options;
+
 int kn_devices_main(int argc, char **argv)
 {
-    static const struct option list[] = {{"json", 0, 0, 'j'}, {"root", 1, 0, 'r'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
-    const char *root = "";
-    bool json = false;
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case 'j': json = true; break;
-        case 'r': root = optarg; break;
-        case 'h': fputs(help, stdout); return KN_EXIT_OK;
-        default:
-            return kn_complain("devices", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead devices --help lists them");
-        }
-    }
+    static const kn_option rows[] = {
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+        KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead devices --help lists them"};
+    options o = {.root = ""};
+    int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("devices", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
     kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
     if (!found) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
-    int count = kn_devices_find(root, found), code = KN_EXIT_OK;
-    if (json) code = print_json(found, count);
+    int count = kn_devices_find(o.root, found);
+    code = KN_EXIT_OK;
+    if (o.json) code = print_json(found, count);
     else print_lines(found, count);
     free(found);
     return code;

@@ -7,8 +7,8 @@
 #include "server/bus.h"
 #include "server/clock.h"
 #include "server/daemon.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <glob.h>
 #include <grp.h>
 #include <inttypes.h>
@@ -27,18 +27,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
 static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
-    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time "
-    "priority,\n"
-    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups "
-    "of\n"
+    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
+    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups of\n"
     "the user, permissions of devices. Then measure how late a thread wakes that sleeps a millisecond at a time, as\n"
     "kneadd's does.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
     "  --root DIR    look for dev and sys in DIR (default: /)\n\n"
     "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
+// clang-format on
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
 #define LOCKED_BYTES ((size_t)64 << 20) // memory that kneadd locks for a large object
@@ -330,31 +331,33 @@ static void print_lines(const findings *f)
     }
 }
 
+typedef struct options {
+    const char *root;
+    bool json;
+    int seconds;
+} options;
+
 int kn_doctor_main(int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"json", 0, NULL, 'j'}, {"seconds", 1, NULL, 's'}, {"root", 1, NULL, 'r'}, {"help", 0, NULL, 'h'}, {0}};
+    static const kn_option rows[] = {
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+        KN_OPTION("seconds", INTEGER, .offset = offsetof(options, seconds), .expected = "1 .. 3600", KN_RANGE(1, 3600)),
+        KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true};
     static findings f;
-    const char *root = "";
-    bool json = false;
-    char end;
-    int seconds = 2, code = KN_EXIT_OK;
-    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'h') return fputs(help, stdout), KN_EXIT_OK;
-        else if (option == 'j') json = true;
-        else if (option == 'r') root = optarg;
-        else if (option != 's') return KN_EXIT_USAGE; // getopt has printed an error message
-        else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
-            return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
-    }
+    options o = {.root = "", .seconds = 2};
+    int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
+    code = KN_EXIT_OK;
     look_at_limits(&f);
     look_at_bus(&f);
     look_at_processor(&f);
-    look_at_devices(&f, root);
-    measure(&f, seconds);
-    if (json) code = print_json(&f);
+    look_at_devices(&f, o.root);
+    measure(&f, o.seconds);
+    if (o.json) code = print_json(&f);
     else print_lines(&f);
     for (int i = 0; i < f.count && code == KN_EXIT_OK; i++)
         if (!f.check[i].good) code = KN_EXIT_FAILED;

@@ -282,12 +282,11 @@ static int run(hand *h)
 
 int kn_hand_main(int argc, char **argv)
 {
-    bool done = false;
     struct sigaction stop = {.sa_handler = on_signal};
     hand *h = calloc(1, sizeof *h);
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_hand_options_parse(&h->opt, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
+    int code = kn_hand_options_parse(&h->opt, argc, argv);
+    if (code == KN_OPTIONS_READ) {
         // libspnav and sockets raise SIGPIPE when a device is gone. The bridge handles the loss.
         signal(SIGPIPE, SIG_IGN);
         sigaction(SIGINT, &stop, NULL);

@@ -3,9 +3,9 @@
 #include "clients/knead/ask.h"
 #include "clients/knead/commands.h"
 #include "clients/web/web.h"
+#include "server/option_table.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,13 +19,13 @@
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
 
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and "
-    "run\n"
-    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only "
-    "with\n"
+    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and run\n"
+    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only with\n"
     "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
     "certificate, whose fingerprint is printed with the address.\n\n"
     "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
@@ -37,11 +37,11 @@ static const char help[] =
     "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
     "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web "
-    "--listen-fd 3\n"
+    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web --listen-fd 3\n"
     "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
     "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
+// clang-format on
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
 
@@ -313,86 +313,79 @@ static int bind_and_become(const kn_web *w, char **command)
     return KN_EXIT_USAGE;
 }
 
-// Parse a decimal number without sign within low..high.
-static bool integer(const char *word, int low, int high, int *value)
+static const char *take_size(void *web, const char *word)
 {
+    kn_web *w = web;
     char end = 0;
-    return *word >= '0' && *word <= '9' && sscanf(word, "%7d%c", value, &end) == 1 && *value >= low && *value <= high;
+    const bool good = *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", &w->width, &w->height, &end) == 2 &&
+                      w->width >= 160 && w->width <= 1920 && w->height >= 160 && w->height <= 1920;
+    return good ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
 }
 
-static bool pixels(const char *word, int *width, int *height)
+static const char *take_address(void *host, const char *text)
 {
-    char end = 0;
-    return *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", width, height, &end) == 2 && *width >= 160 &&
-           *width <= 1920 && *height >= 160 && *height <= 1920;
+    struct in_addr address;
+    return kn_gateway_host(*(const char **)host = text, &address) ? NULL : "an IPv4 address of this machine";
+}
+
+static const char *take_directory(void *path, const char *text)
+{
+    struct stat it;
+    *(const char **)path = text;
+    return stat(text, &it) == 0 && S_ISDIR(it.st_mode) ? NULL : "a directory";
 }
 
 // Parse the number of a descriptor that is a listening socket.
-static bool listening(const char *word, int *fd)
+static const char *take_socket(void *fd, const char *word)
 {
+    double number = -1;
     int yes = 0;
     socklen_t size = sizeof yes;
-    return integer(word, 0, 1 << 20, fd) && getsockopt(*fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes;
-}
-
-static bool is_directory(const char *path)
-{
-    struct stat it;
-    return stat(path, &it) == 0 && S_ISDIR(it.st_mode);
-}
-
-// Store one option of the command line. Return NULL, or a text that says what was expected.
-static const char *take(kn_web *w, int option, const char *text)
-{
-    struct in_addr host;
-    switch (option) {
-    case 'a': return kn_gateway_host(w->host = text, &host) ? NULL : "an IPv4 address of this machine";
-    case 'h': w->help = true; return NULL;
-    case 'b': w->bind = true; return NULL;
-    case 'P': w->probe = text; return NULL;
-    case 'l': w->url = text; return NULL;
-    case 'm': w->mesh_url = text; return NULL;
-    case 'p': return integer(text, 0, 65535, &w->port) ? NULL : "a port, 0..65535";
-    case 'r': return integer(text, 5, 60, &w->rate_hz) ? NULL : "pictures per second, 5..60";
-    case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
-    case 'c': return (w->control = text), *text ? NULL : "a path";
-    case 'S': return (w->scenes = text), is_directory(text) ? NULL : "a directory";
-    default: return listening(text, &w->listen_fd) ? NULL : "a listening socket";
-    }
+    const bool good = strspn(word, "0123456789") == strlen(word) && kn_number_take(word, 0, 1 << 20, &number);
+    *(int *)fd = (int)number;
+    return good && getsockopt(*(int *)fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes ? NULL
+                                                                                              : "a listening socket";
 }
 
 static int parse(kn_web *w, int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"address", 1, NULL, 'a'},  {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},      {"rate", 1, NULL, 'r'},
-        {"size", 1, NULL, 's'},     {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'},   {"lcm-url", 1, NULL, 'l'},
-        {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'}, {"scenes", 1, NULL, 'S'},
-        {NULL, 0, NULL, 0}};
-    opterr = 0; // this file prints its own messages
-    for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
-        const char *word = argv[optind - 1], *expected = option == ':' ? "a value" : "an option of knead web --help";
-        if (option == ':' || option == '?')
-            return fprintf(stderr, "knead web: %s: expected %s\n", word, expected), KN_EXIT_USAGE;
-        if ((expected = take(w, option, optarg)))
-            return fprintf(stderr, "knead web: --%s %s: expected %s\n", names[which].name, optarg, expected),
-                   KN_EXIT_USAGE;
-    }
-    if (w->help) return KN_EXIT_OK;
+#define AT(member) .offset = offsetof(kn_web, member)
+    static const kn_option rows[] = {
+        KN_OPTION("address", SPECIAL, AT(host), .take = take_address),
+        KN_OPTION("probe", TEXT, AT(probe)),
+        KN_OPTION("port", DIGITS, AT(port), KN_RANGE(0, 65535), .expected = "a port, 0..65535"),
+        KN_OPTION("rate", DIGITS, AT(rate_hz), KN_RANGE(5, 60), .expected = "pictures per second, 5..60"),
+        KN_OPTION("size", SPECIAL, .take = take_size),
+        KN_OPTION("bind", FLAG, AT(bind)),
+        KN_OPTION("control", TEXT, AT(control), .expected = "a path"),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+        KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+        KN_OPTION("listen-fd", SPECIAL, AT(listen_fd), .take = take_socket),
+        KN_OPTION("scenes", SPECIAL, AT(scenes), .take = take_directory),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows),
+                                          .help = help,
+                                          .short_help = true,
+                                          .help_last = true,
+                                          .options_first = true,
+                                          .always_named = true,
+                                          .unknown = "expected an option of knead web --help"};
+    const int code = kn_options_read(&table, w, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (w->bind && optind == argc) return fail(KN_EXIT_USAGE, "--bind: expected a command");
     if (!w->bind && optind < argc)
         return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
     if (!kn_join_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
         !kn_join_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
         return fail(KN_EXIT_USAGE, w->error);
-    return KN_EXIT_OK;
+    return code;
 }
 
 int kn_web_main(int argc, char **argv)
 {
     static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);
-    if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
-    if (code != KN_EXIT_OK) return code;
+    if (code != KN_OPTIONS_READ) return code;
     if (w.bind) return bind_and_become(&w, argv + optind);
     code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
     if (code == KN_EXIT_OK) {

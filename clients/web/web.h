@@ -41,7 +41,7 @@ typedef struct kn_web {
     struct { // options
         const char *probe, *url, *mesh_url, *control, *scenes, *host;
         int port, width, height, listen_fd, rate_hz;
-        bool bind, help;
+        bool bind;
     };
     struct ev_loop *ev;
     ev_io bus_readable, mesh_readable;

@@ -16,8 +16,7 @@ static kn_unit unit_of(const kn_key *key)
     return unit;
 }
 
-// Return the index of a word in a list of words "a|b|c", or -1 if the list does not contain the word.
-static int choice_of(const char *words, const char *word)
+int kn_choice_of(const char *words, const char *word)
 {
     size_t size = strlen(word);
     for (int i = 0;; i++) {
@@ -101,7 +100,8 @@ bool kn_key_quotable(const char *text)
 static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
-    bool fits = size > 4 && size < KN_PATH_MAX && choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
+    bool fits =
+        size > 4 && size < KN_PATH_MAX && kn_choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
     if (fits) memcpy(field, text, size + 1);
     else snprintf(problem, KN_LINE_MAX, "not the name of a mesh");
     return fits;
@@ -118,7 +118,7 @@ static bool read_hash(uint64_t *field, const char *text, char problem[KN_LINE_MA
 
 static bool read_choice(const kn_key *key, int *field, const char *text, char problem[KN_LINE_MAX])
 {
-    *field = choice_of(key->unit, text);
+    *field = kn_choice_of(key->unit, text);
     if (*field < 0) snprintf(problem, KN_LINE_MAX, "'%.24s' is unknown", text);
     return *field >= 0;
 }

@@ -322,6 +322,9 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
 // breaks.
 bool kn_key_quotable(const char *text);
 
+// Return the index of a word in a list of words "a|b|c", or -1 if the list does not contain the word.
+int kn_choice_of(const char *words, const char *word);
+
 // Describe the values that the key expects: "a list of 3, each from 1e-05 to 10 m".
 const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX]);
 
