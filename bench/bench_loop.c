@@ -134,46 +134,47 @@ typedef struct tally {
     double worst_n;
 } tally;
 
-static kn_rig_def rig_of(const kn_device_def *device, kn_coupling coupling, int trip_ms, kn_grip grip,
-                         kn_rig_motion motion)
+static kn_haptic_loop_def rig_of(const kn_device_def *device, kn_coupling coupling, int trip_ms, kn_grip grip,
+                                 kn_haptic_loop_motion motion)
 {
-    kn_rig_def def = {
+    kn_haptic_loop_def def = {
         .arm = kn_arm_of(device), .coupling = coupling, .trip_ms = trip_ms, .passivity = true, .motion = motion};
     def.arm.grip = grip;
     return def;
 }
 
-static void add(tally *t, const kn_rig_result *r, bool buzzes, kn_rig_motion motion, const char *what)
+static void add(tally *t, const kn_haptic_loop_result *r, bool buzzes, kn_haptic_loop_motion motion, const char *what)
 {
     double loud = r->force_rms_n + (buzzes ? 1e3 : 0);
     t->runs++;
     t->buzzes += buzzes;
     t->gave += r->returned_j > 1e-3;
     t->loudest_n = fmax(t->loudest_n, r->force_rms_n);
-    bool held = motion == KN_RIG_LEAN || motion == KN_RIG_PRESS;
+    bool held = motion == KN_HAPTIC_LOOP_LEAN || motion == KN_HAPTIC_LOOP_PRESS;
     if (held) t->floors = fmax(t->floors, r->force_rms_n / r->resolution_n);
     t->returned_j = fmax(t->returned_j, r->returned_j);
-    if (motion >= KN_RIG_TAP) t->turns = fmax(t->turns, r->turns);
+    if (motion >= KN_HAPTIC_LOOP_TAP) t->turns = fmax(t->turns, r->turns);
     if (loud > t->worst_n) t->worst_n = loud, snprintf(t->worst, sizeof t->worst, "%s", what);
 }
 
 static void run(tally *t, const kn_device_def *device, const char *material, bool quick, int tool, int trip_ms,
-                kn_grip grip, kn_rig_motion motion)
+                kn_grip grip, kn_haptic_loop_motion motion)
 {
     block b;
     kn_coupling coupling =
         kn_coupling_default(device->mass_kg, device->damping_n_s_m, 1e-3, 1e-3 * trip_ms, device->hand);
-    kn_rig_def def = rig_of(device, coupling, trip_ms, grip, motion);
+    kn_haptic_loop_def def = rig_of(device, coupling, trip_ms, grip, motion);
     block_open(&b, material, quick, tool, &coupling);
     kn_arm_def other = def.arm;
     other.grip = KN_GRIP_NORMAL;
     kn_arm_init(&b.other, &other, (double[]){0, 0, 0.006});
     b.turns.hysteresis = 2 * (1.5 * device->encoder_m * coupling.stiffness_n_m + 2e-3);
-    kn_rig_result r = kn_rig_run(&def, touch, &b);
+    kn_haptic_loop_result r = kn_haptic_loop_run(&def, touch, &b);
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    bool other_buzzes = b.two && b.turns.count > 2 * KN_RIG_TURNS; // two strokes, and the effect of the first hand
+    bool other_buzzes =
+        b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS; // two strokes, and the effect of the first hand
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);
 }
@@ -186,10 +187,11 @@ static bool grid_of(int tool, bool quick)
         if (kn_profile_load(&device, "bench_loop", classes[c], NULL, 0) != 0) exit(3);
         for (int trip = 0; trip <= 1; trip++)
             for (int m = 0; m < MATERIALS; m++) {
-                if (tool != PAIR) run(&t, &device, materials[m], quick, tool, trip, KN_GRIP_NONE, KN_RIG_LEAN);
+                if (tool != PAIR) run(&t, &device, materials[m], quick, tool, trip, KN_GRIP_NONE, KN_HAPTIC_LOOP_LEAN);
                 for (int g = KN_GRIP_LIGHT; g <= KN_GRIP_FIRM; g++)
-                    for (int how = KN_RIG_PRESS; how <= (tool == PAIR ? KN_RIG_TAP : KN_RIG_SLIDE); how++)
-                        run(&t, &device, materials[m], quick, tool, trip, (kn_grip)g, (kn_rig_motion)how);
+                    for (int how = KN_HAPTIC_LOOP_PRESS;
+                         how <= (tool == PAIR ? KN_HAPTIC_LOOP_TAP : KN_HAPTIC_LOOP_SLIDE); how++)
+                        run(&t, &device, materials[m], quick, tool, trip, (kn_grip)g, (kn_haptic_loop_motion)how);
             }
     }
     printf("| %-12s | %4d | %6d | %7.3f | %6.2f | %6.1f | %8.2f | %6d | %s\n", tools[tool], t.runs, t.buzzes,

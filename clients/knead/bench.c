@@ -1,6 +1,6 @@
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/result.h"
 #include "core/scene/scene.h"
 #include "core/scene/keys.h"
@@ -36,36 +36,21 @@ static kn_scene *load_scene(const kn_bench_options *opt, bool *other, char error
 
 // ---- parameters of an expression
 
-// Read the modulus of a spring or damper. The text gives the modulus per strain or per length of the specimen. A
-// modulus per length is multiplied by the specimen's height.
-static bool read_modulus(const char *text, const char *unit_text, double *value, char why[160])
+// Read a quantity that must have the given unit. If `height` is true, one power of metre less in the unit is accepted as
+// well: the value is then given per length of the specimen and is multiplied by the specimen's height.
+static bool read_part(const char *text, const char *unit_text, bool height, double *value, char why[160])
 {
     kn_unit unit;
     kn_quantity q;
     if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
-    // If the unit has one power of metre less, the modulus is given per length of the specimen.
     kn_unit per_height = unit;
     per_height.m--;
-    bool per = !q.bare && kn_unit_same_dimension(&q.unit, &per_height);
+    bool per = height && !q.bare && kn_unit_same_dimension(&q.unit, &per_height);
     if (q.bare || !(per || kn_unit_same_dimension(&q.unit, &unit))) {
         snprintf(why, 160, q.bare ? "'%.40s' has no unit" : "'%.40s' has another dimension", text);
         return false;
     }
     *value = per ? kn_quantity_in(&q, &per_height) * KN_BENCH_HEIGHT_M : kn_quantity_in(&q, &unit);
-    return true;
-}
-
-// Read a quantity from a text. The quantity must have the given unit.
-static bool read_plain(const char *text, const char *unit_text, double *value, char why[160])
-{
-    kn_unit unit;
-    kn_quantity q;
-    if (!kn_unit_parse(&unit, unit_text, why, 160) || !kn_quantity_parse(&q, text, why, 160)) return false;
-    if (q.bare || !kn_unit_same_dimension(&q.unit, &unit)) {
-        snprintf(why, 160, q.bare ? "'%.40s' has no unit" : "'%.40s' has another dimension", text);
-        return false;
-    }
-    *value = kn_quantity_in(&q, &unit);
     return true;
 }
 
@@ -80,9 +65,9 @@ static bool read_exponential(const char *text, kn_part *part, char why[160])
         snprintf(why, 160, "'%.40s' is not exp(alpha, beta, p0, p1)", text);
         return false;
     }
-    return read_modulus(field[0], "Pa*s", &part->modulus, why) &&
-           read_plain(field[1], "1/Pa", &part->beta_per_pa, why) && read_plain(field[2], "Pa", &part->p0_pa, why) &&
-           read_plain(field[3], "Pa", &part->p1_pa, why);
+    return read_part(field[0], "Pa*s", true, &part->modulus, why) &&
+           read_part(field[1], "1/Pa", false, &part->beta_per_pa, why) &&
+           read_part(field[2], "Pa", false, &part->p0_pa, why) && read_part(field[3], "Pa", false, &part->p1_pa, why);
 }
 
 // Example values for error messages, indexed by 0: damper, 1: spring.
@@ -97,7 +82,7 @@ static int read_param(kn_bench *b, const char *text, bool *given)
         if (strlen(name) != (size_t)(equals - text) || strncmp(name, text, strlen(name)) != 0) continue;
         bool spring = name[0] == 's', exponential = !spring && !strncmp(equals + 1, "exp", 3), good;
         if (exponential) good = read_exponential(equals + 1, &b->net.part[i], why);
-        else good = read_modulus(equals + 1, spring ? "Pa" : "Pa*s", &b->net.part[i].modulus, why);
+        else good = read_part(equals + 1, spring ? "Pa" : "Pa*s", true, &b->net.part[i].modulus, why);
         given[i] = true;
         if (good) return KN_EXIT_OK;
         return kn_complain(subcommand, KN_EXIT_USAGE, "--param %s: %s, expected something like %s='%s'", text, why,
@@ -393,6 +378,16 @@ void kn_bench_print(const kn_bench *b)
                KN_BENCH_TOLERANCE);
 }
 
+// Write the table of an experiment and draw its curves, as --csv and --png ask.
+static int write_files(const kn_experiment *x, const kn_bench *b, const kn_table *t)
+{
+    char title[500];
+    x->title(b, title, sizeof title);
+    int code = b->opt->csv ? kn_table_write(t, x->name, b->opt->csv) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK && b->opt->png) code = kn_table_draw(t, x->name, b->opt->png, title, x->axes, 2);
+    return code;
+}
+
 int kn_bench_main(const kn_experiment *x, kn_bench_options opt, int argc, char **argv)
 {
     kn_bench b = {0};
@@ -402,7 +397,7 @@ int kn_bench_main(const kn_experiment *x, kn_bench_options opt, int argc, char *
     if (code == KN_OPTIONS_READ) {
         code = kn_bench_open(&b, &opt);
         if (code == KN_EXIT_OK) code = x->run(&b, &t);
-        if (code == KN_EXIT_OK) code = x->finish(&b, &t);
+        if (code == KN_EXIT_OK) code = write_files(x, &b, &t);
         kn_bench_close(&b);
     }
     kn_table_free(&t);

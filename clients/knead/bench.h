@@ -9,7 +9,7 @@
 //         ///////////// table       (first paper, equation 4), unless --area constant is given.
 //
 // Compression is positive. All values are in SI units. The units gf and cm appear only in input and output.
-#include "clients/knead/progress.h"
+#include "clients/knead/command.h"
 #include "clients/knead/table.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
@@ -82,13 +82,14 @@ void kn_bench_bar_end(kn_bench *b);
 void kn_bench_print(const kn_bench *b); // print the heading, which is the same for all experiments
 
 // A rheometer experiment as a subcommand of knead. kn_bench_main runs it, from its command line to its exit code. `run`
-// measures, prints the results and fills the table `t`. `finish` writes the files that --csv and --png ask for. The
-// argument `opt` of kn_bench_main holds the default options.
+// measures, prints the results and fills the table `t`, which --csv writes and --png draws on two `axes` under a `title`.
+// The argument `opt` of kn_bench_main holds the default options.
 typedef struct kn_experiment {
     const char *name, *help;
     const char *const *columns;
     int (*run)(kn_bench *b, kn_table *t);
-    int (*finish)(const kn_bench *b, const kn_table *t);
+    const kn_axes *axes;
+    void (*title)(const kn_bench *b, char *text, size_t size);
 } kn_experiment;
 int kn_bench_main(const kn_experiment *experiment, kn_bench_options opt, int argc, char **argv);
 

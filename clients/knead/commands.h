@@ -7,6 +7,8 @@
 //
 // argv[0] of kn_<name>_main is "knead <name>". Every subcommand answers --help itself: on stdout, with exit code 0.
 // `knead NAME --version` is answered in main.c. Results go to stdout. Errors go to stderr, one line each.
+#include "clients/knead/command.h"
+
 #define KN_COMMANDS(X)                                                                                                 \
     X(check, "describe a scene: size, cost, warnings; --keys lists every key")                                         \
     X(completion, "print the bash or zsh completion of knead, kneadd and knead-simdev")                                \
@@ -31,14 +33,6 @@
     X(view, "draw an object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                   \
     X(web, "serve a web page with the live object and a tool for the visitor; print its address")                      \
     X(zwidth, "find the stiffest wall a device can render: simulated, against delay and friction")
-
-enum { // exit codes of all programs of this project
-    KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,   // a requested check failed, e.g. that of --verify or of a latency contract
-    KN_EXIT_USAGE = 2,    // bad input: a wrong option, scene file or log
-    KN_EXIT_DEVICE = 3,   // a device, the message bus or the operating system failed
-    KN_EXIT_INTERNAL = 70 // error in the program itself
-};
 
 #define KN_COMMAND(name, summary) int kn_##name##_main(int argc, char **argv);
 KN_COMMANDS(KN_COMMAND)

@@ -2,7 +2,7 @@
 // paper, section 4.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <stdio.h>
@@ -116,23 +116,19 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
-// Write the table of the experiment and draw displacement and stress against time.
-static int finish(const kn_bench *b, const kn_table *t)
+static const kn_axes axes[] = {
+    {.x_label = "time, s", .y_label = "displacement, cm", .x = 1, .y = 2, .x_scale = 1, .y_scale = 1},
+    {.x_label = "time, s", .y_label = "stress, gf/cm²", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1 / KN_GF_CM2_PA}};
+
+static void title(const kn_bench *b, char *text, size_t size)
 {
-    static const kn_axes axes[] = {
-        {.x_label = "time, s", .y_label = "displacement, cm", .x = 1, .y = 2, .x_scale = 1, .y_scale = 1},
-        {.x_label = "time, s", .y_label = "stress, gf/cm²", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1 / KN_GF_CM2_PA}};
     const kn_bench_options *opt = b->opt;
-    char title[500];
-    snprintf(title, sizeof title, "creep of %s: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
-    int code = opt->csv ? kn_table_write(t, "creep", opt->csv) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "creep", opt->png, title, axes, 2);
-    return code;
+    snprintf(text, size, "creep of %s: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
 }
 
 int kn_creep_main(int argc, char **argv)
 {
-    static const kn_experiment experiment = {"creep", help, columns, run, finish};
+    static const kn_experiment experiment = {"creep", help, columns, run, axes, title};
     return kn_bench_main(
         &experiment, (kn_bench_options){.load_n = {50 * KN_GF_N}, .loads = 1, .hold_s = 60, .rest_s = 70}, argc, argv);
 }

@@ -20,15 +20,21 @@ static double squared_distance(const double a[3], const double b[3])
 // Return the relative Euclidean distance sqrt(difference / size) from two sums of squares. Return NAN if `size` is 0.
 static double ratio(double difference, double size) { return size > 0 ? sqrt(difference / size) : NAN; }
 
-double kn_felt_force(const kn_trace *a, const kn_trace *b)
+// Return the relative distance of n vectors from those in b.
+static double relative(const double (*a)[3], const double (*b)[3], int64_t n)
 {
     double difference = 0, size = 0;
-    if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
-    for (int64_t i = 0; i < a->ticks * a->probes; i++) {
-        difference += squared_distance(a->force_n[i], b->force_n[i]);
-        size += squares(b->force_n[i]);
+    for (int64_t i = 0; i < n; i++) {
+        difference += squared_distance(a[i], b[i]);
+        size += squares(b[i]);
     }
     return ratio(difference, size);
+}
+
+double kn_felt_force(const kn_trace *a, const kn_trace *b)
+{
+    if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
+    return relative((const double(*)[3])a->force_n, (const double(*)[3])b->force_n, a->ticks * a->probes);
 }
 
 // ---- shape
@@ -88,12 +94,7 @@ double kn_felt_shape(const kn_trace *a, const kn_trace *b)
     for (int k = 0; k < 3; k++) same &= a->grid[k] == b->grid[k];
     // Two meshes with different nodes cannot be compared, but two blocks with different lattices can.
     if (!same) return a->grid[0] && b->grid[0] ? shape_between(a, b) : NAN;
-    double difference = 0, size = 0;
-    for (int64_t i = 0; i < a->nodes; i++) {
-        difference += squared_distance(a->shape_m[i], b->shape_m[i]);
-        size += squares(b->shape_m[i]);
-    }
-    return ratio(difference, size);
+    return relative((const double(*)[3])a->shape_m, (const double(*)[3])b->shape_m, a->nodes);
 }
 
 // ---- differences that a hand would notice

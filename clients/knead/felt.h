@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_FELT_H
 #define KN_CLIENTS_FELT_H
 // Differences between two replays of a log: numerical differences, and differences that a hand would notice.
-#include "clients/knead/trace.h"
+#include "clients/knead/replay_trace.h"
 
 // Return the relative difference |a - b| / |b| between the tool forces of two replays. | | is the Euclidean norm over
 // all ticks and tools. Return NAN if `b` has no force at all.

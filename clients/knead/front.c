@@ -3,6 +3,7 @@
 #include "clients/knead/felt.h"
 #include "server/servo.h"
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -257,52 +258,39 @@ const kn_row *kn_front_elsewhere(const kn_front *front, const kn_plan *plan, con
 
 // ---- CSV
 
-#define NUMBERS 17
-static const char *const number_names[NUMBERS] = {"median_us",
-                                                  "p90_us",
-                                                  "force_solver",
-                                                  "force_step",
-                                                  "force_lattice",
-                                                  "force_all",
-                                                  "shape_solver",
-                                                  "shape_step",
-                                                  "shape_lattice",
-                                                  "shape_all",
-                                                  "peak",
-                                                  "lag_s",
-                                                  "depth_m",
-                                                  "jump_n_per_ms",
-                                                  "reference_jump_n_per_ms",
-                                                  "variation_peaks",
-                                                  "reference_variation_peaks"};
+// Numbers of a row: their names, and their places in kn_row.
+#define NUMBER(name, member)                                                                                           \
+    {                                                                                                                  \
+        name, offsetof(kn_row, member)                                                                                 \
+    }
+static const struct {
+    const char *name;
+    size_t place;
+} numbers[] = {NUMBER("median_us", median_us),
+               NUMBER("p90_us", p90_us),
+               NUMBER("force_solver", force.solver),
+               NUMBER("force_step", force.step),
+               NUMBER("force_lattice", force.lattice),
+               NUMBER("force_all", force.all),
+               NUMBER("shape_solver", shape.solver),
+               NUMBER("shape_step", shape.step),
+               NUMBER("shape_lattice", shape.lattice),
+               NUMBER("shape_all", shape.all),
+               NUMBER("peak", peak),
+               NUMBER("lag_s", lag_s),
+               NUMBER("depth_m", depth_m),
+               NUMBER("jump_n_per_ms", jump_n),
+               NUMBER("reference_jump_n_per_ms", reference_jump_n),
+               NUMBER("variation_peaks", variation),
+               NUMBER("reference_variation_peaks", reference_variation)};
+enum { NUMBERS = sizeof numbers / sizeof *numbers };
 
-// Store the numbers of a row in the order of their names in number_names.
-static void numbers_of(const kn_row *r, double to[NUMBERS])
-{
-    const double values[NUMBERS] = {r->median_us,
-                                    r->p90_us,
-                                    r->force.solver,
-                                    r->force.step,
-                                    r->force.lattice,
-                                    r->force.all,
-                                    r->shape.solver,
-                                    r->shape.step,
-                                    r->shape.lattice,
-                                    r->shape.all,
-                                    r->peak,
-                                    r->lag_s,
-                                    r->depth_m,
-                                    r->jump_n,
-                                    r->reference_jump_n,
-                                    r->variation,
-                                    r->reference_variation};
-    memcpy(to, values, sizeof values);
-}
+static double number_of(const kn_row *r, int k) { return *(const double *)((const char *)r + numbers[k].place); }
 
 bool kn_front_csv(const kn_front *front, FILE *f)
 {
     fprintf(f, "spacing_m,nodes,backend,dt_s,solver,precision,iterations,iterations_max,tolerance,passes,own");
-    for (int k = 0; k < NUMBERS; k++) fprintf(f, ",%s", number_names[k]);
+    for (int k = 0; k < NUMBERS; k++) fprintf(f, ",%s", numbers[k].name);
     fprintf(f, ",chatters,latched,force_front,shape_front\n");
     for (int i = 0; i < front->count; i++) {
         const kn_row *r = &front->row[i];
@@ -310,10 +298,8 @@ bool kn_front_csv(const kn_front *front, FILE *f)
         fprintf(f, "%.9g,%d,cpu,%.9g,%s,%s,%d,%d,%.9g,%d,%d", run->spacing_m, run->nodes, run->dt_s,
                 kn_method_name(run->method), run->precision == KN_PRECISION_F64 ? "f64" : "f32", run->iterations,
                 run->iterations_max, run->tolerance, run->passes, run->own);
-        double values[NUMBERS];
-        numbers_of(r, values);
         for (int k = 0; k < NUMBERS; k++) {
-            if (isfinite(values[k])) fprintf(f, ",%.6g", values[k]);
+            if (isfinite(number_of(r, k))) fprintf(f, ",%.6g", number_of(r, k));
             else fputc(',', f); // the field stays empty if the number was not measured
         }
         fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
@@ -327,7 +313,6 @@ void kn_front_result(const kn_front *front)
         const kn_row *r = &front->row[i];
         const kn_run *run = r->run;
         json_t *to = kn_result_add("points");
-        double values[NUMBERS];
         char name[96];
         kn_result_text(to, "name", kn_run_name(run, name));
         kn_result_number(to, "spacing_m", run->spacing_m);
@@ -340,8 +325,7 @@ void kn_front_result(const kn_front *front)
         kn_result_number(to, "tolerance", run->tolerance);
         kn_result_integer(to, "passes", run->passes);
         kn_result_bool(to, "own", run->own);
-        numbers_of(r, values);
-        for (int k = 0; k < NUMBERS; k++) kn_result_number(to, number_names[k], values[k]);
+        for (int k = 0; k < NUMBERS; k++) kn_result_number(to, numbers[k].name, number_of(r, k));
         kn_result_bool(to, "chatters", r->chatters);
         kn_result_bool(to, "latched", r->latched);
         kn_result_bool(to, "force_front", r->front);

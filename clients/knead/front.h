@@ -11,7 +11,7 @@
 //     all = |point - FINE| + lattice             upper bound of the distance from the best result; ranks the points
 //     peak, lag, depth                           point against FINE; without FINE (--quick) point against SAME
 #include "clients/knead/plan.h"
-#include "clients/knead/trace.h"
+#include "clients/knead/replay_trace.h"
 #include <stdio.h>
 
 // A point chatters if the total variation of its force exceeds this factor times the variation of its reference. The

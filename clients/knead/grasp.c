@@ -2,10 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-// period_s: sampling period, s; unheard_n: amplitude below which an oscillation of the force is not counted, N; both as
-// in rig.c.
-static const double period_s = 1e-3, unheard_n = 2e-3;
-static const double lean_n = 1.0; // constant downward load on a device that nobody holds, N
+static const double period_s = 1e-3; // sampling period, s, as in haptic_loop.c
+static const double lean_n = 1.0;    // constant downward load on a device that nobody holds, N
 // Number of direction reversals of the force in a second above which the loop buzzes: 10 Hz.
 static const int buzz_turns = 20;
 
@@ -13,15 +11,12 @@ static const int buzz_turns = 20;
 static void judge_afresh(kn_grasp *g)
 {
     const kn_device_def *d = &g->def.render.device;
-    // Compute the change of force that one encoder step causes. It is the step times the stiffness, plus the velocity
-    // measured from the step times the damping.
     double coupling_n_m = g->def.render.coupling_n_m;
     double k = coupling_n_m > 0.0 ? coupling_n_m * d->force_scale : d->hand.stiffness_n_m;
-    double share = -expm1(-6.283185307179586 * g->arm.def.velocity_hz * period_s);
-    double resolution_n = d->encoder_m * (k + d->hand.damping_n_s_m * share / period_s);
+    double resolution_n = kn_arm_resolution_n(&g->arm, &(kn_coupling){k, d->hand.damping_n_s_m});
     kn_render_init(&g->render, &g->def.render);
     kn_buzz_init(&g->buzz, period_s, 0.0);
-    g->turns = (kn_turns){.hysteresis = 2.0 * (1.5 * resolution_n + unheard_n)};
+    g->turns = (kn_turns){.hysteresis = kn_turns_hysteresis_n(resolution_n)};
     g->second_ms = 0;
     g->busy = false;
     g->news = (kn_grasp_news){0};

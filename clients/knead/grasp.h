@@ -4,17 +4,16 @@
 // returned forces determine where the tool goes. The grasp runs in the thread of a virtual device (device.h), so the
 // loop is closed over the real bus.
 //
-//     path --> arm (arm.h) --> pose --> kneadd --> force, contact --> delay, loss --> output stage (render.h) --+
-//                 ^                                                                                            |
-//                 +------------------------------------ held for 1 ms <----------------------------------------+
+//     path --> arm --> pose --> kneadd --> force, contact --> delay, loss --> output stage --+
+//               ^                                                                            |
+//               +------------------------------ held for 1 ms <------------------------------+
 //
 // The device's time advances by one millisecond per pose. If this process stalls, the path takes longer in real time.
 // The force is monitored for buzzing while the path is played. The closed loop buzzes if the force reverses its
 // direction more than 20 times a second (10 Hz) in two consecutive seconds. Reversals that the encoder's steps can
 // cause are not counted. A single such second may be a knock whose oscillation decays.
-#include "clients/knead/arm.h"
-#include "clients/knead/buzz.h"
-#include "clients/knead/player.h"
+#include "clients/knead/haptic_loop.h"
+#include "clients/knead/virtual_hand.h"
 #include "clients/knead/render.h"
 
 // Largest number of force messages that the simulated link holds. The link carries one message per millisecond, so its

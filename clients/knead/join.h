@@ -3,7 +3,7 @@
 // A client's connection to an LCM bus. It receives through kneadd's own bounded receiver (server/bus.h). liblcm is used
 // only to send, because a crafted datagram makes the receiving half of liblcm write out of bounds.
 //
-//     kn_join_open -> kn_join_hear, once per channel -> kn_join_handle, as often as there is time -> kn_join_close
+//     open -> hear, once per channel -> handle, as often as there is time -> close
 //
 // If a key is set (KNEAD_KEY), the tag of a message is checked before its contents are read. A life is one run of
 // kneadd, or the run after one `load`, and a hello is the message with which a client asks for the present life. Only

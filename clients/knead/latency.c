@@ -1,6 +1,5 @@
 // knead latency: measures the time from a pose to its force through LCM on a real kneadd. This file has the options and
-// the sequence of the measurement. latency_run.c has the threads, latency_served.c the processes, latency_report.c the
-// results.
+// the sequence of the measurement. latency_run.c has the threads and the processes, latency_report.c the results.
 #include "clients/knead/latency.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"

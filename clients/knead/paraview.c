@@ -1,13 +1,332 @@
 #include "clients/knead/paraview.h"
-#include "clients/knead/cells.h"
-#include "clients/knead/tool_form.h"
-#include "clients/knead/vtu.h"
+#include "core/lattice.h"
+#include "core/field.h"
 #include "core/measure.h"
+#include "core/shape.h"
 #include "core/touch.h"
+#include "core/algebra.h"
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// The cells of an object for VTK files, with their corners in VTK's order. Cells are the cubes of a block, the squares
+// of a flat object, or the elements of a mesh. An object that is one node wide has no cells. Where the parts of a block
+// with two resolutions meet, cells share the nodes that both parts have.
+
+typedef struct cell_list {
+    const kn_model *model; // model of the object; must outlive this list of cells
+    int count;
+    // corner: node numbers of all cells, [end[count - 1]]; end: index in corner after the last node of each cell,
+    // VTK cell type of each cell, [count].
+    int32_t *corner, *end;
+    uint8_t *type; // VTK cell type of each cell, [count]
+    double *rest;  // volume of each cell at rest, m^3, [count] values
+} cell_list;
+
+// Append one cell with its corner nodes to the list. kn_cell numbers its corners in binary order, and VTK numbers them
+// around each face.
+static void add_cell(cell_list *c, const kn_cell *cell, uint8_t type, int count, int node)
+{
+    static const int round[8] = {0, 1, 3, 2, 4, 5, 7, 6};
+    const bool square = type == KN_VTK_HEXAHEDRON || type == KN_VTK_QUAD;
+    int32_t at = c->count > 0 ? c->end[c->count - 1] : 0;
+    for (int i = 0; i < count; i++) {
+        const int corner = cell->corner[square ? round[i] : i] + node;
+        // In a composite (a lattice with two resolutions) several nodes stand for the same point: use the master node.
+        c->corner[at++] = c->model->composite ? kn_composite_master(c->model, corner) : corner;
+    }
+    c->type[c->count] = type;
+    c->end[c->count++] = at;
+}
+
+// Append all cells of one grid of nodes. `node` is the number of the grid's first node.
+static bool add_grid(cell_list *c, const kn_grid *grid, int node)
+{
+    const int count = kn_grid_cells(grid, NULL);
+    kn_cell *cell = malloc(((size_t)count + 1) * sizeof *cell);
+    if (!cell) return false;
+    kn_grid_cells(grid, cell);
+    for (int i = 0; i < count; i++)
+        add_cell(c, &cell[i], grid->flat ? KN_VTK_QUAD : KN_VTK_HEXAHEDRON, grid->flat ? 4 : 8, node);
+    free(cell);
+    return true;
+}
+
+static void add_mesh(cell_list *c, const kn_simplices *mesh)
+{
+    const bool flat = mesh->dimension == 2;
+    for (int i = 0; i < mesh->element_count; i++) {
+        kn_cell cell;
+        memcpy(cell.corner, mesh->element[i], sizeof mesh->element[i]);
+        add_cell(c, &cell, flat ? KN_VTK_TRIANGLE : KN_VTK_TETRA, flat ? 3 : 4, 0);
+    }
+}
+
+// Return the number of cells of a model: a mesh, a grid, or a composite of several grids.
+static int count_of(const kn_model *m)
+{
+    int count = 0;
+    if (m->def.mesh) return m->def.mesh->element_count;
+    if (!m->composite) return kn_grid_cells(&m->grid, NULL);
+    for (int p = 0; p < m->composite->part_count; p++) count += kn_grid_cells(&m->composite->part[p].grid, NULL);
+    return count;
+}
+
+// Return the volume of a cell in a state, or at rest if state is NULL.
+static double cell_volume(const cell_list *c, const kn_state *state, int number)
+{
+    static const int binary[8] = {0, 1, 3, 2, 4, 5, 7, 6};
+    const kn_model *m = c->model;
+    const int first = number > 0 ? c->end[number - 1] : 0, corners = c->end[number] - first;
+    double x[8][3], gradient[8][3];
+    // Convert the corners from the VTK order back to the binary order, which the volume functions expect.
+    for (int i = 0; i < corners; i++) {
+        double *to = x[m->def.mesh ? i : binary[i]];
+        const int node = c->corner[first + i];
+        if (state) kn_state_position(m, state, node, to);
+        else memcpy(to, m->rest_m[node], sizeof m->rest_m[node]);
+    }
+    if (!m->def.mesh) return kn_cell_volume(&m->grid, (const double(*)[3])x, gradient);
+    return kn_simplex_volume(m->def.mesh->dimension == 2 ? m->def.thickness_m : 0, (const double(*)[3])x, gradient);
+}
+
+// a struct that is all zero is allowed
+static void cells_free(cell_list *c)
+{
+    free(c->corner);
+    free(c->end);
+    free(c->type);
+    free(c->rest);
+    *c = (cell_list){0};
+}
+
+// List the cells of the object; return false if out of memory.
+static bool cells_list(cell_list *c, const kn_model *m)
+{
+    const size_t count = (size_t)count_of(m) + 1;
+    *c = (cell_list){.model = m};
+    c->corner = malloc(8 * count * sizeof *c->corner);
+    c->end = malloc(count * sizeof *c->end);
+    c->type = malloc(count);
+    c->rest = malloc(count * sizeof *c->rest);
+    // Append the cells of a mesh, of a grid, or of a composite of grids, whichever the object is.
+    bool fits = c->corner && c->end && c->type && c->rest;
+    if (fits && m->def.mesh) add_mesh(c, m->def.mesh);
+    else if (fits && !m->composite) fits = add_grid(c, &m->grid, 0);
+    for (int p = 0; fits && m->composite && p < m->composite->part_count; p++)
+        fits = add_grid(c, &m->composite->part[p].grid, m->composite->node_first[p]);
+    for (int i = 0; fits && i < c->count; i++) c->rest[i] = cell_volume(c, NULL, i);
+    if (!fits) cells_free(c);
+    return fits;
+}
+
+// Compute the present volume V of every cell relative to its volume V0 at rest, into ratio[count]. A negative ratio
+// means that the cell is inside out.
+static void cells_ratio(const cell_list *c, const kn_state *state, float *ratio)
+{
+    for (int i = 0; i < c->count; i++) ratio[i] = (float)(cell_volume(c, state, i) / c->rest[i]);
+}
+
+// Surface of a tool as triangles, for export to files. The surface is the one that the contact computation uses
+// (core/shape.h). A round tool is divided in steps of 7.5 degrees. The contact computation gives a plate no thickness;
+// here a plate is 2 mm thick, as in the pictures.
+
+// Surface of a tool, in the tool's own coordinates. Point 0 is the origin of these coordinates and belongs to no
+// triangle.
+typedef struct tool_form {
+    int point_count, triangle_count;
+    float (*xyz)[3];
+    int32_t (*triangle)[3]; // three indices in `xyz` per triangle, counter-clockwise as seen from outside
+} tool_form;
+
+#define PLATE_THICKNESS_M 0.002
+#define STEPS 12 // number of steps that divide a quarter turn
+// Number of points of a ring: each of 4 quarters has STEPS + 1 points, both of its ends included.
+#define AROUND (4 * (STEPS + 1))
+// number of rings: STEPS + 1 in the lower half and STEPS + 1 in the upper half of the surface.
+#define RINGS (2 * (STEPS + 1))
+#define POINTS (RINGS * AROUND + 2) // number of points: those of all rings, and one point at each end of the axis
+#define TRIANGLES (2 * AROUND * RINGS)
+
+// Every solid of shape.h except a mesh is the space that a ball covers while its centre moves through a core: a box, a
+// disc, a line or a point.
+// half_m: half extents of the box or line. disc_m: radius of the disc. roll_m: radius of the ball. up_m: height of the
+// core's middle.
+typedef struct core {
+    double half_m[3], disc_m, roll_m, up_m;
+} core;
+
+static core core_of(const kn_solid *p)
+{
+    switch (p->kind) {
+    case KN_SOLID_CAPSULE: return (core){{0, 0, 0.5 * p->length_m}, 0, p->radius_m, 0.5 * p->length_m};
+    case KN_SOLID_CYLINDER: return (core){{0, 0, p->half_m[2]}, p->half_m[0], p->radius_m, 0.5 * p->length_m};
+    case KN_SOLID_BOX: return (core){{p->half_m[0], p->half_m[1], p->half_m[2]}, 0, p->radius_m, 0.5 * p->length_m};
+    default: return (core){{0}, 0, p->radius_m, 0};
+    }
+}
+
+// Compute a point of the surface. `around`: index within the ring. `ring`: index of the ring, counted from the bottom.
+// Each quarter of a turn belongs to one corner of the core, so quarters are joined by flat strips.
+static void point_of(const core *c, int ring, int around, float out[3])
+{
+    static const double quarter = 1.5707963267948966;
+    const int quadrant = around / (STEPS + 1), upper = ring > STEPS;
+    const double phi = quarter * (quadrant + around % (STEPS + 1) / (double)STEPS);
+    const double theta = quarter * ((ring - upper * (STEPS + 1)) / (double)STEPS - !upper);
+    const double x = quadrant == 0 || quadrant == 3 ? c->half_m[0] : -c->half_m[0];
+    const double y = quadrant < 2 ? c->half_m[1] : -c->half_m[1];
+    const double across = c->disc_m + c->roll_m * cos(theta);
+    out[0] = (float)(x + across * cos(phi));
+    out[1] = (float)(y + across * sin(phi));
+    out[2] = (float)(c->up_m + (upper ? c->half_m[2] : -c->half_m[2]) + c->roll_m * sin(theta));
+}
+
+// Append a triangle to the surface, unless its area is 0.
+static void add_triangle(tool_form *f, int a, int b, int c)
+{
+    double ab[3], ac[3], across[3];
+    for (int k = 0; k < 3; k++) {
+        ab[k] = (double)f->xyz[b][k] - (double)f->xyz[a][k];
+        ac[k] = (double)f->xyz[c][k] - (double)f->xyz[a][k];
+    }
+    kn_cross(ab, ac, across);
+    // The triangle has no area, as at the pole of a sphere or at a sharp edge.
+    if (kn_dot(across, across) < 1e-24) return;
+    f->triangle[f->triangle_count][0] = a;
+    f->triangle[f->triangle_count][1] = b;
+    f->triangle[f->triangle_count++][2] = c;
+}
+
+// Append a solid: rings of points, a point at each end, and triangles between them.
+static void add_solid(tool_form *f, const kn_solid *part)
+{
+    const core c = core_of(part);
+    const int first = f->point_count, middle = first + RINGS * AROUND;
+    for (int r = 0; r < RINGS; r++)
+        for (int a = 0; a < AROUND; a++) point_of(&c, r, a, f->xyz[f->point_count++]);
+    for (int end = 0; end < 2; end++) {
+        const float z = (float)(c.up_m + (end ? 1 : -1) * (c.half_m[2] + c.roll_m));
+        memcpy(f->xyz[f->point_count++], (float[]){0, 0, z}, 3 * sizeof(float));
+    }
+    // A strip of triangles from the lower end through all rings to the upper end.
+    for (int a = 0; a < AROUND; a++) {
+        const int b = (a + 1) % AROUND, top = first + (RINGS - 1) * AROUND;
+        add_triangle(f, middle, first + b, first + a);
+        for (int r = first; r < top; r += AROUND) {
+            add_triangle(f, r + a, r + b, r + AROUND + b);
+            add_triangle(f, r + a, r + AROUND + b, r + AROUND + a);
+        }
+        add_triangle(f, middle + 1, top + a, top + b);
+    }
+}
+
+// Append the triangles of a tool that is a mesh.
+static void add_field(tool_form *f, const kn_field *field)
+{
+    const int first = f->point_count;
+    for (int i = 0; i < field->vertex_count; i++)
+        for (int k = 0; k < 3; k++) f->xyz[first + i][k] = (float)field->x_m[i][k];
+    f->point_count += field->vertex_count;
+    for (int i = 0; i < field->triangle_count; i++)
+        add_triangle(f, first + field->triangle[i][0], first + field->triangle[i][1], first + field->triangle[i][2]);
+}
+
+// Move points from the frame of the part to the frame of the tool.
+static void put_part(const kn_solid *part, float (*xyz)[3], int count)
+{
+    for (int i = 0; i < count; i++) {
+        const float at[3] = {xyz[i][0], xyz[i][1], xyz[i][2]};
+        for (int k = 0; k < 3; k++) {
+            double sum = part->at_m[k];
+            for (int j = 0; j < 3; j++) sum += part->turn[k][j] * (double)at[j];
+            xyz[i][k] = (float)sum;
+        }
+    }
+}
+
+// Return the shape of a tool. A plate becomes a thin box.
+static kn_shape shape_of(const kn_model *model, int probe)
+{
+    const kn_probe_def *def = &model->def.probe[probe];
+    if (def->shape != KN_PROBE_PLATE) return model->shape[probe];
+    kn_shape plate = {0};
+    const kn_solid box = kn_solid_box((double[]){def->size_m[0], def->size_m[1], PLATE_THICKNESS_M}, 0);
+    kn_shape_add(&plate, &box);
+    return plate;
+}
+
+// Free the surface of a tool. A zeroed struct is allowed.
+static void tool_form_free(tool_form *f)
+{
+    free(f->xyz);
+    free(f->triangle);
+    *f = (tool_form){0};
+}
+
+// Make the surface of a tool. Return false when memory is short.
+static bool tool_form_make(tool_form *f, const kn_model *model, int probe)
+{
+    // Count first, so that the arrays are allocated once.
+    const kn_shape shape = shape_of(model, probe);
+    size_t points = 1, triangles = 0;
+    for (const kn_solid *p = shape.part; p < shape.part + shape.part_count; p++) {
+        points += p->kind == KN_SOLID_FIELD ? (size_t)p->field->vertex_count : POINTS;
+        triangles += p->kind == KN_SOLID_FIELD ? (size_t)p->field->triangle_count : TRIANGLES;
+    }
+    *f = (tool_form){.point_count = 1};
+    f->xyz = calloc(points, sizeof *f->xyz);
+    f->triangle = calloc(triangles, sizeof *f->triangle);
+    if (!f->xyz || !f->triangle) {
+        tool_form_free(f);
+        return false;
+    }
+    for (const kn_solid *p = shape.part; p < shape.part + shape.part_count; p++) {
+        const int first = f->point_count;
+        if (p->kind == KN_SOLID_FIELD) add_field(f, p->field);
+        else add_solid(f, p);
+        put_part(p, f->xyz + first, f->point_count - first);
+    }
+    return true;
+}
+
+// Move the surface of a tool to a pose and write its points to out[point_count][3] [m]. orientation_wxyz: unit
+// quaternion; four zeros mean a level tool. A plate is always level.
+static void tool_form_place(const tool_form *f, const kn_probe_def *def, const double position_m[3],
+                            const double orientation_wxyz[4], float (*out)[3])
+{
+    static const double level[4] = {1};
+    double unit[4], turn[3][3];
+    kn_turn_unit(def->shape == KN_PROBE_PLATE ? level : orientation_wxyz, unit);
+    kn_turn_matrix(unit, turn);
+    for (int i = 0; i < f->point_count; i++)
+        for (int k = 0; k < 3; k++) {
+            double sum = position_m[k];
+            for (int j = 0; j < 3; j++) sum += turn[k][j] * (double)f->xyz[i][j];
+            out[i][k] = (float)sum;
+        }
+}
+
+// Arrays that depend on the model, and their numbers of elements. The sizes of cells and edges get one more element,
+// because calloc(0) may return NULL.
+#define ARRAYS(X)                                                                                                      \
+    X(measure, nodes)                                                                                                  \
+    X(contact, nodes)                                                                                                  \
+    X(xyz, nodes)                                                                                                      \
+    X(moved, nodes)                                                                                                    \
+    X(velocity, nodes)                                                                                                 \
+    X(stress, nodes)                                                                                                   \
+    X(residual, nodes)                                                                                                 \
+    X(force, nodes)                                                                                                    \
+    X(ratio, cells + 1)                                                                                                \
+    X(edge_stress, edges + 1)                                                                                          \
+    X(edge_strain, edges + 1)                                                                                          \
+    X(edge_rest, edges + 1)                                                                                            \
+    X(line, edges + 1)                                                                                                 \
+    X(line_end, edges + 1)                                                                                             \
+    X(line_type, edges + 1)
 
 struct kn_paraview {
     char folder[PATH_MAX - 128];
@@ -16,17 +335,17 @@ struct kn_paraview {
     // Model that the arrays below belong to. NULL: none yet.
     const kn_model *model;
     int models; // running number of this model, see kn_moment
-    kn_cells cells;
+    cell_list cells;
     kn_springs springs;
     kn_gauge *gauge;
-    kn_tool_form tool[KN_PROBES_MAX];
+    tool_form tool[KN_PROBES_MAX];
     double *measure, (*contact)[3];               // one element per node
     float (*xyz)[3], (*moved)[3], (*velocity)[3]; // one element per node
     float *stress, *residual, (*force)[3];        // one element per node
     float *ratio;                                 // one element per cell
     float *edge_stress, *edge_strain, *edge_rest; // one element per edge
     // Cells of the lines: indices of both end points of each edge; for each edge, end of its indices in `line`.
-    int32_t *line, *line_end;
+    int32_t (*line)[2], *line_end;
     uint8_t *line_type; // one element per edge
 };
 
@@ -39,53 +358,40 @@ static bool short_of_memory(char *error, size_t size)
 // Free everything that depends on the model, and keep the rest.
 static void forget_model(kn_paraview *p)
 {
-    kn_cells_free(&p->cells);
+    cells_free(&p->cells);
     kn_springs_free(&p->springs);
     kn_gauge_destroy(p->gauge);
-    for (int i = 0; i < KN_PROBES_MAX; i++) kn_tool_form_free(&p->tool[i]);
-    void *arrays[] = {p->measure,     p->contact,   p->xyz,   p->moved,    p->velocity,
-                      p->stress,      p->residual,  p->force, p->ratio,    p->edge_stress,
-                      p->edge_strain, p->edge_rest, p->line,  p->line_end, p->line_type};
-    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
+    for (int i = 0; i < KN_PROBES_MAX; i++) tool_form_free(&p->tool[i]);
+#define FREE(name, count) free(p->name);
+    ARRAYS(FREE)
+#undef FREE
     kn_paraview kept = {.object = p->object, .edges = p->edges, .moments = p->moments};
     memcpy(kept.folder, p->folder, sizeof kept.folder);
     *p = kept;
 }
 
-// Allocate the arrays. The sizes of cells and edges get one more element, because calloc(0) may return NULL.
+// Allocate the arrays.
 static bool make_room(kn_paraview *p, size_t nodes, size_t cells, size_t edges)
 {
-    p->measure = calloc(nodes, sizeof *p->measure);
-    p->contact = calloc(nodes, sizeof *p->contact);
-    p->xyz = calloc(nodes, sizeof *p->xyz);
-    p->moved = calloc(nodes, sizeof *p->moved);
-    p->velocity = calloc(nodes, sizeof *p->velocity);
-    p->stress = calloc(nodes, sizeof *p->stress);
-    p->residual = calloc(nodes, sizeof *p->residual);
-    p->force = calloc(nodes, sizeof *p->force);
-    p->ratio = calloc(cells + 1, sizeof *p->ratio);
-    p->edge_stress = calloc(edges + 1, sizeof *p->edge_stress);
-    p->edge_strain = calloc(edges + 1, sizeof *p->edge_strain);
-    p->edge_rest = calloc(edges + 1, sizeof *p->edge_rest);
-    p->line = calloc(edges + 1, 2 * sizeof *p->line);
-    p->line_end = calloc(edges + 1, sizeof *p->line_end);
-    p->line_type = calloc(edges + 1, 1);
-    return p->measure && p->contact && p->xyz && p->moved && p->velocity && p->stress && p->residual && p->force &&
-           p->ratio && p->edge_stress && p->edge_strain && p->edge_rest && p->line && p->line_end && p->line_type;
+    bool all = true;
+#define MAKE(name, count) p->name = calloc(count, sizeof *p->name), all &= p->name != NULL;
+    ARRAYS(MAKE)
+#undef MAKE
+    return all;
 }
 
 // Prepare the export of a new model: cells, edges, gauge, arrays and the shapes of the tools.
 static bool take_model(kn_paraview *p, const kn_model *model)
 {
     forget_model(p);
-    bool fits = kn_cells_list(&p->cells, model) && kn_springs_init(&p->springs, model) &&
+    bool fits = cells_list(&p->cells, model) && kn_springs_init(&p->springs, model) &&
                 (p->gauge = kn_gauge_create(model)) &&
                 make_room(p, (size_t)model->node_count, (size_t)p->cells.count, (size_t)p->springs.count);
-    for (int i = 0; fits && i < model->def.probe_count; i++) fits = kn_tool_form_make(&p->tool[i], model, i);
+    for (int i = 0; fits && i < model->def.probe_count; i++) fits = tool_form_make(&p->tool[i], model, i);
     // An edge is a line cell of two points.
     for (int e = 0; fits && e < p->springs.count; e++) {
-        p->line[2 * e] = p->springs.spring[e].i;
-        p->line[2 * e + 1] = p->springs.spring[e].j;
+        p->line[e][0] = p->springs.spring[e].i;
+        p->line[e][1] = p->springs.spring[e].j;
         p->line_end[e] = 2 * (e + 1);
         p->line_type[e] = KN_VTK_LINE;
     }
@@ -144,7 +450,7 @@ static bool write_object(kn_paraview *p, const kn_moment *m, char *error, size_t
     const bool solid = p->cells.count > 0;
     kn_vtu v = {.time_s = m->time_s, .point_count = m->model->node_count, .xyz = (const float(*)[3])p->xyz};
     v.cell_count = solid ? p->cells.count : p->springs.count;
-    v.corner = solid ? p->cells.corner : p->line;
+    v.corner = solid ? p->cells.corner : p->line[0];
     v.end = solid ? p->cells.end : p->line_end;
     v.type = solid ? p->cells.type : p->line_type;
     v.point[v.point_arrays++] = (kn_vtu_array){"displacement_m", 3, p->moved[0]};
@@ -162,7 +468,7 @@ static bool write_edges(kn_paraview *p, const kn_moment *m, char *error, size_t 
                       .point_count = m->model->node_count,
                       .xyz = (const float(*)[3])p->xyz,
                       .cell_count = p->springs.count,
-                      .corner = p->line,
+                      .corner = p->line[0],
                       .end = p->line_end,
                       .type = p->line_type,
                       .point_arrays = 1,
@@ -182,10 +488,10 @@ typedef struct tool_room {
 } tool_room;
 
 // Fill the buffers: cell 0 is the vertex at the tool's position (point 0), then the triangles of the surface.
-static void fill_tool(tool_room *r, const kn_tool_form *f, const struct kn_moment_tool *tool, const kn_probe_def *def)
+static void fill_tool(tool_room *r, const tool_form *f, const kn_force *tool, const kn_probe_def *def)
 {
     float(*vector)[3] = (float(*)[3])r->vector;
-    kn_tool_form_place(f, def, tool->position_m, tool->orientation_wxyz, r->xyz);
+    tool_form_place(f, def, tool->proxy_position_m, tool->proxy_orientation_wxyz, r->xyz);
     // `vector` holds three arrays one after the other, each with one vector per point. Only point 0 differs from 0.
     for (int k = 0; k < 3; k++) {
         vector[0][k] = (float)tool->force_n[k];
@@ -204,22 +510,22 @@ static void fill_tool(tool_room *r, const kn_tool_form *f, const struct kn_momen
 
 static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *error, size_t size)
 {
-    const struct kn_moment_tool *tool = &m->tool[probe];
-    const kn_tool_form *f = &p->tool[probe];
+    const kn_force *tool = m->tool[probe]; // NULL: nobody holds it
+    const tool_form *f = &p->tool[probe];
     const size_t points = (size_t)f->point_count, cells = (size_t)f->triangle_count + 1;
     tool_room r = {calloc(points, sizeof *r.xyz), calloc(points, sizeof *r.vector), calloc(cells, 3 * sizeof *r.corner),
                    calloc(cells, sizeof *r.end), calloc(cells, 1)};
     bool fits = r.xyz && r.vector && r.corner && r.end && r.type;
-    const float gain = (float)tool->gain;
-    float turn[4];
-    for (int k = 0; k < 4; k++) turn[k] = (float)tool->orientation_wxyz[k];
-    if (fits && tool->live) fill_tool(&r, f, tool, &m->model->def.probe[probe]);
+    const float gain = tool ? (float)tool->gain : 0;
+    float turn[4] = {0};
+    for (int k = 0; k < 4 && tool; k++) turn[k] = (float)tool->proxy_orientation_wxyz[k];
+    if (fits && tool) fill_tool(&r, f, tool, &m->model->def.probe[probe]);
     // A tool that nobody holds is written as an empty file, so that the collection has the same parts at every time.
     const float *vector = (const float *)r.vector;
     const kn_vtu v = {.time_s = m->time_s,
-                      .point_count = tool->live ? f->point_count : 0,
+                      .point_count = tool ? f->point_count : 0,
                       .xyz = (const float(*)[3])r.xyz,
-                      .cell_count = tool->live ? (int)cells : 0,
+                      .cell_count = tool ? (int)cells : 0,
                       .corner = r.corner,
                       .end = r.end,
                       .type = r.type,
@@ -227,7 +533,7 @@ static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *erro
                       .point = {{"force_n", 3, vector},
                                 {"contact_force_n", 3, fits ? vector + 3 * points : NULL},
                                 {"torque_n_m", 3, fits ? vector + 6 * points : NULL}},
-                      .field_arrays = tool->live ? 2 : 0,
+                      .field_arrays = tool ? 2 : 0,
                       .field = {{"orientation_wxyz", 4, turn}, {"gain", 1, &gain}}};
     bool ok = fits ? write_one(p, p->object, &v, 1 + probe, "tool_", m->model->def.probe[probe].name, error, size)
                    : short_of_memory(error, size);
@@ -262,7 +568,7 @@ bool kn_paraview_add(kn_paraview *p, const kn_moment *m, char *error, size_t siz
     p->models = m->models;
     read_nodes(p, m);
     read_edges(p, m->state);
-    kn_cells_ratio(&p->cells, m->state, p->ratio);
+    cells_ratio(&p->cells, m->state, p->ratio);
     bool ok = write_object(p, m, error, size) && write_edges(p, m, error, size);
     for (int i = 0; ok && i < m->model->def.probe_count; i++) ok = write_tool(p, m, i, error, size);
     p->moments++;

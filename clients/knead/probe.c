@@ -1,15 +1,14 @@
-// knead probe: a virtual haptic device at 1 kHz. hand.h contains the hand, player.h the state that other threads can
-// read, and device.h the thread. This file contains the steps of a session in order, and the messages to the user.
+// knead probe: a virtual haptic device at 1 kHz. virtual_hand.h contains the hand, the state that other threads
+// can read, and the thread. This file contains the steps of a session in order, and the messages to the user.
 #include "clients/knead/commands.h"
-#include "clients/knead/dent.h"
-#include "clients/knead/foot.h"
+#include "clients/knead/tool_height.h"
 #include "clients/knead/grasp.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/join.h"
-#include "clients/knead/player.h"
+#include "clients/knead/virtual_hand.h"
 #include "clients/knead/probe_options.h"
-#include "clients/knead/profile.h"
-#include "clients/knead/report.h"
+#include "clients/knead/haptic_loop.h"
+#include "clients/knead/session_record.h"
 #include "clients/knead/result.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
@@ -18,7 +17,6 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 static const int scene_wait_ms = 4000;          // longest wait for KNEAD_SCENE, which kneadd sends every 1 s
@@ -219,14 +217,6 @@ static int make_path(probe *p)
     return KN_EXIT_OK;
 }
 
-// Return a random session number.
-static int64_t random_session(void)
-{
-    int64_t session = 0;
-    if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & INT64_MAX) | 1 << 8; // positive; the sessions of further tries have the next numbers
-}
-
 // Prepare the simulated device of --hand from the scene, the tool and --device.
 static int take_device(probe *p)
 {
@@ -264,7 +254,7 @@ static int start(probe *p)
     kn_path_point begin;
     kn_path_at(p->path[0], 0.0, &begin);
     kn_hand_def def = {.path = p->path[0],
-                       .session = random_session(),
+                       .session = kn_hand_session(),
                        .tries = p->opt.tries,
                        .drop_at_ms = p->opt.drop_at_ms,
                        .drop_ms = p->opt.drop_ms};
@@ -353,29 +343,19 @@ static void attend(probe *p)
     if (bar) clear_progress();
 }
 
-// Close a CSV file. If any write to the file failed, print an error message and return false.
-static bool close_csv(probe *p, FILE *out, const char *path)
+// Write one of the CSV files: the forces, or the forces of the motors. If any write to the file failed, print an error
+// message and return false.
+static bool write_csv(probe *p, const char *path, bool motors)
 {
+    FILE *out = fopen(path, "w");
+    if (out && motors) kn_motors_csv(out, &p->player.motors);
+    if (out && !motors) kn_report_csv(out, &p->player.hand, p->record, p->tool->name);
     bool ok = out && !ferror(out);
     if (out && fclose(out) != 0) ok = false;
     if (ok) return true;
     snprintf(p->error, sizeof p->error, "%s: %s", path, strerror(errno));
     complain(KN_EXIT_DEVICE, p->error);
     return false;
-}
-
-static bool write_csv(probe *p)
-{
-    FILE *out = fopen(p->opt.csv, "w");
-    if (out) kn_report_csv(out, &p->player.hand, p->record, p->tool->name);
-    return close_csv(p, out, p->opt.csv);
-}
-
-static bool write_motors(probe *p)
-{
-    FILE *out = fopen(p->opt.motors, "w");
-    if (out) kn_motors_csv(out, &p->player.motors);
-    return close_csv(p, out, p->opt.motors);
 }
 
 // Find out whether kneadd still sends meshes, to explain missing answers.
@@ -487,8 +467,8 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
-    if (p->opt.csv && !write_csv(p)) code = KN_EXIT_DEVICE;
-    if (p->opt.motors && !write_motors(p)) code = KN_EXIT_DEVICE;
+    if (p->opt.csv && !write_csv(p, p->opt.csv, false)) code = KN_EXIT_DEVICE;
+    if (p->opt.motors && !write_csv(p, p->opt.motors, true)) code = KN_EXIT_DEVICE;
     return code;
 }
 

@@ -1,7 +1,7 @@
 // knead relax: a specimen is compressed and held, and the fall of its stress is recorded.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <math.h>
@@ -142,29 +142,25 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
-// Write the table and draw stress against time, once over linear and once over logarithmic axes.
-static int finish(const kn_bench *b, const kn_table *t)
+static const kn_axes axes[] = {
+    {.x_label = "time, s", .y_label = "stress, kPa", .x = 0, .y = 3, .x_scale = 1, .y_scale = 1e-3},
+    {.x_label = "time held, s",
+     .y_label = "stress, Pa",
+     .x = 1,
+     .y = 3,
+     .x_scale = 1,
+     .y_scale = 1,
+     .log_x = true,
+     .log_y = true}};
+
+static void title(const kn_bench *b, char *text, size_t size)
 {
-    static const kn_axes axes[] = {
-        {.x_label = "time, s", .y_label = "stress, kPa", .x = 0, .y = 3, .x_scale = 1, .y_scale = 1e-3},
-        {.x_label = "time held, s",
-         .y_label = "stress, Pa",
-         .x = 1,
-         .y = 3,
-         .x_scale = 1,
-         .y_scale = 1,
-         .log_x = true,
-         .log_y = true}};
     const kn_bench_options *opt = b->opt;
-    char title[500];
-    snprintf(title, sizeof title, "relaxation of %s, held at %g %%", b->title, 100 * opt->strain);
-    int code = opt->csv ? kn_table_write(t, "relax", opt->csv) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "relax", opt->png, title, axes, 2);
-    return code;
+    snprintf(text, size, "relaxation of %s, held at %g %%", b->title, 100 * opt->strain);
 }
 
 int kn_relax_main(int argc, char **argv)
 {
-    static const kn_experiment experiment = {"relax", help, columns, run, finish};
+    static const kn_experiment experiment = {"relax", help, columns, run, axes, title};
     return kn_bench_main(&experiment, (kn_bench_options){.strain = 0.1, .hold_s = 100}, argc, argv);
 }

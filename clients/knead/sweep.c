@@ -1,7 +1,7 @@
 // knead sweep: strains a specimen sinusoidally at several frequencies and measures storage and loss modulus.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include "core/oneport.h"
@@ -139,42 +139,40 @@ static int run(kn_bench *b, kn_table *t)
     return KN_EXIT_OK;
 }
 
-static int finish(const kn_bench *b, const kn_table *t)
+static const kn_axes axes[] = {{.x_label = "frequency, Hz",
+                                .y_label = "modulus, Pa",
+                                .x = 0,
+                                .y = 1,
+                                .y2 = 2,
+                                .y_name = "G'",
+                                .y2_name = "G''",
+                                .x_scale = 1,
+                                .y_scale = 1,
+                                .log_x = true,
+                                .log_y = true,
+                                .points = true},
+                               {.x_label = "frequency, Hz",
+                                .y_label = "loss tangent",
+                                .x = 0,
+                                .y = 3,
+                                .y_name = "G''/G'",
+                                .x_scale = 1,
+                                .y_scale = 1,
+                                .log_x = true,
+                                .log_y = true,
+                                .points = true}};
+
+static void title(const kn_bench *b, char *text, size_t size)
 {
-    static const kn_axes axes[] = {{.x_label = "frequency, Hz",
-                                    .y_label = "modulus, Pa",
-                                    .x = 0,
-                                    .y = 1,
-                                    .y2 = 2,
-                                    .y_name = "G'",
-                                    .y2_name = "G''",
-                                    .x_scale = 1,
-                                    .y_scale = 1,
-                                    .log_x = true,
-                                    .log_y = true,
-                                    .points = true},
-                                   {.x_label = "frequency, Hz",
-                                    .y_label = "loss tangent",
-                                    .x = 0,
-                                    .y = 3,
-                                    .y_name = "G''/G'",
-                                    .x_scale = 1,
-                                    .y_scale = 1,
-                                    .log_x = true,
-                                    .log_y = true,
-                                    .points = true}};
     const kn_bench_options *opt = b->opt;
-    char title[500], size[40] = "linear";
-    if (opt->amplitude > 0) snprintf(size, sizeof size, "swings of %g %%", 100 * opt->amplitude);
-    snprintf(title, sizeof title, "sweep of %s, %s", b->title, size);
-    int code = opt->csv ? kn_table_write(t, "sweep", opt->csv) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "sweep", opt->png, title, axes, 2);
-    return code;
+    char how[40] = "linear";
+    if (opt->amplitude > 0) snprintf(how, sizeof how, "swings of %g %%", 100 * opt->amplitude);
+    snprintf(text, size, "sweep of %s, %s", b->title, how);
 }
 
 int kn_sweep_main(int argc, char **argv)
 {
-    static const kn_experiment experiment = {"sweep", help, columns, run, finish};
+    static const kn_experiment experiment = {"sweep", help, columns, run, axes, title};
     return kn_bench_main(&experiment,
                          (kn_bench_options){.low_hz = 1e-3, .high_hz = 100, .frequencies = 26, .constant_area = true},
                          argc, argv);

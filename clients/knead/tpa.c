@@ -12,7 +12,7 @@
 // A1 to A4 are areas of the force over the way of the plate, down or up, while the plate touches.
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/knead/command.h"
 #include "clients/knead/result.h"
 #include "clients/knead/table.h"
 #include <math.h>
@@ -193,23 +193,20 @@ static void print(const kn_bench *b, const bite r[2])
     printf("adhesiveness  not modelled: the plate does not stick\n");
 }
 
-static int finish(const kn_bench *b, const kn_table *t)
+static const kn_axes axes[] = {
+    {.x_label = "time, s", .y_label = "force, N", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1},
+    {.x_label = "plate below the untouched top, mm",
+     .y_label = "force, N",
+     .x = 2,
+     .y = 4,
+     .x_scale = 1e3,
+     .y_scale = 1}};
+
+static void title(const kn_bench *b, char *text, size_t size)
 {
-    static const kn_axes axes[] = {
-        {.x_label = "time, s", .y_label = "force, N", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1},
-        {.x_label = "plate below the untouched top, mm",
-         .y_label = "force, N",
-         .x = 2,
-         .y = 4,
-         .x_scale = 1e3,
-         .y_scale = 1}};
     const kn_bench_options *opt = b->opt;
-    char title[500];
-    snprintf(title, sizeof title, "texture profile of %s, 1 cm cube: to %g %% at %g mm/s, %g s between", b->title,
+    snprintf(text, size, "texture profile of %s, 1 cm cube: to %g %% at %g mm/s, %g s between", b->title,
              100 * opt->strain, 1e3 * opt->speed_m_s, opt->wait_s);
-    int code = opt->csv ? kn_table_write(t, "tpa", opt->csv) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && opt->png) code = kn_table_draw(t, "tpa", opt->png, title, axes, 2);
-    return code;
 }
 
 static int run(kn_bench *b, kn_table *t)
@@ -225,6 +222,6 @@ static int run(kn_bench *b, kn_table *t)
 
 int kn_tpa_main(int argc, char **argv)
 {
-    static const kn_experiment experiment = {"tpa", help, columns, run, finish};
+    static const kn_experiment experiment = {"tpa", help, columns, run, axes, title};
     return kn_bench_main(&experiment, (kn_bench_options){.strain = 0.5, .speed_m_s = 1e-3, .wait_s = 5}, argc, argv);
 }

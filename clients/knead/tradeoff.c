@@ -3,17 +3,22 @@
 // order, and contains the list of usual points and the choice of points for the scene.
 #include "clients/knead/chart.h"
 #include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/crew.h"
-#include "clients/knead/job.h"
+#include "clients/knead/command.h"
+#include "clients/knead/graft.h"
+#include "clients/knead/sweep_runs.h"
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
-#include "clients/knead/points.h"
-#include "clients/knead/tradeoff_options.h"
+#include "clients/knead/plan.h"
 #include "clients/knead/result.h"
+#include "core/scene/mesh_file.h"
 #include <errno.h>
+#include <fcntl.h>
+#include <libgen.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 // State of one sweep.
 typedef struct sweep {
@@ -96,6 +101,139 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
     if (!kn_plan_open(&s->plan, error, error_size) || !kn_plan_add_own(&s->plan, error, error_size)) return false;
     bool added = s->opt.listed ? kn_plan_add(&s->plan, axes, true, error, error_size) : add_usual(s, error, error_size);
     return added && kn_plan_references(&s->plan, error, error_size);
+}
+
+// ---- writing the named points into the scene
+
+// Size of the `quality` block in bytes: more than its three lines need with every number at its longest.
+#define BLOCK 2048
+
+// Check that the scene file can be replaced. Check the permission bits, because root may write any file. A file that is
+// writable for nobody is not replaced.
+static int try_scene(const kn_plan *plan)
+{
+    char path[PATH_MAX], folder[PATH_MAX];
+    struct stat there;
+    if (plan->scene->model.solver.kind == KN_SOLVER_RK4)
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "--write: %s: solver.kind is rk4, which has no quality points, expected implicit",
+                           plan->scene_path);
+    if (!realpath(plan->scene_path, path) || stat(path, &there) != 0)
+        return kn_complain("tradeoff", KN_EXIT_DEVICE, "--write: %s: %s", plan->scene_path, strerror(errno));
+    if (!S_ISREG(there.st_mode) || !(there.st_mode & 0222) || access(path, W_OK) != 0)
+        return kn_complain("tradeoff", KN_EXIT_DEVICE,
+                           "--write: %s: is read-only, expected a scene that may be changed", plan->scene_path);
+    // The new file is created beside the old one, so the folder must be writable.
+    snprintf(folder, sizeof folder, "%s", path);
+    if (access(dirname(folder), W_OK | X_OK) == 0) return KN_EXIT_OK;
+    return kn_complain("tradeoff", KN_EXIT_DEVICE,
+                       "--write: %s: its folder is read-only, expected a writable folder, because the file is replaced",
+                       plan->scene_path);
+}
+
+// Write the precision and spacing that the active quality point itself states: "precision: f64, spacing: 0.01 m, ".
+static bool own_lattice(const kn_plan *plan, char text[96], char *error, size_t error_size)
+{
+    // Parse the scene without its quality block. If a value differs from that of the planned scene, the active quality
+    // point has set this value.
+    const kn_model_def *found = &plan->scene->model;
+    kn_scene *bare = kn_scene_parse_beside(plan->scene_path, plan->scene_path, plan->text, strlen(plan->text), NULL, 0,
+                                           error, error_size);
+    text[0] = '\0';
+    if (!bare) return false;
+    if (bare->model.solver.precision != found->solver.precision)
+        strcat(text, found->solver.precision == KN_PRECISION_F64 ? "precision: f64, " : "precision: f32, ");
+    if (!found->mesh && bare->model.spacing_m != found->spacing_m)
+        snprintf(text + strlen(text), 96 - strlen(text), "spacing: %.17g m, ", found->spacing_m);
+    kn_scene_destroy(bare);
+    return true;
+}
+
+// Format the new `quality` block of the scene. The caller frees the text. Return NULL when memory is short.
+static char *quality_block(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN], const char *lattice)
+{
+    char *text = malloc(BLOCK);
+    if (!text) return NULL;
+    int n = snprintf(text, BLOCK, "quality:  # by knead tradeoff: time and error of the solver\n");
+    if (plan->scene->quality != KN_QUALITY_OWN)
+        n += snprintf(text + n, BLOCK - (size_t)n, "  chosen: %s\n", kn_quality_name(plan->scene->quality));
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++) {
+        const kn_row *r = named[q];
+        const kn_run *run = r->run;
+        n += snprintf(text + n, BLOCK - (size_t)n,
+                      "  %s: {%siterations: %d, iterations_max: %d, tolerance: %.9g, passes: %d, linearization: %s}"
+                      "  # %.0f us, force %.2g %%, shape %.2g %%\n",
+                      kn_quality_name(q), lattice, run->iterations, run->iterations_max, run->tolerance, run->passes,
+                      kn_method_name(run->method), r->median_us, 100 * r->force.solver, 100 * r->shape.solver);
+    }
+    return text;
+}
+
+// Return true if text is the planned scene in everything but its quality. Somebody may have edited the file meanwhile.
+static bool is_same_scene(const kn_plan *plan, const char *path, const char *text, char *error, size_t error_size)
+{
+    kn_scene *scene = kn_scene_parse_beside(path, path, text, strlen(text), NULL, 0, error, error_size);
+    char *now = scene ? kn_graft(scene->text, "quality", "", error, error_size) : NULL;
+    bool same = now && !strcmp(now, plan->text);
+    if (now && !same) snprintf(error, error_size, "the scene file was changed meanwhile");
+    free(now);
+    kn_scene_destroy(scene);
+    return same;
+}
+
+// Replace the file: write a new file beside it, with its owner and rights, and rename it over the old one. A reader
+// sees either the old scene or the new one.
+static bool replace(const char *path, const char *text)
+{
+    char half[PATH_MAX];
+    struct stat old;
+    if (snprintf(half, sizeof half, "%s.XXXXXX", path) >= PATH_MAX || stat(path, &old) != 0) return false;
+    const int fd = mkostemp(half, O_CLOEXEC); // creates a file of a name that did not exist before
+    FILE *f = fd >= 0 ? fdopen(fd, "w") : NULL;
+    if (!f) return false;
+    // Only root may set the owner; otherwise the file belongs to the user of the sweep.
+    if (fchown(fileno(f), old.st_uid, old.st_gid) != 0) errno = 0;
+    bool ok =
+        fchmod(fileno(f), old.st_mode & 07777) == 0 && fputs(text, f) >= 0 && fflush(f) == 0 && fsync(fileno(f)) == 0;
+    ok = fclose(f) == 0 && ok && rename(half, path) == 0;
+    if (!ok) unlink(half);
+    return ok;
+}
+
+// Report which quality points were written, and which quality points of other lattices or precisions were removed.
+static void tell_written(const kn_plan *plan)
+{
+    printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);
+    for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
+        if (plan->scene->point[q].defined && !plan->scene->point[q].live)
+            printf("removed the old point %s: it was of another lattice or precision\n", kn_quality_name(q));
+}
+
+// Write the quality points into the `quality` block of the scene file. All other bytes of the file stay unchanged. A
+// quality point states the five numbers of the solver. If the scene's active quality point states a precision or a
+// spacing, the new points state it too. The new points were found on the lattice of that spacing, and a server that
+// changes between quality points keeps its lattice.
+static int write_scene(const kn_plan *plan, const kn_row *const named[KN_QUALITY_OWN])
+{
+    char error[512] = "not enough memory", path[PATH_MAX], lattice[96];
+    size_t size;
+    if (!realpath(plan->scene_path, path))
+        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", plan->scene_path, strerror(errno));
+    unsigned char *bytes = kn_words_load(path, &size, error, sizeof error);
+    char *old = bytes ? realloc(bytes, size + 1) : NULL, *block = NULL;
+    if (old) old[size] = '\0';
+    if (old && own_lattice(plan, lattice, error, sizeof error)) block = quality_block(plan, named, lattice);
+    char *text = block ? kn_graft(old, "quality", block, error, sizeof error) : NULL;
+    int code = KN_EXIT_OK;
+    if (!text || !is_same_scene(plan, path, text, error, sizeof error))
+        code = kn_complain("tradeoff", KN_EXIT_USAGE, "--write: %s", error);
+    else if (!replace(path, text))
+        code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, not written", path, strerror(errno));
+    else tell_written(plan);
+    free(text);
+    free(block);
+    free(old ? old : (char *)bytes);
+    return code;
 }
 
 // ---- the report
@@ -188,9 +326,9 @@ static int pick(const sweep *s)
     return KN_EXIT_OK;
 }
 
-static int write_points(const sweep *s)
+static int write_named(const sweep *s)
 {
-    if (s->named[0]) return kn_points_write(&s->plan, s->named);
+    if (s->named[0]) return write_scene(&s->plan, s->named);
     return kn_complain("tradeoff", KN_EXIT_FAILED,
                        "--write: no point of the scene's lattice, step and precision has a p90 of %g us or less",
                        1e6 * s->plan.scene->budget_s);
@@ -225,7 +363,7 @@ static int report(sweep *s)
     print_elsewhere(s);
     int code = s->opt.csv ? write_csv(s) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && s->opt.plot) code = kn_chart_draw(&s->front, &s->plan, s->named, s->opt.plot);
-    if (code == KN_EXIT_OK && s->opt.write) code = write_points(s);
+    if (code == KN_EXIT_OK && s->opt.write) code = write_named(s);
     return code == KN_EXIT_OK && s->opt.budget_us > 0 ? pick(s) : code;
 }
 
@@ -240,7 +378,7 @@ static int try_files(const sweep *s)
                                outputs[i]);
     int code = opt->csv ? kn_output_try("tradeoff", opt->csv) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && opt->plot) code = kn_plot_try("tradeoff", opt->plot);
-    return code == KN_EXIT_OK && opt->write ? kn_points_try(&s->plan) : code;
+    return code == KN_EXIT_OK && opt->write ? try_scene(&s->plan) : code;
 }
 
 // Plan the runs, replay them and report. The crew (the processes that replay) is closed in any case.

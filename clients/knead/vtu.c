@@ -1,4 +1,4 @@
-#include "clients/knead/vtu.h"
+#include "clients/knead/paraview.h"
 #include <errno.h>
 #include <libxml/xmlwriter.h>
 #include <sodium.h>

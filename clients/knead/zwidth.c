@@ -83,14 +83,14 @@ typedef struct zwidth {
 } zwidth;
 
 // Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
-static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
+static kn_haptic_loop_result on_lattice(const zwidth *z, const kn_haptic_loop_def *def)
 {
     kn_slab slab;
     char error[300];
     // load_scene has already opened this lattice with another coupling.
     if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
-        return (kn_rig_result){.buzzes = true};
-    kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
+        return (kn_haptic_loop_result){.buzzes = true};
+    kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_slab_touch, &slab);
     result.buzzes |= slab.diverged;
     kn_slab_close(&slab);
     return result;
@@ -100,16 +100,16 @@ static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
 static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
 {
     kn_pad_contact c = {.coupling = coupling};
-    kn_rig_def def = {.arm = kn_arm_of(&z->profile),
-                      .coupling = coupling,
-                      .trip_ms = trip,
-                      .motion = z->grip == KN_GRIP_NONE ? KN_RIG_LEAN : KN_RIG_PRESS};
+    kn_haptic_loop_def def = {.arm = kn_arm_of(&z->profile),
+                              .coupling = coupling,
+                              .trip_ms = trip,
+                              .motion = z->grip == KN_GRIP_NONE ? KN_HAPTIC_LOOP_LEAN : KN_HAPTIC_LOOP_PRESS};
     def.arm.damping_n_s_m = friction_n_s_m;
     def.arm.grip = z->grip;
     def.arm.axes = 1;
     if (z->scene) return on_lattice(z, &def).buzzes;
     kn_pad_init(&c.pad, z->material);
-    return kn_rig_run(&def, kn_pad_touch, &c).buzzes;
+    return kn_haptic_loop_run(&def, kn_pad_touch, &c).buzzes;
 }
 
 // Find the largest coupling without a buzz by searching upwards until the first buzz. Larger couplings may be calm
