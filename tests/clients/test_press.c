@@ -1,6 +1,6 @@
-// clients/identify/press.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
-#include "clients/identify/press.h"
-#include "clients/identify/candidate.h"
+// clients/shape/press.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
+#include "clients/shape/press.h"
+#include "clients/shape/candidate.h"
 #include "server/replay.h"
 #include "tests/check.h"
 #include "tests/clients/recorded_press.h"

@@ -9,11 +9,11 @@
 // By default one case is run, at night two, held for 1 s. KN_CASES=10 runs that many, held for 30 s. KN_HOLD sets
 // another time, KN_SCENE another scene, KN_NOISE another noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/identify/candidate.h"
+#include "clients/shape/candidate.h"
 #include "clients/identify/experiments.h"
-#include "clients/identify/relief_points.h"
-#include "clients/identify/shape_options.h"
-#include "clients/identify/verdict.h"
+#include "clients/shape/relief_points.h"
+#include "clients/shape/shape_options.h"
+#include "clients/shape/verdict.h"
 #include "clients/knead/commands.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range_file.h"

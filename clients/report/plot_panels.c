@@ -1,4 +1,4 @@
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/knead/plot.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-#include "clients/identify/search.h"
+#include "clients/shape/search.h"
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-#include "clients/identify/relief.h"
-#include "clients/identify/relief_points.h"
+#include "clients/shape/relief.h"
+#include "clients/shape/relief_points.h"
 #include "core/order.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 // Read the measurements of `knead identify shape` from files.
 #include "clients/identify/curve_parts.h"
-#include "clients/identify/shape_options.h"
+#include "clients/shape/shape_options.h"
 #include "clients/identify/sheet.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"

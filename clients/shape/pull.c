@@ -1,4 +1,4 @@
-#include "clients/identify/pull.h"
+#include "clients/shape/pull.h"
 #include "clients/identify/curve.h"
 #include "core/order.h"
 #include <math.h>

@@ -1,5 +1,5 @@
 // The plot of `knead identify shape`, by gnuplot.
-#include "clients/identify/shape_report.h"
+#include "clients/shape/shape_report.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/plot.h"

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_FIGURE_H
-#define KN_CLIENTS_IDENTIFY_FIGURE_H
+#ifndef KN_CLIENTS_REPORT_PLOT_PANELS_H
+#define KN_CLIENTS_REPORT_PLOT_PANELS_H
 // Plots that compare measured values with those of a model. A plot consists of panels with points and lines, and is
 // drawn by clients/knead/plot.h.
 //

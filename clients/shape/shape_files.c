@@ -1,4 +1,4 @@
-#include "clients/identify/shape_files.h"
+#include "clients/shape/shape_files.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"

@@ -1,9 +1,9 @@
-#ifndef KN_CLIENTS_IDENTIFY_EVIDENCE_H
-#define KN_CLIENTS_IDENTIFY_EVIDENCE_H
+#ifndef KN_CLIENTS_SHAPE_EVIDENCE_H
+#define KN_CLIENTS_SHAPE_EVIDENCE_H
 // Evidence: all measurements of one press. The measurements are surfaces at given times, and the contact force. The
 // residuals of a model form one vector: first the residuals of each surface, then the residuals of the force.
-#include "clients/identify/pull.h"
-#include "clients/identify/relief.h"
+#include "clients/shape/pull.h"
+#include "clients/shape/relief.h"
 
 typedef struct kn_evidence {
     kn_press press;

@@ -1,4 +1,4 @@
-#include "clients/identify/candidate.h"
+#include "clients/shape/candidate.h"
 #include "clients/knead/graft.h"
 #include "core/surface.h"
 #include <limits.h>

@@ -1,7 +1,7 @@
 // The command `knead identify shape`: find the structure whose model behaves like a measured lump that was pressed (the
 // first paper's section 5 and outlook).
-#include "clients/identify/shape_files.h"
-#include "clients/identify/shape_report.h"
+#include "clients/shape/shape_files.h"
+#include "clients/shape/shape_report.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/progress.h"

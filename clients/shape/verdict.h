@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_VERDICT_H
-#define KN_CLIENTS_IDENTIFY_VERDICT_H
+#ifndef KN_CLIENTS_SHAPE_VERDICT_H
+#define KN_CLIENTS_SHAPE_VERDICT_H
 // Verdict: which of the fitted structures (candidates) explains the measurements, and how certain the choice is, in
 // words. S is the sum of squared residuals, n the number of residuals.
 //
@@ -14,7 +14,7 @@
 // most KN_VERDICT_NEAR times the least `off` count as equally likely.
 //
 // A structure whose fitted gas pressure is near 0 is not counted: it equals the structure without gas.
-#include "clients/identify/candidate.h"
+#include "clients/shape/candidate.h"
 
 #define KN_VERDICT_OFF 3.0
 #define KN_VERDICT_NEAR 1.3

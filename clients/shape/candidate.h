@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_CANDIDATE_H
-#define KN_CLIENTS_IDENTIFY_CANDIDATE_H
+#ifndef KN_CLIENTS_SHAPE_CANDIDATE_H
+#define KN_CLIENTS_SHAPE_CANDIDATE_H
 // A candidate: a structure of the object that may explain the measurements, and its fit to them. If the structure has
 // gas in its cells, the inside pressure P0 is an unknown. If the material's damper depends on the stress, a factor on
 // gamma, the stress area of an edge, is an unknown.
@@ -15,9 +15,9 @@
 // Springs and dashpots do not use gamma. A factor s on gamma thus stretches the law of the damper: p0, p1 and 1/beta
 // become s times as large, and the damping c2 at p0 and at p1 stays (core/law.h: T(b) becomes s T(b/s)). A scene
 // expresses the factor by these material parameters and needs no key of its own for it.
-#include "clients/identify/evidence.h"
+#include "clients/shape/evidence.h"
 #include "clients/identify/identified.h"
-#include "clients/identify/search.h"
+#include "clients/shape/search.h"
 
 #define KN_CANDIDATES 5
 #define KN_CANDIDATE_SETS 6

@@ -1,4 +1,4 @@
-#include "clients/identify/relief_points.h"
+#include "clients/shape/relief_points.h"
 #include "core/vec.h"
 #include <math.h>
 #include <stdbool.h>

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_SEARCH_H
-#define KN_CLIENTS_IDENTIFY_SEARCH_H
+#ifndef KN_CLIENTS_SHAPE_SEARCH_H
+#define KN_CLIENTS_SHAPE_SEARCH_H
 // Least squares for a model whose evaluation takes seconds. The search has one or two unknowns and needs about ten
 // evaluations of the model. Each evaluation is called a look.
 //

@@ -1,4 +1,4 @@
-#include "clients/identify/evidence.h"
+#include "clients/shape/evidence.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

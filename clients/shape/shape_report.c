@@ -1,4 +1,4 @@
-#include "clients/identify/shape_report.h"
+#include "clients/shape/shape_report.h"
 #include "clients/knead/result.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-#include "clients/identify/verdict.h"
+#include "clients/shape/verdict.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>

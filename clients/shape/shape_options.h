@@ -1,7 +1,7 @@
-#ifndef KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
-#define KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
+#ifndef KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
+#define KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
 // The options of `knead identify shape`.
-#include "clients/identify/candidate.h"
+#include "clients/shape/candidate.h"
 #include "clients/viewer/range_file.h"
 
 // special value of kn_shape_options.at_s: the end of the hold. The value INFINITY means the end of the press

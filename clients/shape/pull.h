@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_PULL_H
-#define KN_CLIENTS_IDENTIFY_PULL_H
+#ifndef KN_CLIENTS_SHAPE_PULL_H
+#define KN_CLIENTS_SHAPE_PULL_H
 // A pull: the measured contact force over time, averaged in at most KN_PULL_BINS spans of time, and the residuals of a
 // model's force. The spans have equal widths in the square root of the time, since the force changes ever more slowly.
 // The residual of a span is
@@ -10,7 +10,7 @@
 // in the span. The second is the possible error of the solver, half a percent of the largest force. The largest force
 // is the largest median of five readings. A stray (a reading far from its neighbours) is left out. Otherwise one wrong
 // reading of 5000 N would make sigma so large that all other readings lose their weight.
-#include "clients/identify/press.h"
+#include "clients/shape/press.h"
 
 #define KN_PULL_BINS 300
 

@@ -1,8 +1,8 @@
-#ifndef KN_CLIENTS_IDENTIFY_SHAPE_REPORT_H
-#define KN_CLIENTS_IDENTIFY_SHAPE_REPORT_H
+#ifndef KN_CLIENTS_SHAPE_SHAPE_REPORT_H
+#define KN_CLIENTS_SHAPE_SHAPE_REPORT_H
 // Output of `knead identify shape`: the printed results, the same results in kn_result (--json), and the plot.
-#include "clients/identify/shape_options.h"
-#include "clients/identify/verdict.h"
+#include "clients/shape/shape_options.h"
+#include "clients/shape/verdict.h"
 
 void kn_shape_print_object(const kn_shape_options *options, const kn_candidate *first);
 void kn_shape_print(const kn_shape_options *options, const kn_evidence *evidence, const kn_candidate *candidate,

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_RELIEF_H
-#define KN_CLIENTS_IDENTIFY_RELIEF_H
+#ifndef KN_CLIENTS_SHAPE_RELIEF_H
+#define KN_CLIENTS_SHAPE_RELIEF_H
 // A relief: a measured surface of the object, which is either a range image or a set of points. The functions compute
 // the residuals of a model's surface against the measured surface.
 //
