@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
 #define KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
 // The options of `knead identify shape`.
-#include "clients/shape/candidate.h"
+#include "clients/shape/structure_candidate.h"
 #include "clients/viewer/range_file.h"
 
 // special value of kn_shape_options.at_s: the end of the hold. The value INFINITY means the end of the press
@@ -27,10 +27,5 @@ typedef struct kn_shape_options { // all paths are pointers into argv
 // afterwards.
 int kn_shape_options_parse(kn_shape_options *options, int argc, char **argv);
 void kn_shape_options_free(kn_shape_options *options);
-
-// Read the measurements that the options name. `candidate` may be any candidate, since all candidates share the object
-// and the press. Report changes to the readings on stdout. Return 0, or print an error, set all bytes of `evidence` to
-// 0 and return an exit code.
-int kn_shape_measured(kn_evidence *evidence, const kn_shape_options *options, const kn_candidate *candidate);
 
 #endif
