@@ -1,6 +1,7 @@
 #include "clients/knead/atlas.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/progress.h"
 #include "clients/knead/result.h"
@@ -300,10 +301,9 @@ bool kn_atlas_print(const kn_atlas *a)
 
 int kn_atlas_write(const kn_atlas *a, const char *path)
 {
-    FILE *f = fopen(path, "w");
-    if (!f)
-        return kn_complain("stability", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
-                           strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, "stability", path);
+    if (!f) return KN_EXIT_DEVICE;
     fprintf(f, "family,map,across,x,down,y,solver,verdict,force_error,shape_error,variation,step_error,loose,reason\n");
     for (int c = 0; c < cells_of(a); c++) {
         int map, i, j;
@@ -318,8 +318,7 @@ int kn_atlas_write(const kn_atlas *a, const char *path)
                     s->shape, s->variation, a->cell[c].step_error, a->cell[c].loose, s->reason);
         }
     }
-    if ((ferror(f) | fclose(f)) == 0) return KN_EXIT_OK;
-    return kn_complain("stability", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, "stability");
 }
 
 // Colours of the judgements in the drawing, RRGGBB.

@@ -2,6 +2,7 @@
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/latency.h"
+#include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "core/order.h"
 #include <errno.h>
@@ -159,8 +160,9 @@ static void put_text(FILE *f, const char *text)
 
 int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path)
 {
-    FILE *f = fopen(path, "w");
-    if (!f) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    kn_beside out;
+    if (!kn_beside_write(&out, path)) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    FILE *f = out.file;
     fputs("{\"scene\": ", f);
     put_text(f, r->scene);
     fprintf(f, ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {", r->nodes,
@@ -184,8 +186,7 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
         fputc('}', f);
     }
     fputs("]}\n", f);
-    if (!(ferror(f) | fclose(f))) return KN_EXIT_OK;
-    return kn_complain("latency", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, "latency");
 }
 
 // Draw the share of the poses that were answered within a time, against this time. The axis of the share is in nines

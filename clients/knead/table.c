@@ -1,8 +1,8 @@
 #include "clients/knead/table.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "clients/knead/plot.h"
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -65,15 +65,13 @@ void kn_table_text(const char *text, FILE *f)
 int kn_table_write(const kn_table *t, const char *subcommand, const char *path)
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
-    FILE *f = fopen(path, "w");
-    if (!f)
-        return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
-                           strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, subcommand, path);
+    if (!f) return KN_EXIT_DEVICE;
     for (int c = 0; c < t->width; c++) fprintf(f, "%s%c", t->columns[c], c + 1 < t->width ? ',' : '\n');
     for (int r = 0; r < t->rows; r++)
         for (int c = 0; c < t->width; c++) fprintf(f, "%.10g%c", cell(t, r, c), c + 1 < t->width ? ',' : '\n');
-    if ((ferror(f) | fclose(f)) == 0) return KN_EXIT_OK;
-    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, subcommand);
 }
 
 // ---- gnuplot
