@@ -345,13 +345,11 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
         kn_plot_quote(f, m->y_text[j] ? m->y_text[j] : number);
         fprintf(f, " %d", m->rows - 1 - j);
     }
-    fprintf(f, ")\nset xrange [-0.5:%g]\nset yrange [-0.5:%g]\nset xlabel ", m->columns - 0.5, m->rows - 0.5);
-    kn_plot_quote(f, m->across);
-    fprintf(f, "\nset ylabel ");
-    kn_plot_quote(f, m->y_text[0] ? "" : m->down);
-    fprintf(f, "\nset title ");
-    kn_plot_quote(f, m->title);
-    fprintf(f, "\nplot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
+    fprintf(f, ")\nset xrange [-0.5:%g]\nset yrange [-0.5:%g]\n", m->columns - 0.5, m->rows - 0.5);
+    kn_plot_label(f, "xlabel", m->across);
+    kn_plot_label(f, "ylabel", m->y_text[0] ? "" : m->down);
+    kn_plot_label(f, "title", m->title);
+    fprintf(f, "plot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
     // Mark the cells without a right result with a letter, because not all readers and printers distinguish the
     // colours.
     for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++)

@@ -201,12 +201,12 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     if (!f) return code;
     fputs("set logscale x\nset key bottom right\nset rmargin 4\nset xrange [5:*]\n"
           "set xlabel 'time, µs'\nset ylabel 'share of the poses'\nset yrange [0:4.2]\n"
-          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ",
+          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\n",
           f);
     char title[256];
     snprintf(title, sizeof title, "pose to force, %s, %d nodes", r->scene, r->nodes);
-    kn_plot_quote(f, title);
-    fputs("\nplot ", f);
+    kn_plot_label(f, "title", title);
+    fputs("plot ", f);
     for (int d = 0; d < 3; d++)
         fprintf(f, "%s'-' with lines lt %d lw %g title '%s'", d ? ", " : "", order[d],
                 drawn[d] == KN_SERIES_POSE ? 3.0 : 2.0, series[drawn[d]].name);

@@ -118,3 +118,26 @@ void kn_plot_quote(FILE *f, const char *text)
     }
     fputc('\'', f);
 }
+
+void kn_plot_label(FILE *f, const char *what, const char *text)
+{
+    fprintf(f, "set %s ", what);
+    kn_plot_quote(f, text ? text : "");
+    fputc('\n', f);
+}
+
+void kn_plot_panels(FILE *f, const char *title)
+{
+    fputs("set multiplot title ", f);
+    kn_plot_quote(f, title);
+    fputs(" font 'sans,13'\n", f);
+}
+
+void kn_plot_legend(FILE *f, bool objects, int rows, int high)
+{
+    fprintf(f,
+            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n%s"
+            "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
+            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
+            objects ? "unset object\n" : "", (double)(KN_PLOT_ROW * rows + 8) / high, rows);
+}
