@@ -43,16 +43,17 @@ static void fill_spans(kn_force_residual *p)
 }
 
 // Keep the readings within the press. Return false if a reading is not a number or the times do not rise.
-static bool keep(kn_force_residual *p, const kn_press *press, int count, char *error, size_t error_size)
+static bool keep(kn_force_residual *p, const kn_press *press, char *error, size_t error_size)
 {
+    const int count = p->count;
     for (int i = 0; i < count; i++) {
         const bool sound = isfinite(p->time_s[i]) && isfinite(p->force_n[i]);
-        if (!sound || (i > 0 && p->time_s[i] < p->time_s[i - 1])) {
-            snprintf(error, error_size, "reading %d %s", i + 1,
-                     sound ? "is earlier than the one before, expected times that rise" : "is no number");
-            return false;
-        }
+        if (sound && (i == 0 || p->time_s[i] >= p->time_s[i - 1])) continue;
+        snprintf(error, error_size, "reading %d %s", i + 1,
+                 sound ? "is earlier than the one before, expected times that rise" : "is no number");
+        return false;
     }
+    p->count = 0;
     for (int i = 0; i < count; i++) {
         if (p->time_s[i] < press->time_s[0] || p->time_s[i] > press->hold_end_s) continue;
         p->time_s[p->count] = p->time_s[i];
@@ -129,16 +130,14 @@ static bool are_enough(const kn_force_residual *p, const kn_press *press, char *
     return false;
 }
 
-bool kn_force_residual_make(kn_force_residual *p, const kn_press *press, int count, double *time_s, double *force_n,
-                            char *error, size_t error_size)
+bool kn_force_residual_make(kn_force_residual *p, const kn_press *press, char *error, size_t error_size)
 {
-    *p = (kn_force_residual){.time_s = time_s, .force_n = force_n};
-    bool ok = keep(p, press, count, error, error_size);
-    if (ok && p->count >= LEAST && !leave_out_outliers(p)) snprintf(error, error_size, "out of memory"), ok = false;
-    ok = ok && are_enough(p, press, error, error_size);
-    if (ok) p->span = calloc((size_t)p->count, sizeof *p->span);
-    if (ok && !p->span) snprintf(error, error_size, "out of memory"), ok = false;
-    if (!ok) {
+    bool memory = true, ok = keep(p, press, error, error_size);
+    if (ok && p->count >= LEAST) memory = leave_out_outliers(p);
+    ok = ok && memory && are_enough(p, press, error, error_size);
+    if (ok) memory = (p->span = calloc((size_t)p->count, sizeof *p->span));
+    if (!memory) snprintf(error, error_size, "out of memory");
+    if (!ok || !memory) {
         kn_force_residual_free(p);
         return false;
     }

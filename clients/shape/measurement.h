@@ -30,11 +30,10 @@ typedef struct kn_force_residual {
     bool turned; // compression was negative in the file, so the signs of all forces were changed
 } kn_force_residual;
 
-// Take over the arrays `time_s` and `force_n`. Readings outside the press are left out. Readings after the hold are
-// left out as well, since the tool tears off node by node while it withdraws. On failure free both arrays and return
-// false with one sentence in `error`.
-bool kn_force_residual_make(kn_force_residual *measured, const kn_press *press, int count, double *time_s,
-                            double *force_n, char *error, size_t error_size);
+// Prepare the comparison with the readings `count`, `time_s` and `force_n`. Readings outside the press are left out.
+// Readings after the hold are left out as well, since the tool tears off node by node while it withdraws. On failure free
+// the struct and return false with one sentence in `error`.
+bool kn_force_residual_make(kn_force_residual *measured, const kn_press *press, char *error, size_t error_size);
 void kn_force_residual_free(kn_force_residual *measured); // a zeroed struct is allowed
 
 // Compute the residual of each span, residual[spans]. If `model_n` is not NULL, model_n[spans] receives the mean of the

@@ -189,17 +189,17 @@ static void choose_rows(kn_sheet *s, const char *probe)
         if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
 }
 
-// Sort the readings by time; all are kept. Return false if memory runs out.
-static bool sort_force(const char *file, int count, double *time_s, double *force_n, int *line)
+// Allocate room for readings. Return false if memory runs out.
+static bool make_room(kn_force_residual *f, int64_t readings)
 {
-    kn_readings r = {.count = count, .time_s = time_s, .value = force_n, .line = line};
-    const int moved = kn_readings_sort(&r);
-    if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
-    return moved >= 0;
+    f->time_s = calloc((size_t)readings + 1, sizeof *f->time_s);
+    f->force_n = calloc((size_t)readings + 1, sizeof *f->force_n);
+    return f->time_s && f->force_n;
 }
 
-// Read time and force from a file. `told` receives the names of the columns and of the probe, for the report.
-static int read_force(kn_sheet *s, const char *file, const char *probe, double **time_s, double **force_n, int *count,
+// Read time and force from a file, and sort them by time. `told` receives the names of the columns and of the probe, for
+// the report.
+static int read_force(kn_sheet *s, kn_force_residual *f, const char *file, const char *probe,
                       char told[2 * KN_HEADING_NAME + 100])
 {
     int code = kn_sheet_open(s, file, NULL, me);
@@ -218,31 +218,28 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
                                  "time restarts, expected one press per file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
-    *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
-    *force_n = calloc((size_t)s->rows + 1, sizeof **force_n);
-    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    if (!make_room(f, s->rows)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; i < s->rows; i++) {
-        const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
-        if (isnan(t) || isnan(f)) continue; // the time or the force is missing, so skip the reading
-        (*time_s)[*count] = t;
-        s->line[*count] = s->line[i];
-        (*force_n)[(*count)++] = f;
+        const double time_s = s->column[wanted[0]].value[i], force_n = s->column[wanted[1]].value[i];
+        if (isnan(time_s) || isnan(force_n)) continue; // the time or the force is missing, so skip the reading
+        f->time_s[f->count] = time_s;
+        s->line[f->count] = s->line[i];
+        f->force_n[f->count++] = force_n;
     }
-    if (!sort_force(file, *count, *time_s, *force_n, s->line))
-        return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
-    return KN_EXIT_OK;
+    kn_readings r = {.count = f->count, .time_s = f->time_s, .value = f->force_n, .line = s->line};
+    const int moved = kn_readings_sort(&r);
+    if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
+    return moved >= 0 ? KN_EXIT_OK : kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
 }
 
 // Collect the forces of the log, without ticks that have none.
-static int logged_force(const kn_press *p, double **time_s, double **force_n, int *count)
+static int logged_force(kn_force_residual *f, const kn_press *p)
 {
-    *time_s = calloc((size_t)p->ticks + 1, sizeof **time_s);
-    *force_n = calloc((size_t)p->ticks + 1, sizeof **force_n);
-    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    if (!make_room(f, p->ticks)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int64_t t = 0; t < p->ticks; t++) {
         if (isnan(p->logged_n[t])) continue;
-        (*time_s)[*count] = p->time_s[t];
-        (*force_n)[(*count)++] = p->logged_n[t];
+        f->time_s[f->count] = p->time_s[t];
+        f->force_n[f->count++] = p->logged_n[t];
     }
     return KN_EXIT_OK;
 }
@@ -260,25 +257,23 @@ static void print_force(const kn_force_residual *p, const char *file, const char
 static int take_force(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[300], told[2 * KN_HEADING_NAME + 100] = "";
-    kn_sheet s;
-    double *time_s = NULL, *force_n = NULL;
-    int count = 0, code = KN_EXIT_OK;
-    // The force comes from the file, or else from the log.
+    const char *file = o->force ? o->force : o->log;
+    kn_force_residual *f = &m->force;
+    int code;
     if (o->force) {
-        code = read_force(&s, o->force, c->scene->model.probe[m->press.probe].name, &time_s, &force_n, &count, told);
+        kn_sheet s;
+        code = read_force(&s, f, file, c->scene->model.probe[m->press.probe].name, told);
         kn_sheet_close(&s);
-        for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
-    } else code = logged_force(&m->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // the log has no forces, so only its poses are used
-        free(time_s);
-        free(force_n);
+        for (int i = 0; i < f->count; i++) f->time_s[i] -= o->force_begin_s;
+    } else code = logged_force(f, &m->press);
+    if (code != KN_EXIT_OK || (f->count == 0 && !o->force)) { // the log has no forces, so only its poses are used
+        kn_force_residual_free(f);
         return code;
     }
-    const char *file = o->force ? o->force : o->log;
-    if (!kn_force_residual_make(&m->force, &m->press, count, time_s, force_n, error, sizeof error))
+    if (!kn_force_residual_make(f, &m->press, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s", file, error);
     m->has_force = true;
-    print_force(&m->force, file, told);
+    print_force(f, file, told);
     return KN_EXIT_OK;
 }
 

@@ -278,7 +278,6 @@ static void take(kn_candidate *c, const kn_trust_region *s)
     if (!c->area) return;
     kn_identified *k = &c->known[c->gas];
     c->area_factor = s->value[c->gas];
-    *k = (kn_identified){0};
     kn_fit_interval i = kn_trust_region_interval(s, c->gas, c->independent);
     // The search has fitted the factor on gamma. The interval of gamma itself is reported, so multiply by gamma.
     i.low *= c->gamma, i.high *= c->gamma;

@@ -24,7 +24,13 @@ void kn_surface_residual_free(kn_surface_residual *r)
     memset(r, 0, sizeof *r);
 }
 
-static double angle_of(int subray) { return (subray + 0.5) * 2 * M_PI / ALL_RAYS; }
+// Compute the direction of one of `rays` rays around the middle of the object.
+static void direction(int ray, int rays, double way[2])
+{
+    const double angle = (ray + 0.5) * 2 * M_PI / rays;
+    way[0] = cos(angle);
+    way[1] = sin(angle);
+}
 
 static bool inside(const kn_hidden_area *b, double x_m, double y_m)
 {
@@ -57,9 +63,9 @@ static void find_middle(kn_surface_residual *r)
 
 // Step along a ray from outside to the first place where the image shows the object and at least two of the next three
 // places also show it.
-static double march_in(const kn_surface_residual *r, double angle, double from_m)
+static double march_in(const kn_surface_residual *r, const double way[2], double from_m)
 {
-    const double step_m = march * r->frame.pixel_m, way[2] = {cos(angle), sin(angle)};
+    const double step_m = march * r->frame.pixel_m;
     for (double at_m = from_m; at_m > 0; at_m -= step_m) {
         int more = 0;
         if (!seen(r, r->centre_m[0] + at_m * way[0], r->centre_m[1] + at_m * way[1])) continue;
@@ -89,8 +95,10 @@ static void find_outline(kn_surface_residual *r, const kn_hidden_area *hidden)
         bool good = true;
         r->ray_m[i] = 0;
         for (int k = 0; k < SUBRAYS; k++) {
-            const double angle = angle_of(i * SUBRAYS + k), reach_m = march_in(r, angle, far_m);
-            const double x_m = r->centre_m[0] + reach_m * cos(angle), y_m = r->centre_m[1] + reach_m * sin(angle);
+            double way[2];
+            direction(i * SUBRAYS + k, ALL_RAYS, way);
+            const double reach_m = march_in(r, way, far_m);
+            const double x_m = r->centre_m[0] + reach_m * way[0], y_m = r->centre_m[1] + reach_m * way[1];
             good &= reach_m > 0 && !inside(hidden, x_m, y_m) && !at_border(r, x_m, y_m);
             r->ray_m[i] += reach_m / SUBRAYS;
         }
@@ -198,10 +206,10 @@ static bool fits(const kn_surface_residual *r, const double low_m[3], const doub
 {
     double reach_m[2] = {0}, there_m[2];
     for (int i = 0; i < KN_SURFACE_RAYS; i++) {
-        const double angle = (i + 0.5) * 2 * M_PI / KN_SURFACE_RAYS;
-        const double way_m[2] = {fabs(r->ray_m[i] * cos(angle)), fabs(r->ray_m[i] * sin(angle))};
+        double way[2];
+        direction(i, KN_SURFACE_RAYS, way);
         // The visible extent along each axis is twice the longest ray along that axis.
-        for (int k = 0; k < 2; k++) reach_m[k] = fmax(reach_m[k], 2 * way_m[k]);
+        for (int k = 0; k < 2; k++) reach_m[k] = fmax(reach_m[k], 2 * fabs(r->ray_m[i] * way[k]));
     }
     for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
     if (r->frame.highest_m > 2 * r->tall_m)
@@ -343,8 +351,9 @@ static void bulge_of(const kn_surface_residual *r, const double centre_m[2], con
 {
     for (int k = 0; k < 2; k++) bulge_m[k] = (double)NAN;
     for (int i = 0; i < KN_SURFACE_RAYS; i++) {
-        const double angle = (i + 0.5) * 2 * M_PI / KN_SURFACE_RAYS, way[2] = {cos(angle), sin(angle)};
+        double way[2];
         if (!r->ray_counts[i]) continue;
+        direction(i, KN_SURFACE_RAYS, way);
         for (int k = 0; k < 2; k++) {
             const double at_m = centre_m[k] + ray_m[i] * way[k];
             if (fabs(way[k]) > M_SQRT1_2) bulge_m[k] = fmax(bulge_m[k], fmax(at_m - high_m[k], low_m[k] - at_m));
@@ -353,13 +362,13 @@ static void bulge_of(const kn_surface_residual *r, const double centre_m[2], con
 }
 
 // Find the model's outline by sweeping all triangle edges, and compare it along the rays that count.
-static double *compare_outline(const kn_surface_residual *r, const double centre_m[2], const float (*now_m)[3],
-                               int triangles, const int (*triangle)[3], double ray_m[KN_SURFACE_RAYS], double *residual,
+static double *compare_outline(const kn_surface_residual *r, const double centre_m[2], const kn_surface *mesh,
+                               const float (*now_m)[3], double ray_m[KN_SURFACE_RAYS], double *residual,
                                double *squares)
 {
     outline o = {.centre_m = centre_m};
-    for (int t = 0; t < triangles; t++)
-        for (int e = 0; e < 3; e++) sweep(&o, now_m[triangle[t][e]], now_m[triangle[t][(e + 1) % 3]]);
+    for (const int *t = mesh->triangle; t < mesh->triangle + 3 * mesh->triangle_count; t += 3)
+        for (int e = 0; e < 3; e++) sweep(&o, now_m[t[e]], now_m[t[(e + 1) % 3]]);
     for (int i = 0; i < KN_SURFACE_RAYS; i++) {
         ray_m[i] = 0;
         for (int k = 0; k < SUBRAYS; k++) ray_m[i] += o.reach_m[i * SUBRAYS + k] / SUBRAYS;
@@ -372,8 +381,8 @@ static double *compare_outline(const kn_surface_residual *r, const double centre
 }
 
 // Draw the model's range image in the shifted frame and compare the patches.
-static bool compare_heights(const kn_surface_residual *r, const double shift_m[2], const float (*now_m)[3],
-                            int triangles, const int (*triangle)[3], double *residual, double *squares)
+static bool compare_heights(const kn_surface_residual *r, const double shift_m[2], const kn_surface *mesh,
+                            const float (*now_m)[3], double *residual, double *squares)
 {
     kn_range frame = r->frame;
     uint16_t *level = malloc((size_t)frame.width * (size_t)frame.height * sizeof *level);
@@ -382,7 +391,7 @@ static bool compare_heights(const kn_surface_residual *r, const double shift_m[2
     frame.top_m += shift_m[1];
     // The height step must cover three times the object's height in 16 bits.
     frame.step_m = fmax(finest_step_m, 3 * r->tall_m / LEVELS);
-    kn_range_draw(&frame, now_m, triangles, triangle, level);
+    kn_range_draw(&frame, now_m, mesh->triangle_count, (const int(*)[3])mesh->triangle, level);
     for (int i = 0; i < r->across * r->down; i++) {
         if (isnan(r->patch_m[i])) continue;
         // If the model shows no pixel of the patch, the residual is 0: the outline already contains that difference.
@@ -398,13 +407,14 @@ static bool compare_heights(const kn_surface_residual *r, const double shift_m[2
 bool kn_surface_residual_compare(const kn_surface_residual *r, const double shift_m[2], const kn_model_surface *model,
                                  const float (*now_m)[3], double *residual, kn_surface_misfit *misfit)
 {
-    const int triangles = model->mesh->triangle_count, (*triangle)[3] = (const int(*)[3])model->mesh->triangle;
+    const kn_surface *mesh = model->mesh;
     double squares[2] = {0}, ray_m[KN_SURFACE_RAYS], low_m[3], high_m[3];
     const double centre_m[2] = {r->centre_m[0] + shift_m[0], r->centre_m[1] + shift_m[1]};
     // If points were measured, compare only their distances from the model.
     if (r->points > 0) {
         for (int i = 0; i < r->points; i++) {
-            const double off_m = -kn_surface_residual_distance(r->point_m[i], now_m, triangles, triangle);
+            const double off_m = -kn_surface_residual_distance(r->point_m[i], now_m, mesh->triangle_count,
+                                                               (const int(*)[3])mesh->triangle);
             squares[0] += off_m * off_m;
             residual[i] = off_m / r->point_sigma_m;
         }
@@ -413,8 +423,8 @@ bool kn_surface_residual_compare(const kn_surface_residual *r, const double shif
                 sqrt(squares[0] / r->points), (double)NAN, {{(double)NAN, (double)NAN}, {(double)NAN, (double)NAN}}};
         return true;
     }
-    residual = compare_outline(r, centre_m, now_m, triangles, triangle, ray_m, residual, &squares[1]);
-    if (!compare_heights(r, shift_m, now_m, triangles, triangle, residual, &squares[0])) return false;
+    residual = compare_outline(r, centre_m, mesh, now_m, ray_m, residual, &squares[1]);
+    if (!compare_heights(r, shift_m, mesh, now_m, residual, &squares[0])) return false;
     if (!misfit) return true;
     misfit->height_m = sqrt(squares[0] / r->patches);
     misfit->outline_m = sqrt(squares[1] / r->rays);

@@ -439,14 +439,15 @@ static kn_force_residual spoilt(const kn_press *press, double from_s, double spi
 {
     enum { READINGS = 1000 };
     char error[300];
-    kn_force_residual p;
-    double *time_s = calloc(READINGS, sizeof *time_s), *force_n = calloc(READINGS, sizeof *force_n);
+    kn_force_residual p = {.count = READINGS};
+    double *time_s = p.time_s = calloc(READINGS, sizeof *time_s);
+    double *force_n = p.force_n = calloc(READINGS, sizeof *force_n);
     for (int i = 0; i < READINGS; i++) {
         const double t = time_s[i] = 2e-3 * i;
         force_n[i] = 4 * fmin(t, 1) * exp(-fmax(t - 1, 0)) + 0.01 * kn_dice_normal(&seed);
         if (t >= from_s && spikes-- > 0) force_n[i] = spike_n;
     }
-    must(kn_force_residual_make(&p, press, READINGS, time_s, force_n, error, sizeof error), error);
+    must(kn_force_residual_make(&p, press, error, sizeof error), error);
     return p;
 }
 
