@@ -1,5 +1,5 @@
 #include "clients/identify/creep_figures.h"
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/identify/stages.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"

@@ -1,6 +1,6 @@
 #include "clients/identify/creep_report.h"
 #include "clients/identify/creep_figures.h"
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/identify/recreep.h"
 #include "clients/identify/squeeze.h"
 #include "clients/identify/stages.h"

@@ -3,7 +3,7 @@
 // The HTML page of `knead identify creep --report DIR`: all printed results with plots. For the page, the identified
 // material is also checked in two ways. First, the creep of one element and of a lattice of the material are computed
 // and compared with the data (recreep.h). Second, a block of the material is pressed (squeeze.h).
-#include "clients/identify/document.h"
+#include "clients/report/report_page.h"
 #include "clients/identify/joint.h"
 #include "clients/identify/models.h"
 

@@ -1,5 +1,5 @@
 #include "clients/identify/relax_told.h"
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>

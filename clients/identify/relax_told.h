@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
 #define KN_CLIENTS_IDENTIFY_RELAX_TOLD_H
 // Output of the results of `knead identify relax`: notes on doubtful results, plots and the HTML report.
-#include "clients/identify/document.h"
+#include "clients/report/report_page.h"
 #include "clients/identify/models.h"
 #include "clients/identify/options.h"
 #include "clients/identify/relaxation.h"

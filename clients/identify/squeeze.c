@@ -1,5 +1,5 @@
 #include "clients/identify/squeeze.h"
-#include "clients/identify/press.h"
+#include "clients/shape/press_protocol.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/progress.h"

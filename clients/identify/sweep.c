@@ -1,7 +1,7 @@
 // The command `knead identify sweep`: find springs and dampers from storage and loss modulus over frequency.
-#include "clients/identify/document.h"
+#include "clients/report/report_page.h"
 #include "clients/identify/experiments.h"
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/identify/options.h"
 #include "clients/identify/spectrum.h"
 #include "clients/knead/commands.h"

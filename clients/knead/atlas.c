@@ -1,6 +1,7 @@
 #include "clients/knead/atlas.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/progress.h"
 #include "clients/knead/result.h"
@@ -300,10 +301,9 @@ bool kn_atlas_print(const kn_atlas *a)
 
 int kn_atlas_write(const kn_atlas *a, const char *path)
 {
-    FILE *f = fopen(path, "w");
-    if (!f)
-        return kn_complain("stability", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
-                           strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, "stability", path);
+    if (!f) return KN_EXIT_DEVICE;
     fprintf(f, "family,map,across,x,down,y,solver,verdict,force_error,shape_error,variation,step_error,loose,reason\n");
     for (int c = 0; c < cells_of(a); c++) {
         int map, i, j;
@@ -318,8 +318,7 @@ int kn_atlas_write(const kn_atlas *a, const char *path)
                     s->shape, s->variation, a->cell[c].step_error, a->cell[c].loose, s->reason);
         }
     }
-    if ((ferror(f) | fclose(f)) == 0) return KN_EXIT_OK;
-    return kn_complain("stability", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, "stability");
 }
 
 // Colours of the judgements in the drawing, RRGGBB.
@@ -346,13 +345,11 @@ static void draw_map(FILE *f, const kn_atlas *a, int map)
         kn_plot_quote(f, m->y_text[j] ? m->y_text[j] : number);
         fprintf(f, " %d", m->rows - 1 - j);
     }
-    fprintf(f, ")\nset xrange [-0.5:%g]\nset yrange [-0.5:%g]\nset xlabel ", m->columns - 0.5, m->rows - 0.5);
-    kn_plot_quote(f, m->across);
-    fprintf(f, "\nset ylabel ");
-    kn_plot_quote(f, m->y_text[0] ? "" : m->down);
-    fprintf(f, "\nset title ");
-    kn_plot_quote(f, m->title);
-    fprintf(f, "\nplot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
+    fprintf(f, ")\nset xrange [-0.5:%g]\nset yrange [-0.5:%g]\n", m->columns - 0.5, m->rows - 0.5);
+    kn_plot_label(f, "xlabel", m->across);
+    kn_plot_label(f, "ylabel", m->y_text[0] ? "" : m->down);
+    kn_plot_label(f, "title", m->title);
+    fprintf(f, "plot $map%d using 1:2:(0.46):(0.46):3 with boxxyerror fs solid noborder lc palette notitle", map);
     // Mark the cells without a right result with a letter, because not all readers and printers distinguish the
     // colours.
     for (int v = KN_TRIAL_REFUSED; v < KN_JUDGEMENTS; v++)

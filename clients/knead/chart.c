@@ -298,9 +298,8 @@ static void write_script(FILE *f, const picture *pic)
         write_points(f, pic, p);
     }
     snprintf(title, sizeof title, "%s: processor time of a tick against its error, one core", pic->plan->scene->name);
-    fprintf(f, "set multiplot title ");
-    kn_plot_quote(f, title);
-    fprintf(f, " font 'sans,13'\nset logscale xy\n"
+    kn_plot_panels(f, title);
+    fprintf(f, "set logscale xy\n"
                "set lmargin 9\nset rmargin 1.8\nset xlabel 'median of a 1 ms tick under the tool, µs' offset 0,0.4\n");
     for (int p = 0; p < PANELS; p++) write_panel(f, pic, p);
     write_legend(f, pic);

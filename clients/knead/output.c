@@ -70,3 +70,17 @@ bool kn_output_same(const char *a, const char *b)
     resolve(b, second);
     return strcmp(first, second) == 0;
 }
+
+FILE *kn_output_open(kn_beside *out, const char *subcommand, const char *path)
+{
+    if (kn_beside_write(out, path)) return out->file;
+    kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
+    return NULL;
+}
+
+int kn_output_close(kn_beside *out, const char *subcommand)
+{
+    char error[PATH_MAX];
+    if (kn_beside_keep(out, error, sizeof error)) return KN_EXIT_OK;
+    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", out->path);
+}

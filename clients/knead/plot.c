@@ -3,7 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
 #include <errno.h>
-#include <fcntl.h>
+#include <limits.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -21,7 +21,6 @@ const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000
 static void (*before)(int); // handler of SIGPIPE before the plot was opened; one plot is open at a time
 static int said = -1;       // memory file with gnuplot's standard error: warnings, and the reason why it ended
 static int drawn = -1;      // memory file with the image; gnuplot itself does not report failed writes
-static int image = -1;      // descriptor of the file to which the image is written at the end
 
 static int find_gnuplot(const char *subcommand, const char *path)
 {
@@ -39,16 +38,16 @@ int kn_plot_try(const char *subcommand, const char *path)
 FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code)
 {
     if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
-    *code = KN_EXIT_DEVICE;
     // gnuplot's output must not mix with text that is still buffered here.
     fflush(stdout);
-    image = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if ((*code = kn_output_try(subcommand, path)) != KN_EXIT_OK) return NULL;
+    *code = KN_EXIT_DEVICE;
     // Save this program's standard output and standard error. Both are replaced while gnuplot starts, because gnuplot
     // inherits them.
     int terminal = dup(STDOUT_FILENO), errors = dup(STDERR_FILENO);
     said = memfd_create("gnuplot", MFD_CLOEXEC);
     drawn = memfd_create("picture", MFD_CLOEXEC);
-    if (image < 0 || terminal < 0 || errors < 0 || said < 0 || drawn < 0) {
+    if (terminal < 0 || errors < 0 || said < 0 || drawn < 0) {
         kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path, strerror(errno));
         return NULL;
     }
@@ -66,6 +65,8 @@ FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high,
     return f;
 }
 
+enum { WORDS = 300 }; // size of the text that explains why gnuplot failed
+
 // Describe how gnuplot ended, with the last line of its standard error.
 static void explain(int status, char *text, size_t size)
 {
@@ -80,35 +81,32 @@ static void explain(int status, char *text, size_t size)
     else snprintf(text, size, "exit %d, said: %s", status < 0 ? -1 : WEXITSTATUS(status), last);
 }
 
-// Copy the image from memory into its file. Return false with errno set; ENODATA: there is no image.
-static bool deliver(void)
+// Copy the image from memory into its file. On failure return false with the reason in `error`.
+static bool deliver(const char *path, char *error, size_t error_size)
 {
-    char part[65536];
-    off_t at = 0;
-    for (ssize_t n; (n = pread(drawn, part, sizeof part, at)) != 0; at += n) {
-        if (n < 0) return false;
-        for (ssize_t out = 0, done; out < n; out += done)
-            if ((done = write(image, part + out, (size_t)(n - out))) < 0) return false;
-    }
-    errno = ENODATA;
-    return at > 0;
+    kn_beside out;
+    const size_t size = (size_t)lseek(drawn, 0, SEEK_END);
+    errno = ENODATA; // if gnuplot drew nothing
+    void *image = size > 0 ? mmap(NULL, size, PROT_READ, MAP_SHARED, drawn, 0) : MAP_FAILED;
+    const bool ready = image != MAP_FAILED && kn_beside_write(&out, path);
+    if (ready) fwrite(image, 1, size, out.file);
+    else snprintf(error, error_size, "%s: %s", path, strerror(errno));
+    if (image != MAP_FAILED) munmap(image, size);
+    return ready && kn_beside_keep(&out, error, error_size);
 }
 
 int kn_plot_close(FILE *f, const char *subcommand, const char *path)
 {
-    char why[300] = "";
+    char why[PATH_MAX] = "";
     int status = f ? pclose(f) : -1;
-    if (status != 0) explain(status, why, sizeof why);
-    bool ok = status == 0 && deliver();
-    // Closing may report a delayed write error, and the calls below may change errno.
-    const int error = errno;
-    ok &= close(image) == 0;
+    if (status != 0) explain(status, why, WORDS);
+    const bool ok = status == 0 && deliver(path, why, sizeof why);
     signal(SIGPIPE, before);
     close(drawn);
     close(said);
-    image = drawn = said = -1;
+    drawn = said = -1;
     if (status != 0) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: gnuplot could not draw it: %s", path, why);
-    return ok ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, nothing drawn", path, strerror(error));
+    return ok ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s, nothing drawn", why);
 }
 
 void kn_plot_quote(FILE *f, const char *text)
@@ -119,4 +117,27 @@ void kn_plot_quote(FILE *f, const char *text)
         else fputc(*text, f);
     }
     fputc('\'', f);
+}
+
+void kn_plot_label(FILE *f, const char *what, const char *text)
+{
+    fprintf(f, "set %s ", what);
+    kn_plot_quote(f, text ? text : "");
+    fputc('\n', f);
+}
+
+void kn_plot_panels(FILE *f, const char *title)
+{
+    fputs("set multiplot title ", f);
+    kn_plot_quote(f, title);
+    fputs(" font 'sans,13'\n", f);
+}
+
+void kn_plot_legend(FILE *f, bool objects, int rows, int high)
+{
+    fprintf(f,
+            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n%s"
+            "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
+            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
+            objects ? "unset object\n" : "", (double)(KN_PLOT_ROW * rows + 8) / high, rows);
 }

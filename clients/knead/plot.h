@@ -2,6 +2,7 @@
 #define KN_CLIENTS_PLOT_H
 // Plots as PNG images. gnuplot runs as a child program and receives its script, which contains the data, through a
 // pipe. plot.gp defines the look of all plots: fonts, colours, grid. The callers add curves, axes and texts.
+#include <stdbool.h>
 #include <stdio.h>
 
 // Check that gnuplot is installed and that the file can be written. Call this before a long computation. Return 0, or
@@ -19,6 +20,13 @@ int kn_plot_close(FILE *f, const char *subcommand, const char *path);
 // Write text as a gnuplot string in single quotes. gnuplot takes every character in single quotes literally, except the
 // quote itself, which is replaced by a prime.
 void kn_plot_quote(FILE *f, const char *text);
+void kn_plot_label(FILE *f, const char *what, const char *text); // set a "title", "xlabel" ...; text NULL: empty
+void kn_plot_panels(FILE *f, const char *title);                 // begin several panels below a common title
+
+// Begin a legend below the panels of a plot that is `high` pixels high: the key of an additional plot without axes, with
+// `rows` rows of KN_PLOT_ROW pixels. The caller adds the entries. objects: whether the panels have objects.
+#define KN_PLOT_ROW 22
+void kn_plot_legend(FILE *f, bool objects, int rows, int high);
 
 #define KN_PLOT_COLOURS 8
 // Colours of the line types 1, 2, ... in plot.gp, as hexadecimal RGB such as "0072b2".

@@ -1,8 +1,8 @@
 #include "clients/knead/table.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
+#include "clients/knead/output.h"
 #include "clients/knead/plot.h"
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -65,15 +65,13 @@ void kn_table_text(const char *text, FILE *f)
 int kn_table_write(const kn_table *t, const char *subcommand, const char *path)
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
-    FILE *f = fopen(path, "w");
-    if (!f)
-        return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
-                           strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, subcommand, path);
+    if (!f) return KN_EXIT_DEVICE;
     for (int c = 0; c < t->width; c++) fprintf(f, "%s%c", t->columns[c], c + 1 < t->width ? ',' : '\n');
     for (int r = 0; r < t->rows; r++)
         for (int c = 0; c < t->width; c++) fprintf(f, "%.10g%c", cell(t, r, c), c + 1 < t->width ? ',' : '\n');
-    if ((ferror(f) | fclose(f)) == 0) return KN_EXIT_OK;
-    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, subcommand);
 }
 
 // ---- gnuplot
@@ -88,7 +86,7 @@ static void write_data(FILE *f, const kn_table *t, int series)
 }
 
 // Sizes of the parts of the picture, pixels.
-enum { PANEL = 600, HEIGHT = 460, ROW = 22, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 };
+enum { PANEL = 600, HEIGHT = 460, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 };
 
 // Return true if a curve is drawn dashed: a second curve, or the second series of a pair.
 static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
@@ -132,11 +130,10 @@ static void write_names(FILE *f, const kn_table *t, const kn_axes *a)
 // Write one panel: labels, ranges, curves and key.
 static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
 {
-    fprintf(f, "unset logscale\nset format '%%g'\nset key top right opaque\nset xlabel ");
-    kn_plot_quote(f, a->x_label);
-    fprintf(f, "\nset ylabel ");
-    kn_plot_quote(f, a->y_label);
-    fprintf(f, "\nset xrange [*:*]\nset yrange [*%s:*]\n", a->log_y ? "" : "<0");
+    fprintf(f, "unset logscale\nset format '%%g'\nset key top right opaque\n");
+    kn_plot_label(f, "xlabel", a->x_label);
+    kn_plot_label(f, "ylabel", a->y_label);
+    fprintf(f, "set xrange [*:*]\nset yrange [*%s:*]\n", a->log_y ? "" : "<0");
     if (a->log_x) fprintf(f, "set logscale x\n");
     if (a->log_y) fprintf(f, "set logscale y\n");
     fprintf(f, "plot ");
@@ -154,14 +151,10 @@ static int legend_rows(const kn_table *t, int count)
     return t->series > 1 ? (t->series + across - 1) / across : 0;
 }
 
-// Write the legend below the panels. The legend is the key of an additional plot without axes.
+// Write the names of the series below the panels.
 static void write_legend(FILE *f, const kn_table *t, const kn_axes *a, int rows, int high)
 {
-    fprintf(f,
-            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
-            "set lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
-            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
-            (double)(ROW * rows + 8) / high, rows);
+    kn_plot_legend(f, false, rows, high);
     for (int s = 0; s < t->series; s++) {
         fprintf(f, "NaN with %s lt %d%s title ", a->points ? "linespoints" : "lines", hue(t, a, s, a->y),
                 dashed(t, a, s, a->y) ? " dt 2" : "");
@@ -176,15 +169,13 @@ static void write_script(FILE *f, const kn_table *t, const char *title, const kn
 {
     const int rows = legend_rows(t, count), wide = PANEL * count;
     for (int s = 0; s < t->series; s++) write_data(f, t, s);
-    fprintf(f, "set multiplot title ");
-    kn_plot_quote(f, title);
-    fprintf(f, " font 'sans,13'\n");
+    kn_plot_panels(f, title);
     for (int i = 0; i < count; i++) {
         fprintf(f,
                 "set lmargin at screen %g\nset rmargin at screen %g\nset bmargin at screen %g\n"
                 "set tmargin at screen %g\n",
                 (double)(PANEL * i + LEFT) / wide, (double)(PANEL * (i + 1) - RIGHT) / wide,
-                (double)(FOOT + ROW * rows + (rows ? 8 : 0)) / high, 1 - (double)HEAD / high);
+                (double)(FOOT + KN_PLOT_ROW * rows + (rows ? 8 : 0)) / high, 1 - (double)HEAD / high);
         write_axes(f, t, &axes[i]);
     }
     if (rows) write_legend(f, t, &axes[0], rows, high);
@@ -196,7 +187,7 @@ int kn_table_draw(const kn_table *t, const char *subcommand, const char *path, c
 {
     if (t->short_of_memory) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
     int code;
-    const int high = HEIGHT + ROW * legend_rows(t, count);
+    const int high = HEIGHT + KN_PLOT_ROW * legend_rows(t, count);
     FILE *f = kn_plot_open(subcommand, path, PANEL * count, high, &code);
     if (!f) return code;
     write_script(f, t, title, axes, count, high);

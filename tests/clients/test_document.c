@@ -1,5 +1,5 @@
 // The report of `knead identify`: a page of plain HTML in a folder that appears as a whole.
-#include "clients/identify/document.h"
+#include "clients/report/report_page.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
 #include "tests/cleared.h"

@@ -9,12 +9,9 @@
 // By default one case is run, at night two, held for 1 s. KN_CASES=10 runs that many, held for 30 s. KN_HOLD sets
 // another time, KN_SCENE another scene, KN_NOISE another noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/identify/candidate.h"
 #include "clients/identify/experiments.h"
-#include "clients/identify/relief_points.h"
-#include "clients/identify/shape_options.h"
-#include "clients/identify/verdict.h"
 #include "clients/knead/commands.h"
+#include "clients/shape/shape_command.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range.h"
 #include "tests/check.h"
@@ -97,11 +94,11 @@ static void measure(const lump *l)
     must(model, error);
     const double at_s = l->at_end ? press.end_s : press.hold_end_s;
     const kn_press_play play = {
-        .model = model, .surface = c->best.surface, .moments = 1, .moment_s = &at_s, .until_s = at_s};
+        .model = model, .surface = c->surface.mesh, .moments = 1, .moment_s = &at_s, .until_s = at_s};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
     write_force(&press, &pressed, l->noise);
-    write_image(c->best.surface, c->best.rest_m, (const float(*)[3])pressed.shape_m[0], l);
-    write_points(c->best.surface, (const float(*)[3])pressed.shape_m[0]);
+    write_image(c->surface.mesh, (const float(*)[3])c->surface.rest_m, (const float(*)[3])pressed.shape_m[0], l);
+    write_points(c->surface.mesh, (const float(*)[3])pressed.shape_m[0]);
     kn_model_destroy(model);
     kn_candidate_free(c);
 }
@@ -408,21 +405,21 @@ TEST("points of a surface are as far away as they are, outside and inside")
 {
     const float x[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const int triangle[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
-    CHECK_NEAR(kn_relief_distance((double[]){0.2, 0.2, -0.5}, x, 4, triangle), 0.5, 1e-12);
-    CHECK_NEAR(kn_relief_distance((double[]){0.2, 0.2, 0.1}, x, 4, triangle), -0.1, 1e-12);
-    CHECK_NEAR(kn_relief_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
-    CHECK_NEAR(kn_relief_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
-    CHECK_NEAR(kn_relief_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
+    CHECK_NEAR(kn_surface_residual_distance((double[]){0.2, 0.2, -0.5}, x, 4, triangle), 0.5, 1e-12);
+    CHECK_NEAR(kn_surface_residual_distance((double[]){0.2, 0.2, 0.1}, x, 4, triangle), -0.1, 1e-12);
+    CHECK_NEAR(kn_surface_residual_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
+    CHECK_NEAR(kn_surface_residual_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
+    CHECK_NEAR(kn_surface_residual_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
 }
 
 TEST("where nothing explains it the least off is nearest, and none that is less off is called farther")
 {
     kn_verdict v;
-    const kn_evidence e = {.readings = 1000};
+    const kn_measurement e = {.readings = 1000};
     kn_candidate c[3] = {
-        {.name = "diagonals", .words = "D", .found = true, .unknowns = 1, .worth = 12, .settled = true},
-        {.name = "pressure", .words = "P", .found = true, .unknowns = 2, .worth = 12, .settled = true},
-        {.name = "both", .words = "B", .found = true, .unknowns = 2, .worth = 12, .settled = true}};
+        {.name = "diagonals", .words = "D", .found = true, .unknowns = 1, .independent = 12, .settled = true},
+        {.name = "pressure", .words = "P", .found = true, .unknowns = 2, .independent = 12, .settled = true},
+        {.name = "both", .words = "B", .found = true, .unknowns = 2, .independent = 12, .settled = true}};
     const double off[3] = {10.5, 10.2, 10};
     for (int i = 0; i < 3; i++) c[i].sum = off[i] * off[i] * e.readings;
     c[1].no_gas_left = true;
@@ -438,18 +435,19 @@ TEST("where nothing explains it the least off is nearest, and none that is less 
 // ---- forces
 
 // Make a press of 2 s at 500 Hz, up to 4 N, with some spoilt readings, and read its force curve.
-static kn_pull spoilt(const kn_press *press, double from_s, double spike_n, int spikes)
+static kn_force_residual spoilt(const kn_press *press, double from_s, double spike_n, int spikes)
 {
     enum { READINGS = 1000 };
     char error[300];
-    kn_pull p;
-    double *time_s = calloc(READINGS, sizeof *time_s), *force_n = calloc(READINGS, sizeof *force_n);
+    kn_force_residual p = {.count = READINGS};
+    double *time_s = p.time_s = calloc(READINGS, sizeof *time_s);
+    double *force_n = p.force_n = calloc(READINGS, sizeof *force_n);
     for (int i = 0; i < READINGS; i++) {
         const double t = time_s[i] = 2e-3 * i;
         force_n[i] = 4 * fmin(t, 1) * exp(-fmax(t - 1, 0)) + 0.01 * kn_dice_normal(&seed);
         if (t >= from_s && spikes-- > 0) force_n[i] = spike_n;
     }
-    must(kn_pull_make(&p, press, READINGS, time_s, force_n, error, sizeof error), error);
+    must(kn_force_residual_make(&p, press, error, sizeof error), error);
     return p;
 }
 
@@ -463,12 +461,12 @@ TEST("a reading far from its neighbours is left out and does not count as the la
     const double spikes[] = {5000, 1e300, -1e300, 30};
     for (int i = 0; i < 4; i++)
         for (int many = 0; many < 3; many++) {
-            AT_END(kn_pull_free) kn_pull p = spoilt(&press, i == 3 ? 0 : 0.7, spikes[i], many);
-            CHECK(p.strays == many && p.count == 1000 - many && !p.turned);
-            CHECK(many == 0 || p.stray_n == spikes[i]);
+            AT_END(kn_force_residual_free) kn_force_residual p = spoilt(&press, i == 3 ? 0 : 0.7, spikes[i], many);
+            CHECK(p.outliers == many && p.count == 1000 - many && !p.turned);
+            CHECK(many == 0 || p.outlier_n == spikes[i]);
             CHECK_NEAR(p.most_n, 4, 0.05);
-            for (int b = 0; b < p.bins; b++)
-                CHECK_NEAR(p.bin_n[b], 4 * fmin(p.bin_s[b], 1) * exp(-fmax(p.bin_s[b] - 1, 0)), 0.05);
+            for (int b = 0; b < p.spans; b++)
+                CHECK_NEAR(p.span_n[b], 4 * fmin(p.span_s[b], 1) * exp(-fmax(p.span_s[b] - 1, 0)), 0.05);
         }
     kn_candidate_free(c);
 }
@@ -477,7 +475,7 @@ TEST("points that lack a coordinate are left out, rows of a force in a wrong pla
 {
     char error[300];
     kn_candidate c[KN_CANDIDATES];
-    kn_evidence e;
+    kn_measurement e;
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     FILE *points = fopen("lacking.csv", "w"), *force = fopen("disorder.csv", "w");
     must(points && force, "no room for readings");
@@ -493,7 +491,7 @@ TEST("points that lack a coordinate are left out, rows of a force in a wrong pla
     kn_hear_end();
     CHECK(code == 0 && strstr(kn_heard, "left out: 2 that lack a coordinate, the first in line 2"));
     CHECK(strstr(kn_heard, "disorder.csv: the rows are not in the order of time: 1 moved"));
-    if (code == 0) kn_evidence_free(&e);
+    if (code == 0) kn_measurement_free(&e);
     force = fopen("disorder.csv", "w");
     must(force, "no room for readings");
     fputs("time [s],force [N]\n", force);

@@ -1,7 +1,7 @@
-#ifndef KN_CLIENTS_IDENTIFY_RELIEF_H
-#define KN_CLIENTS_IDENTIFY_RELIEF_H
-// A relief: a measured surface of the object, which is either a range image or a set of points. The functions compute
-// the residuals of a model's surface against the measured surface.
+#ifndef KN_CLIENTS_SHAPE_SURFACE_RESIDUAL_H
+#define KN_CLIENTS_SHAPE_SURFACE_RESIDUAL_H
+// A measured surface of the object, which is either a range image or a set of points. The functions compute the
+// residuals of a model's surface against the measured surface.
 //
 // A range image is seen from straight above. The model is compared with the image by two kinds of residuals r:
 //
@@ -26,23 +26,21 @@
 // So an image does not distinguish a barrel that is closed at the top from one that is closed at the foot. Neither
 // measurement shows the inside of the object.
 #include "clients/viewer/range.h"
-#include "core/shape.h"
-#include <stdbool.h>
-#include <stddef.h>
+#include "core/surface.h"
 
-#define KN_RELIEF_RAYS 180
+#define KN_SURFACE_RAYS 180
 
-typedef struct kn_relief {
-    kn_range frame;     // place and size of the image; frame.width 0: the relief holds points instead of an image
+typedef struct kn_surface_residual {
+    kn_range frame;     // place and size of the image; frame.width 0: points were measured, not an image
     uint16_t *level;    // [height][width] pixels of the image as measured; owned
     uint8_t *counts;    // [height][width] 1: the pixel's height is compared with the model; 0: the pixel is left out
     double noise_m;     // standard deviation of the noise of a pixel's height
     double tall_m;      // the object's height at rest
     double centre_m[2]; // middle of the object (x, y), from which the rays start
     // measured distance from the middle of the object to its edge along each ray; sigma of these distances
-    double ray_m[KN_RELIEF_RAYS], ray_sigma_m;
+    double ray_m[KN_SURFACE_RAYS], ray_sigma_m;
     // false: the tool hides the edge on this ray, or the image's border cuts the ray off
-    bool ray_counts[KN_RELIEF_RAYS];
+    bool ray_counts[KN_SURFACE_RAYS];
     int rays; // number of rays that are compared with the model
     // side: number of pixels along each side of a patch; across, down: number of columns and of rows of the grid of
     // patches; patches: number of patches that are compared with the model
@@ -53,39 +51,53 @@ typedef struct kn_relief {
     double (*point_m)[3]; // [points] measured points; owned
     double point_sigma_m; // sigma of a point's distance from the model
     int readings;         // number of residuals
-} kn_relief;
+} kn_surface_residual;
 
-typedef struct kn_relief_box { // area that the tool hides, in x and y; low_m >= high_m: the tool hides nothing
+typedef struct kn_hidden_area { // area that the tool hides, in x and y; low_m >= high_m: the tool hides nothing
     double low_m[2], high_m[2];
-} kn_relief_box;
+} kn_hidden_area;
 
-// Make a relief from a range image and take over `level`. rest_m[vertices] is the object's surface at rest; it serves
-// to check that the image can show this object. On failure free `level` and return false with one sentence in `error`,
-// which does not name the file.
-bool kn_relief_image(kn_relief *relief, const kn_range *frame, uint16_t *level, int vertices, const float (*rest_m)[3],
-                     const kn_relief_box *hidden, char *error, size_t error_size);
+typedef struct kn_model_surface { // a model's surface; the fields are owned
+    kn_surface *mesh;
+    float (*rest_m)[3]; // [mesh->vertex_count] positions of the vertices at rest
+} kn_model_surface;
 
-// Make a relief from points and take over `point_m`. If there are more than KN_RELIEF_POINTS points, keep every n-th
-// point.
-#define KN_RELIEF_POINTS 2000
-bool kn_relief_points(kn_relief *relief, int count, double (*point_m)[3], int vertices, const float (*rest_m)[3],
-                      const kn_relief_box *hidden, char *error, size_t error_size);
-void kn_relief_free(kn_relief *relief); // a zeroed struct is allowed
+// Prepare the comparison with a range image and take over `level`. The model's surface at rest serves to check that the
+// image can show this object. On failure free `level` and return false with one sentence in `error`, which does not
+// name the file.
+bool kn_surface_residual_image(kn_surface_residual *measured, const kn_range *frame, uint16_t *level,
+                               const kn_model_surface *model, const kn_hidden_area *hidden, char *error,
+                               size_t error_size);
 
-typedef struct kn_relief_misfit {
+// Prepare the comparison with points and take over `point_m`. If there are more than KN_SURFACE_POINTS points, keep
+// every n-th point.
+#define KN_SURFACE_POINTS 2000
+bool kn_surface_residual_points(kn_surface_residual *measured, int count, double (*point_m)[3],
+                                const kn_model_surface *model, const kn_hidden_area *hidden, char *error,
+                                size_t error_size);
+void kn_surface_residual_free(kn_surface_residual *measured); // a zeroed struct is allowed
+
+typedef struct kn_surface_misfit {
     // rms differences between model and image in height and in outline; for points height_m is the rms distance and
     // outline_m is NAN
     double height_m, outline_m;
     // largest distance of the outline beyond the sides of the object at rest; [0] measured, [1] of the model; along x
-    // and along y; NAN: the tool hides the outline, or the relief holds points
+    // and along y; NAN: the tool hides the outline, or points were measured
     double bulge_m[2][2];
-} kn_relief_misfit;
+} kn_surface_misfit;
 
-// Compute residual[relief->readings] of a model's surface. For an image, the residuals of the rays come first, then
-// those of the patches. For points, each point has one residual. The image is assumed to be displaced by `shift_m`
-// along x and y from its stated place. `misfit` may be NULL. Return false if memory runs out.
-bool kn_relief_compare(const kn_relief *relief, const double shift_m[2], const float (*now_m)[3],
-                       const float (*rest_m)[3], int vertices, int triangles, const int (*triangle)[3],
-                       double *residual, kn_relief_misfit *misfit);
+// Compute residual[measured->readings] of a model's surface, whose vertices are at now_m. For an image, the residuals of
+// the rays come first, then those of the patches. For points, each point has one residual. The image is assumed to be
+// displaced by `shift_m` along x and y from its stated place. `misfit` may be NULL. Return false if memory runs out.
+bool kn_surface_residual_compare(const kn_surface_residual *measured, const double shift_m[2],
+                                 const kn_model_surface *model, const float (*now_m)[3], double *residual,
+                                 kn_surface_misfit *misfit);
+
+// Return the distance of a point from a surface of triangles [m]. The distance is > 0 if the point is outside the
+// surface. Seen from outside, the vertices of a triangle are counter-clockwise. The triangle nearest to the point
+// determines the sign. If several triangles are equally near, the sign comes from the triangle whose normal points most
+// directly towards or away from the point.
+double kn_surface_residual_distance(const double point_m[3], const float (*now_m)[3], int triangles,
+                                    const int (*triangle)[3]);
 
 #endif

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_PRESS_H
-#define KN_CLIENTS_IDENTIFY_PRESS_H
+#ifndef KN_CLIENTS_SHAPE_PRESS_PROTOCOL_H
+#define KN_CLIENTS_SHAPE_PRESS_PROTOCOL_H
 // A press: the motion of the tools while they press the object, recorded for every tick. The press can be simulated on
 // different models of the object. The results are the force on the tool in every tick and the surface of the object at
 // a few times (moments).

@@ -1,7 +1,7 @@
-#ifndef KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
-#define KN_CLIENTS_IDENTIFY_SHAPE_OPTIONS_H
+#ifndef KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
+#define KN_CLIENTS_SHAPE_SHAPE_OPTIONS_H
 // The options of `knead identify shape`.
-#include "clients/identify/candidate.h"
+#include "clients/shape/structure_candidate.h"
 #include "clients/viewer/range.h"
 #include "server/option_table.h"
 
@@ -28,10 +28,5 @@ typedef struct kn_shape_options { // all paths are pointers into argv
 // --json is given, kn_result is open afterwards.
 int kn_shape_options_parse(kn_shape_options *options, int argc, char **argv);
 void kn_shape_options_free(kn_shape_options *options);
-
-// Read the measurements that the options name. `candidate` may be any candidate, since all candidates share the object
-// and the press. Report changes to the readings on stdout. Return 0, or print an error, set all bytes of `evidence` to
-// 0 and return an exit code.
-int kn_shape_measured(kn_evidence *evidence, const kn_shape_options *options, const kn_candidate *candidate);
 
 #endif

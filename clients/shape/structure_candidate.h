@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_CANDIDATE_H
-#define KN_CLIENTS_IDENTIFY_CANDIDATE_H
+#ifndef KN_CLIENTS_SHAPE_STRUCTURE_CANDIDATE_H
+#define KN_CLIENTS_SHAPE_STRUCTURE_CANDIDATE_H
 // A candidate: a structure of the object that may explain the measurements, and its fit to them. If the structure has
 // gas in its cells, the inside pressure P0 is an unknown. If the material's damper depends on the stress, a factor on
 // gamma, the stress area of an edge, is an unknown.
@@ -15,21 +15,32 @@
 // Springs and dashpots do not use gamma. A factor s on gamma thus stretches the law of the damper: p0, p1 and 1/beta
 // become s times as large, and the damping c2 at p0 and at p1 stays (core/law.h: T(b) becomes s T(b/s)). A scene
 // expresses the factor by these material parameters and needs no key of its own for it.
-#include "clients/identify/evidence.h"
+//
+// The verdict states which of the fitted structures explains the measurements, and how certain the choice is. S is the
+// sum of squared residuals, n the number of residuals.
+//
+//     off     sqrt(S/n), the size of the residuals in units of the noise. A candidate with a larger `off` than
+//             KN_VERDICT_OFF does not explain the data
+//     dAICc   difference between the candidate's and the best candidate's AICc (Akaike's criterion for small samples).
+//             The AICc is computed for the number of independent readings of the candidate with the least S. An S below
+//             n is raised to n, since a misfit below the noise supports no candidate
+//
+// If no candidate explains the data, the residuals come from errors of the models, not from noise. In that case the
+// best candidate is the one with the least `off`, whatever its number of unknowns. All candidates whose `off` is at
+// most KN_VERDICT_NEAR times the least `off` count as equally likely.
+//
+// A structure whose fitted gas pressure is near 0 is not counted: it equals the structure without gas.
 #include "clients/identify/identified.h"
-#include "clients/identify/search.h"
+#include "clients/shape/measurement.h"
 
 #define KN_CANDIDATES 5
-#define KN_CANDIDATE_SETS 6
-#define KN_LEAST_PA 100.0 // limits of the inside pressure P0 in a scene, Pa
-#define KN_MOST_PA 1e7
 
 typedef struct kn_candidate {
     const char *name, *words; // for example name "both" and words "diagonals and gas in every cell"
     kn_scene *scene;          // owned
     kn_model *first;          // model with the scene's own parameters; it defines the surface; owned
-    kn_exhibit best;          // simulated press with the best parameters so far; the surface in it is owned
-    float (*rest_m)[3];
+    kn_model_surface surface; // owned
+    kn_pressed pressed;       // results of the press with the best parameters so far; owned
     bool gas, area; // gas: the inside pressure P0 is an unknown of the fit; area: the factor on gamma is an unknown
     bool one_skin;  // the scene requests gas in one skin around all cells, which no candidate structure offers
     // Set by kn_candidate_fit:
@@ -38,17 +49,15 @@ typedef struct kn_candidate {
     double pressure_pa, area_factor, shift_m[2];
     double gamma;           // gamma of the model whose area_factor is 1
     kn_identified known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
-    // sought: how many of P0 and the factor on gamma are unknowns (0 to 2); unknowns: `sought`, plus 2 if the shift of
-    // the images along x and y is fitted
-    int sought, unknowns;
+    int unknowns;           // number of unknowns: P0, the factor on gamma, and the shift of the images along x and y
     // the fit removed the gas: the fitted P0 is below 0.05 atm, and the data give P0 no lower limit
     bool no_gas_left;
-    double sum, worth; // sum: sum of squared residuals S; worth: number of independent readings in the residuals
-    double *residual;  // [readings] residuals of the best press
-    kn_relief_misfit misfit[KN_PRESS_MOMENTS];
-    double pull_share; // rms difference of measured and computed force, as a share of the largest measured force
+    double sum, independent; // sum of squared residuals S; number of independent readings in the residuals
+    double *residual;        // [readings] residuals of the best press
+    kn_surface_misfit misfit[KN_PRESS_MOMENTS];
+    double force_share; // rms difference of measured and computed force, as a share of the largest measured force
     int presses;
-    bool settled, early; // settled: the search converged; early: it ended early, far from the data (kn_search)
+    bool settled, early; // settled: the search converged; early: it ended early, far from the data (kn_trust_region)
     double seconds;
 } kn_candidate;
 
@@ -70,13 +79,13 @@ void kn_candidate_free(kn_candidate *candidate);
 // Return the model definition of the candidate's scene with the given inside pressure P0 and the given factor on gamma.
 kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_pa, double area_factor);
 
-// Fit one candidate to the evidence. Several threads may fit different candidates at once. The fit calls `told` with
+// Fit one candidate to the measurement. Several threads may fit different candidates at once. The fit calls `told` with
 // `of` and the number of simulated ticks since the last call. Return false if memory runs out.
-bool kn_candidate_fit(kn_candidate *candidate, const kn_evidence *evidence, void (*told)(void *of, int64_t ticks),
+bool kn_candidate_fit(kn_candidate *candidate, const kn_measurement *measurement, void (*told)(void *of, int64_t ticks),
                       void *of);
 
 // Estimate how many ticks of presses the fit will simulate.
-double kn_candidate_work(const kn_candidate *candidate, const kn_evidence *evidence);
+double kn_candidate_work(const kn_candidate *candidate, const kn_measurement *measurement);
 
 // Return a scene with the fitted parameters, as canonical text that kneadd loads. The caller frees the text. On failure
 // return NULL with one line in `error`.
@@ -87,5 +96,20 @@ char *kn_candidate_scene(const kn_candidate *candidate, const kn_candidate_def *
 // return false with one line in `error`.
 bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *candidate, const kn_candidate_def *def, char *error,
                         size_t error_size);
+
+#define KN_VERDICT_OFF 3.0
+#define KN_VERDICT_NEAR 1.3
+#define KN_VERDICT_APART 10.0 // dAICc above which a candidate has hardly any support
+
+typedef struct kn_verdict {
+    int best;                    // index of the best candidate; -1: no candidate has a solution
+    double delta[KN_CANDIDATES]; // dAICc of each candidate; INFINITY: the candidate has no solution
+    double off[KN_CANDIDATES];   // `off` of each candidate: size of the residuals in units of the noise
+    bool explained;              // whether `off` of the best candidate is at most KN_VERDICT_OFF
+    int rival;                   // index of a candidate that is as well supported as the best; -1: there is none
+    char words[600];             // the verdict in sentences
+} kn_verdict;
+
+void kn_verdict_make(kn_verdict *verdict, int count, const kn_candidate *candidate, const kn_measurement *measurement);
 
 #endif

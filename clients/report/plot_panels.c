@@ -1,10 +1,10 @@
-#include "clients/identify/figure.h"
+#include "clients/report/plot_panels.h"
 #include "clients/knead/plot.h"
 #include <math.h>
 #include <stdio.h>
 
 // sizes of the parts of a plot [pixels]
-enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62, ROW = 22 };
+enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62 };
 enum { IN_A_CORNER = 4 }; // number of names that fit in a corner of a panel; more names are drawn below all panels
 
 void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
@@ -96,12 +96,16 @@ static int names(const kn_figure_panel *p)
     return n;
 }
 
+static const char *colour_of(const kn_figure_series *s)
+{
+    return s->hue > 0 ? kn_plot_colour[(s->hue - 1) % KN_PLOT_COLOURS] : "000000";
+}
+
 static void put_series(FILE *f, int number, int index, const kn_figure_series *s, bool named)
 {
-    static const char *const looks[] = {"points pt 7 ps 0.45", "lines lw 2", "lines lw 2 dt 2", "steps lw 2"};
-    const char *colour = s->hue > 0 ? kn_plot_colour[(s->hue - 1) % KN_PLOT_COLOURS] : "000000";
+    static const char *const looks[] = {"points pt 7 ps 0.45", "lines lw 2", "lines lw 2 dt 2"};
     fprintf(f, "$d%d_%d using 1:2 with %s lc rgb '#%s%s' ", number, index, looks[s->look],
-            s->look == KN_FIGURE_POINTS ? "80" : "", colour);
+            s->look == KN_FIGURE_POINTS ? "80" : "", colour_of(s));
     if (s->name && named) {
         fputs("title ", f);
         kn_plot_quote(f, s->name);
@@ -120,13 +124,6 @@ static bool any_point(const kn_figure_panel *p)
     return false;
 }
 
-static void put_label(FILE *f, const char *what, const char *text)
-{
-    fprintf(f, "set %s ", what);
-    kn_plot_quote(f, text ? text : "");
-    fputc('\n', f);
-}
-
 static void put_panel(FILE *f, int number, const kn_figure_panel *p)
 {
     fprintf(f, "unset logscale\nset format '%%g'\nset xrange [*:*]\nset yrange [*%s:*]\nunset object\n",
@@ -136,9 +133,9 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     if (p->band > 0)
         fprintf(f, "set object 1 rectangle from graph 0, first %g to graph 1, first %g behind fc rgb '#eeeeee' lw 0\n",
                 -p->band, p->band);
-    put_label(f, "title", p->title);
-    put_label(f, "xlabel", p->x_label);
-    put_label(f, "ylabel", p->y_label);
+    kn_plot_label(f, "title", p->title);
+    kn_plot_label(f, "xlabel", p->x_label);
+    kn_plot_label(f, "ylabel", p->y_label);
     double hidden;
     const char *corner = key_corner(p, &hidden);
     const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
@@ -177,19 +174,14 @@ static int legend_rows(const kn_figure_panel *p, int across)
     return p ? (names(p) + 4 * across - 1) / (4 * across) : 0;
 }
 
-// Draw the names as an empty plot below the panels.
+// Draw the names below the panels.
 static void put_legend(FILE *f, const kn_figure_panel *p, int rows, int high)
 {
-    fprintf(f,
-            "unset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset logscale\n"
-            "unset object\nset lmargin 0\nset rmargin 0\nset tmargin 0\nset bmargin 0\nset origin 0,0\nset size 1,%g\n"
-            "set xrange [0:1]\nset yrange [0:1]\nset key noopaque inside center center maxrows %d\nplot ",
-            (double)(ROW * rows + 8) / high, rows);
+    kn_plot_legend(f, true, rows, high);
     for (int s = 0; s < p->series; s++) {
-        const char *colour = p->of[s].hue > 0 ? kn_plot_colour[(p->of[s].hue - 1) % KN_PLOT_COLOURS] : "000000";
         if (!p->of[s].name) continue;
         fprintf(f, "NaN with %s lc rgb '#%s' title ",
-                p->of[s].look == KN_FIGURE_POINTS ? "points pt 7 ps 0.9" : "lines lw 2", colour);
+                p->of[s].look == KN_FIGURE_POINTS ? "points pt 7 ps 0.9" : "lines lw 2", colour_of(&p->of[s]));
         kn_plot_quote(f, p->of[s].name);
         fputs(", ", f);
     }
@@ -201,14 +193,13 @@ int kn_figure_draw(const char *subcommand, const char *path, const char *title, 
 {
     const kn_figure_panel *many = legend_of(panel, panels);
     const int rows = legend_rows(many, across), wide = PANEL * across;
-    const int high = HEAD + HIGH * ((panels + across - 1) / across) + (rows ? ROW * rows + 8 : 0);
+    const int high = HEAD + HIGH * ((panels + across - 1) / across) + (rows ? KN_PLOT_ROW * rows + 8 : 0);
     int code;
     FILE *f = kn_plot_open(subcommand, path, wide, high, &code);
     if (!f) return code;
     for (int i = 0; i < panels; i++) put_data(f, i, &panel[i]);
-    fprintf(f, "set multiplot title ");
-    kn_plot_quote(f, title);
-    fprintf(f, " font 'sans,13'\nset grid\n");
+    kn_plot_panels(f, title);
+    fprintf(f, "set grid\n");
     for (int i = 0; i < panels; i++) {
         put_place(f, i % across, i / across, wide, high);
         put_panel(f, i, &panel[i]);

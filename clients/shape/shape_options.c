@@ -1,4 +1,4 @@
-#include "clients/identify/shape_options.h"
+#include "clients/shape/shape_options.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/result.h"

@@ -1,4 +1,4 @@
-#include "clients/identify/document.h"
+#include "clients/report/report_page.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/interrupt.h"
@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-extern const char document_css[]; // text of document.css, which is linked into the program
-__asm__(".section .rodata\ndocument_css: .incbin \"" KN_CLIENTS_DIR "/identify/document.css\"\n.byte 0\n.previous\n");
+extern const char report_css[]; // text of report_page.css, which is linked into the program
+__asm__(".section .rodata\nreport_css: .incbin \"" KN_CLIENTS_DIR "/report/report_page.css\"\n.byte 0\n.previous\n");
 
 bool kn_document_is_open(const kn_document *d) { return d->body && !d->failed; }
 
@@ -269,7 +269,7 @@ static bool put_page(const kn_document *d, FILE *out)
           "dark\">\n<title>",
           out);
     put_all(out, d->title);
-    fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<main>\n<h1>", document_css);
+    fprintf(out, "</title>\n<style>\n%s</style>\n</head>\n<body>\n<main>\n<h1>", report_css);
     put_all(out, d->title);
     fputs("</h1>\n<p class=\"made\">", out);
     if (*d->command) {

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_FIGURE_H
-#define KN_CLIENTS_IDENTIFY_FIGURE_H
+#ifndef KN_CLIENTS_REPORT_PLOT_PANELS_H
+#define KN_CLIENTS_REPORT_PLOT_PANELS_H
 // Plots that compare measured values with those of a model. A plot consists of panels with points and lines, and is
 // drawn by clients/knead/plot.h.
 //
@@ -10,9 +10,8 @@
 #include <stdbool.h>
 
 #define KN_FIGURE_SERIES 72 // limit of series in a panel: points and a line for each of 32 curves, and 8 more
-#define KN_FIGURE_PANELS 6
 
-typedef enum kn_figure_look { KN_FIGURE_POINTS, KN_FIGURE_LINE, KN_FIGURE_DASHES, KN_FIGURE_STAIRS } kn_figure_look;
+typedef enum kn_figure_look { KN_FIGURE_POINTS, KN_FIGURE_LINE, KN_FIGURE_DASHES } kn_figure_look;
 
 typedef struct kn_figure_series {
     const char *name; // name in the legend; NULL: the series is not in the legend

@@ -1,4 +1,4 @@
-#include "clients/identify/press.h"
+#include "clients/shape/press_protocol.h"
 #include "clients/knead/foot.h"
 #include "clients/knead/path.h"
 #include "server/backend/backend.h"

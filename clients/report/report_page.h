@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_DOCUMENT_H
-#define KN_CLIENTS_IDENTIFY_DOCUMENT_H
+#ifndef KN_CLIENTS_REPORT_REPORT_PAGE_H
+#define KN_CLIENTS_REPORT_REPORT_PAGE_H
 // A report (option --report DIR): a folder with index.html, the pictures of that page, and the files to which the page
 // links. The page is plain HTML without scripts or external resources, for light and dark themes. Tables and pictures
 // have descriptions for readers who cannot see them. The folder appears complete or not at all. A DIR that exists and

@@ -1,12 +1,12 @@
 // Read the measurements of `knead identify shape` from files.
 #include "clients/identify/curve_parts.h"
-#include "clients/identify/shape_options.h"
 #include "clients/identify/sheet.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/foot.h"
-#include "core/tool.h"
+#include "clients/shape/shape_command.h"
 #include "core/algebra.h"
+#include "core/tool.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,9 +38,9 @@ static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double l
 }
 
 // Return the area that the tool of the press hides at a time. A tool above the top of the object at rest hides nothing.
-static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double time_s)
+static kn_hidden_area hidden_at(const kn_press *p, const kn_scene *scene, double time_s)
 {
-    kn_relief_box box = {{0}, {0}};
+    kn_hidden_area box = {{0}, {0}};
     double extent_m[3];
     const int64_t tick = kn_press_tick(p, time_s);
     const kn_probe_input *in = &p->input[tick * p->probes + p->probe];
@@ -58,22 +58,22 @@ static kn_relief_box hidden_at(const kn_press *p, const kn_scene *scene, double 
 // ---- surfaces
 
 // Load one range image, compare its place with the object, and report it.
-static int take_image(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
+static int take_image(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
     kn_range range;
     uint16_t *level;
     if (!kn_range_load(o->depth[number], &o->given, &range, &level, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s", error);
-    const kn_relief_box hidden = hidden_at(&e->press, c->scene, e->moment_s[number]);
-    kn_relief *r = &e->relief[number];
-    if (!kn_relief_image(r, &range, level, c->best.surface->vertex_count, c->best.rest_m, &hidden, error, sizeof error))
+    const kn_hidden_area hidden = hidden_at(&m->press, c->scene, m->moment_s[number]);
+    kn_surface_residual *r = &m->surface[number];
+    if (!kn_surface_residual_image(r, &range, level, &c->surface, &hidden, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s", o->depth[number], error);
-    e->reliefs++;
+    m->surfaces++;
     printf("%-10s %s, %d x %d pixels of %.3g mm, at %.3f s: %d patches of %.3g mm, %d of %d rays of the outline; "
            "noise %.2g mm\n",
-           number ? "" : "shape", o->depth[number], range.width, range.height, 1e3 * range.pixel_m, e->moment_s[number],
-           r->patches, 1e3 * r->side * range.pixel_m, r->rays, KN_RELIEF_RAYS, 1e3 * r->noise_m);
+           number ? "" : "shape", o->depth[number], range.width, range.height, 1e3 * range.pixel_m, m->moment_s[number],
+           r->patches, 1e3 * r->side * range.pixel_m, r->rays, KN_SURFACE_RAYS, 1e3 * r->noise_m);
     return KN_EXIT_OK;
 }
 
@@ -114,7 +114,7 @@ static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int
 }
 
 // Read the points of the surface, leave out what the tool hides, and report them.
-static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c, int number)
+static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
     kn_sheet s;
@@ -125,17 +125,16 @@ static int take_points(kn_evidence *e, const kn_shape_options *o, const kn_candi
         free(point_m);
         return code;
     }
-    const kn_relief_box hidden = hidden_at(&e->press, c->scene, e->moment_s[number]);
-    kn_relief *r = &e->relief[number];
+    const kn_hidden_area hidden = hidden_at(&m->press, c->scene, m->moment_s[number]);
+    kn_surface_residual *r = &m->surface[number];
     char lacking[100] = "";
     if (missing > 0)
         snprintf(lacking, sizeof lacking, "left out: %d that lack%s a coordinate, the first in line %d", missing,
                  missing > 1 ? "" : "s", line);
-    if (!kn_relief_points(r, rows, point_m, c->best.surface->vertex_count, c->best.rest_m, &hidden, error,
-                          sizeof error))
+    if (!kn_surface_residual_points(r, rows, point_m, &c->surface, &hidden, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s%s%s", o->points, error, missing > 0 ? "; " : "", lacking);
-    e->reliefs++;
-    printf("%-10s %s, at %.3f s: %d of %d points\n", number ? "" : "shape", o->points, e->moment_s[number], r->points,
+    m->surfaces++;
+    printf("%-10s %s, at %.3f s: %d of %d points\n", number ? "" : "shape", o->points, m->moment_s[number], r->points,
            rows);
     if (missing > 0) printf("           %s\n", lacking);
     return KN_EXIT_OK;
@@ -190,17 +189,17 @@ static void choose_rows(kn_sheet *s, const char *probe)
         if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
 }
 
-// Sort the readings by time; all are kept. Return false if memory runs out.
-static bool sort_force(const char *file, int count, double *time_s, double *force_n, int *line)
+// Allocate room for readings. Return false if memory runs out.
+static bool make_room(kn_force_residual *f, int64_t readings)
 {
-    kn_readings r = {.count = count, .time_s = time_s, .value = force_n, .line = line};
-    const int moved = kn_readings_sort(&r);
-    if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
-    return moved >= 0;
+    f->time_s = calloc((size_t)readings + 1, sizeof *f->time_s);
+    f->force_n = calloc((size_t)readings + 1, sizeof *f->force_n);
+    return f->time_s && f->force_n;
 }
 
-// Read time and force from a file. `told` receives the names of the columns and of the probe, for the report.
-static int read_force(kn_sheet *s, const char *file, const char *probe, double **time_s, double **force_n, int *count,
+// Read time and force from a file, and sort them by time. `told` receives the names of the columns and of the probe, for
+// the report.
+static int read_force(kn_sheet *s, kn_force_residual *f, const char *file, const char *probe,
                       char told[2 * KN_HEADING_NAME + 100])
 {
     int code = kn_sheet_open(s, file, NULL, me);
@@ -219,96 +218,91 @@ static int read_force(kn_sheet *s, const char *file, const char *probe, double *
                                  "time restarts, expected one press per file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
-    *time_s = calloc((size_t)s->rows + 1, sizeof **time_s);
-    *force_n = calloc((size_t)s->rows + 1, sizeof **force_n);
-    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    if (!make_room(f, s->rows)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; i < s->rows; i++) {
-        const double t = s->column[wanted[0]].value[i], f = s->column[wanted[1]].value[i];
-        if (isnan(t) || isnan(f)) continue; // the time or the force is missing, so skip the reading
-        (*time_s)[*count] = t;
-        s->line[*count] = s->line[i];
-        (*force_n)[(*count)++] = f;
+        const double time_s = s->column[wanted[0]].value[i], force_n = s->column[wanted[1]].value[i];
+        if (isnan(time_s) || isnan(force_n)) continue; // the time or the force is missing, so skip the reading
+        f->time_s[f->count] = time_s;
+        s->line[f->count] = s->line[i];
+        f->force_n[f->count++] = force_n;
     }
-    if (!sort_force(file, *count, *time_s, *force_n, s->line))
-        return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
-    return KN_EXIT_OK;
+    kn_readings r = {.count = f->count, .time_s = f->time_s, .value = f->force_n, .line = s->line};
+    const int moved = kn_readings_sort(&r);
+    if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
+    return moved >= 0 ? KN_EXIT_OK : kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
 }
 
 // Collect the forces of the log, without ticks that have none.
-static int logged_force(const kn_press *p, double **time_s, double **force_n, int *count)
+static int logged_force(kn_force_residual *f, const kn_press *p)
 {
-    *time_s = calloc((size_t)p->ticks + 1, sizeof **time_s);
-    *force_n = calloc((size_t)p->ticks + 1, sizeof **force_n);
-    if (!*time_s || !*force_n) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
+    if (!make_room(f, p->ticks)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int64_t t = 0; t < p->ticks; t++) {
         if (isnan(p->logged_n[t])) continue;
-        (*time_s)[*count] = p->time_s[t];
-        (*force_n)[(*count)++] = p->logged_n[t];
+        f->time_s[f->count] = p->time_s[t];
+        f->force_n[f->count++] = p->logged_n[t];
     }
     return KN_EXIT_OK;
 }
 
-static void print_force(const kn_pull *p, const char *file, const char *told)
+static void print_force(const kn_force_residual *p, const char *file, const char *told)
 {
-    printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->bins,
+    printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->spans,
            p->most_n, p->turned ? ", where compression is negative" : "", p->noise_n);
-    if (p->strays > 0)
-        printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->strays,
-               p->stray_n, p->stray_s);
+    if (p->outliers > 0)
+        printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->outliers,
+               p->outlier_n, p->outlier_s);
 }
 
 // Read the force from a file or from the log, sort it into spans, and report it.
-static int take_force(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+static int take_force(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[300], told[2 * KN_HEADING_NAME + 100] = "";
-    kn_sheet s;
-    double *time_s = NULL, *force_n = NULL;
-    int count = 0, code = KN_EXIT_OK;
-    // The force comes from the file, or else from the log.
+    const char *file = o->force ? o->force : o->log;
+    kn_force_residual *f = &m->force;
+    int code;
     if (o->force) {
-        code = read_force(&s, o->force, c->scene->model.probe[e->press.probe].name, &time_s, &force_n, &count, told);
+        kn_sheet s;
+        code = read_force(&s, f, file, c->scene->model.probe[m->press.probe].name, told);
         kn_sheet_close(&s);
-        for (int i = 0; i < count; i++) time_s[i] -= o->force_begin_s;
-    } else code = logged_force(&e->press, &time_s, &force_n, &count);
-    if (code != KN_EXIT_OK || (count == 0 && !o->force)) { // the log has no forces, so only its poses are used
-        free(time_s);
-        free(force_n);
+        for (int i = 0; i < f->count; i++) f->time_s[i] -= o->force_begin_s;
+    } else code = logged_force(f, &m->press);
+    if (code != KN_EXIT_OK || (f->count == 0 && !o->force)) { // the log has no forces, so only its poses are used
+        kn_force_residual_free(f);
         return code;
     }
-    const char *file = o->force ? o->force : o->log;
-    if (!kn_pull_make(&e->pull, &e->press, count, time_s, force_n, error, sizeof error))
+    if (!kn_force_residual_make(f, &m->press, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s", file, error);
-    e->pulled = true;
-    print_force(&e->pull, file, told);
+    m->has_force = true;
+    print_force(f, file, told);
     return KN_EXIT_OK;
 }
 
 // ---- all measurements
 
 // Make the press and find the moments of all surfaces in it.
-static int take_press(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+static int take_press(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[600];
-    const bool ok = o->log ? kn_press_log(&e->press, c->scene, &o->press, o->log, error, sizeof error)
-                           : kn_press_path(&e->press, c->scene, &o->press, error, sizeof error);
+    const bool ok = o->log ? kn_press_log(&m->press, c->scene, &o->press, o->log, error, sizeof error)
+                           : kn_press_path(&m->press, c->scene, &o->press, error, sizeof error);
     if (!ok) return kn_complain(me, KN_EXIT_USAGE, "%s", error);
     for (int i = 0; i < o->depths + (o->points != NULL); i++) {
-        double *at_s = &e->moment_s[i];
-        *at_s = o->at_s[i] == KN_SHAPE_HOLD ? e->press.hold_end_s : fmin(o->at_s[i], e->press.end_s);
-        if (isfinite(o->at_s[i]) && o->at_s[i] > e->press.end_s)
-            return kn_complain(me, KN_EXIT_USAGE, "--at %g: the press ends at %.3f s", o->at_s[i], e->press.end_s);
+        double *at_s = &m->moment_s[i];
+        *at_s = o->at_s[i] == KN_SHAPE_HOLD ? m->press.hold_end_s : fmin(o->at_s[i], m->press.end_s);
+        if (isfinite(o->at_s[i]) && o->at_s[i] > m->press.end_s)
+            return kn_complain(me, KN_EXIT_USAGE, "--at %g: the press ends at %.3f s", o->at_s[i], m->press.end_s);
     }
     return KN_EXIT_OK;
 }
 
-int kn_shape_measured(kn_evidence *e, const kn_shape_options *o, const kn_candidate *c)
+int kn_shape_measured(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c)
 {
-    *e = (kn_evidence){.align = o->align};
-    int code = take_press(e, o, c);
-    for (int i = 0; code == KN_EXIT_OK && i < o->depths; i++) code = take_image(e, o, c, i);
-    if (code == KN_EXIT_OK && o->points) code = take_points(e, o, c, o->depths);
-    if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(e, o, c);
-    if (code == KN_EXIT_OK) kn_evidence_close(e);
-    else kn_evidence_free(e);
+    *m = (kn_measurement){.align = o->align};
+    int code = take_press(m, o, c);
+    for (int i = 0; code == KN_EXIT_OK && i < o->depths; i++) code = take_image(m, o, c, i);
+    if (code == KN_EXIT_OK && o->points) code = take_points(m, o, c, o->depths);
+    if (code == KN_EXIT_OK && (o->force || o->log)) code = take_force(m, o, c);
+    if (code == KN_EXIT_OK) kn_measurement_close(m);
+    else kn_measurement_free(m);
     return code;
 }
