@@ -9,7 +9,7 @@ typedef struct sums {
 
 // Store the means of the current bin. The value is a geometric mean, or an arithmetic mean if the values of the bin
 // differ too much.
-static void close_bin(kn_bins *b, const sums *s)
+static void close_bin(kn_time_bins *b, const sums *s)
 {
     if (!(s->weight > 0)) return;
     const int k = b->count - 1;
@@ -20,17 +20,17 @@ static void close_bin(kn_bins *b, const sums *s)
     b->weight[k] = s->weight;
 }
 
-bool kn_bins_make(kn_bins *b, const kn_curve *c, double begin_s)
+bool kn_time_bins_make(kn_time_bins *b, const kn_curve *c, double begin_s)
 {
     const size_t n = (size_t)c->count + 1;
-    *b = (kn_bins){.time_s = calloc(3 * n, sizeof *b->time_s), .line = calloc(n, sizeof *b->line)};
-    if (!b->time_s || !b->line) return kn_bins_free(b), false;
+    *b = (kn_time_bins){.time_s = calloc(3 * n, sizeof *b->time_s), .line = calloc(n, sizeof *b->line)};
+    if (!b->time_s || !b->line) return kn_time_bins_free(b), false;
     b->value = b->time_s + n;
     b->weight = b->value + n;
     sums s = {0};
     double last = -INFINITY;
     for (int i = 0; i < c->count; i++) {
-        const double t = c->time_s[i] - begin_s, w = c->weight[i], bin = floor(KN_BINS_PER_DECADE * log10(t));
+        const double t = c->time_s[i] - begin_s, w = c->weight[i], bin = floor(KN_TIME_BINS_PER_DECADE * log10(t));
         if (!(t > 0)) continue;
         if (bin > last) {
             close_bin(b, &s);
@@ -48,9 +48,9 @@ bool kn_bins_make(kn_bins *b, const kn_curve *c, double begin_s)
     return true;
 }
 
-void kn_bins_free(kn_bins *b)
+void kn_time_bins_free(kn_time_bins *b)
 {
     free(b->time_s);
     free(b->line);
-    *b = (kn_bins){0};
+    *b = (kn_time_bins){0};
 }

@@ -4,9 +4,9 @@
 // fit. An instrument that samples at a constant rate takes nine tenths of its readings in the last decade.
 #include "clients/identify/curve.h"
 
-#define KN_BINS_PER_DECADE 20
+#define KN_TIME_BINS_PER_DECADE 20
 
-typedef struct kn_bins {
+typedef struct kn_time_bins {
     int count;      // number of bins, and of entries in each array below
     double *time_s; // [count] arithmetic mean of the bin's times since the strain was reached [s]
     // [count] geometric mean of the bin's stresses or moduli; their arithmetic mean if the least of them is at most
@@ -14,11 +14,11 @@ typedef struct kn_bins {
     double *value;
     double *weight; // [count] number of readings in the bin
     int *line;      // [count] line number in the file of the first reading of the bin
-} kn_bins;
+} kn_time_bins;
 
 // Average the readings of `curve` after the time `begin_s`. If no reading is later, bins->count is 0. Return false if
 // memory runs out.
-bool kn_bins_make(kn_bins *bins, const kn_curve *curve, double begin_s);
-void kn_bins_free(kn_bins *bins); // a zeroed struct is allowed
+bool kn_time_bins_make(kn_time_bins *bins, const kn_curve *curve, double begin_s);
+void kn_time_bins_free(kn_time_bins *bins); // a zeroed struct is allowed
 
 #endif

@@ -266,18 +266,19 @@ static void take(kn_candidate *c, const kn_search *s)
     c->early = s->settled && s->early;
     if (c->gas) {
         c->pressure_pa = s->value[0];
-        kn_identified_take(&c->known[0], "inside_pressure", "Pa", s->value[0], kn_search_interval(s, 0, c->worth));
+        kn_parameter_estimate_set(&c->known[0], "inside_pressure", "Pa", s->value[0],
+                                  kn_search_interval(s, 0, c->worth));
         // A pressure near 0 whose interval is open below means that the fit has removed the gas.
         c->no_gas_left = c->known[0].interval.open_low && c->pressure_pa < 0.05 * atm_pa;
     }
     if (!c->area) return;
-    kn_identified *k = &c->known[c->gas];
+    kn_parameter_estimate *k = &c->known[c->gas];
     c->area_factor = s->value[c->gas];
-    *k = (kn_identified){0};
+    *k = (kn_parameter_estimate){0};
     kn_fit_interval i = kn_search_interval(s, c->gas, c->worth);
     // The search has fitted the factor on gamma. The interval of gamma itself is reported, so multiply by gamma.
     i.low *= c->gamma, i.high *= c->gamma;
-    kn_identified_take(k, "gamma", "", c->gamma * c->area_factor, i);
+    kn_parameter_estimate_set(k, "gamma", "", c->gamma * c->area_factor, i);
 }
 
 // Return the rms difference of the force as a share of the largest force.

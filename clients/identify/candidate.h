@@ -16,7 +16,7 @@
 // become s times as large, and the damping c2 at p0 and at p1 stays (core/law.h: T(b) becomes s T(b/s)). A scene
 // expresses the factor by these material parameters and needs no key of its own for it.
 #include "clients/identify/evidence.h"
-#include "clients/identify/identified.h"
+#include "clients/identify/parameter_estimate.h"
 #include "clients/identify/search.h"
 
 #define KN_CANDIDATES 5
@@ -36,8 +36,8 @@ typedef struct kn_candidate {
     bool found;    // false: the model of this structure has no solution at any start of the search
     char why[200]; // reason why the model has no solution; set if `found` is false
     double pressure_pa, area_factor, shift_m[2];
-    double gamma;           // gamma of the model whose area_factor is 1
-    kn_identified known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
+    double gamma;                   // gamma of the model whose area_factor is 1
+    kn_parameter_estimate known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
     // sought: how many of P0 and the factor on gamma are unknowns (0 to 2); unknowns: `sought`, plus 2 if the shift of
     // the images along x and y is fitted
     int sought, unknowns;

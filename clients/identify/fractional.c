@@ -8,12 +8,12 @@ enum { NODES = 18 };
 
 // The contour of the Talbot inversion at time t = 1, and the two terms of 1/Z at the nodes of the contour.
 typedef struct contour {
-    const kn_fractional *f;
+    const kn_fractional_maxwell_maxwell *f;
     double complex node[NODES], weight[NODES], part_v[NODES], part_g[NODES];
 } contour;
 
 // Compute the nodes and weights of the Talbot contour, and the powers of p that depend on the orders only.
-static void prepare(contour *c, const kn_fractional *f)
+static void prepare(contour *c, const kn_fractional_maxwell_maxwell *f)
 {
     const double r = 0.4 * NODES, pi = acos(-1.0);
     c->f = f;
@@ -51,7 +51,8 @@ static double after_ramp(const contour *c, double ramp, double t)
     return (invert(c, t + ramp, 1) - (t > 0 ? invert(c, t, 1) : 0)) / ramp;
 }
 
-void kn_fractional_relax(const kn_fractional *f, double ramp_s, int count, const double *time_s, double *modulus_pa)
+void kn_fractional_maxwell_relax(const kn_fractional_maxwell_maxwell *f, double ramp_s, int count, const double *time_s,
+                                 double *modulus_pa)
 {
     contour c;
     prepare(&c, f);

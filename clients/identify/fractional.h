@@ -13,14 +13,15 @@
 // 979), to a relative error of 1e-10. The powers of p at time t are powers of t times the powers of p at the fixed
 // nodes of the inversion. The powers at the fixed nodes are therefore computed only once.
 
-typedef struct kn_fractional {
+typedef struct kn_fractional_maxwell_maxwell {
     double v_pa_s, v_order; // coefficient V of the first springpot [Pa s^a], and its order a
     double g_pa_s, g_order; // coefficient G of the second springpot [Pa s^b], and its order b
-} kn_fractional;
+} kn_fractional_maxwell_maxwell;
 
 // Compute the relaxation modulus at `count` times [Pa]. The strain is reached at time 0. If `ramp_s` is 0, the strain
 // is a step. Otherwise the strain rises at a constant rate from -ramp_s to 0, and the result is equation (2) averaged
 // over this ramp. The times must be > 0 after a step, or >= 0 after a ramp.
-void kn_fractional_relax(const kn_fractional *f, double ramp_s, int count, const double *time_s, double *modulus_pa);
+void kn_fractional_maxwell_relax(const kn_fractional_maxwell_maxwell *f, double ramp_s, int count, const double *time_s,
+                                 double *modulus_pa);
 
 #endif

@@ -16,24 +16,24 @@
 // hold thus determines alpha/k1, c1/k1, beta, P0, P1 and Pi, but never the scale k1. Only the rise of the stress
 // determines k1.
 
-typedef struct kn_hold {
+typedef struct kn_held_element {
     double begin_pa;    // stress Pi at time 0, > 0
     double alpha_s;     // alpha/k1, > 0
     double c1_s;        // c1/k1, >= 0
     double beta_per_pa; // beta, >= 0
     double p0_pa;       // P0, >= 0; 0: the stress never falls to P0
     double p1_pa;       // P1, > P0; INFINITY: the stress never exceeds P1
-} kn_hold;
+} kn_held_element;
 
 // Return the time constant -P/P' at the stress P = stress_pa [s].
-double kn_hold_time(const kn_hold *hold, double stress_pa);
+double kn_held_element_time(const kn_held_element *hold, double stress_pa);
 
 // Return the time at which the stress has fallen to `stress_pa` [s]. `stress_pa` must be > 0 and <= begin_pa. If P0 is
 // below 1e-12/beta, the value 1e-12/beta replaces P0. Return INFINITY if exp(beta P) overflows a double.
-double kn_hold_until(const kn_hold *hold, double stress_pa);
+double kn_held_element_until(const kn_held_element *hold, double stress_pa);
 
 // Compute the stress at `count` rising times >= 0. Equation (1) is inverted by a search, which starts from the stress
 // at the previous time. The relative error is at most 1e-11.
-void kn_hold_stress(const kn_hold *hold, int count, const double *time_s, double *stress_pa);
+void kn_held_element_stress(const kn_held_element *hold, int count, const double *time_s, double *stress_pa);
 
 #endif

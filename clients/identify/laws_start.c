@@ -1,6 +1,6 @@
 // Starts for the search of a law's parameters. Several starts are derived from the readings, since the sum of squares
 // of exponentials has many minima.
-#include "clients/identify/laws.h"
+#include "clients/identify/constitutive_models.h"
 #include <math.h>
 #include <string.h>
 
@@ -15,16 +15,16 @@ typedef struct look {
 } look;
 
 // Return the modulus at the first early reading at or after a time.
-static double modulus_near(const kn_fit_law_curve *c, double time_s)
+static double modulus_near(const kn_compared_curve *c, double time_s)
 {
-    const kn_fit_law_part *p = &c->part[0];
+    const kn_compared_part *p = &c->part[0];
     int i = 0;
     while (i + 1 < p->count && p->time_s[i] < time_s) i++;
     return p->value[i] / c->strain;
 }
 
 // Fit P/strain = a - b ln t by least squares to the early readings of all curves.
-static look look_at(int curves, const kn_fit_law_curve *curve)
+static look look_at(int curves, const kn_compared_curve *curve)
 {
     double n = 0, t = 0, y = 0, tt = 0, ty = 0;
     look l = {.first_s = INFINITY};
@@ -46,7 +46,7 @@ static look look_at(int curves, const kn_fit_law_curve *curve)
 }
 
 // Spread the relaxation times over the logarithm of the time, in four ways.
-static int start_units_relax(const kn_fit_law *law, const look *l, places start)
+static int start_units_relax(const kn_constitutive_model *law, const look *l, places start)
 {
     static const double share[4][3] = {{0.3, 0.8, 1}, {0.6, 0.95, 1.2}, {0.1, 0.5, 0.9}, {0.9, 1.2, 1.5}};
     for (int s = 0; s < 4; s++) {
@@ -61,8 +61,8 @@ static int start_units_relax(const kn_fit_law *law, const look *l, places start)
 }
 
 // Late in (1) of hold.h, t is alpha/k1 exp(-beta P)/(beta P), so P falls by 1/beta in each factor e of time.
-static int start_dough_relax(const kn_fit_law *law, const look *l, int curves, const kn_fit_law_curve *curve,
-                             places start)
+static int start_dough_relax(const kn_constitutive_model *law, const look *l, int curves,
+                             const kn_compared_curve *curve, places start)
 {
     static const double steeper[2] = {1, 2}, early[4] = {1e-2, 1, 1e2, 1};
     const double strain = curve[0].strain, middle = l->middle_pa * strain;
@@ -107,14 +107,14 @@ static int start_fractional_relax(const look *l, places start)
     return 5;
 }
 
-static int starts_relax(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve, places start)
+static int starts_relax(const kn_constitutive_model *law, int curves, const kn_compared_curve *curve, places start)
 {
     const look l = look_at(curves, curve);
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS: return start_units_relax(law, &l, start);
-    case KN_FIT_LAW_DOUGH: return start_dough_relax(law, &l, curves, curve, start);
-    case KN_FIT_LAW_LOGARITHM: start[0][0] = l.a, start[0][1] = l.b; return 1;
-    case KN_FIT_LAW_FRACTIONAL: break;
+    case KN_CONSTITUTIVE_UNITS: return start_units_relax(law, &l, start);
+    case KN_CONSTITUTIVE_DOUGH: return start_dough_relax(law, &l, curves, curve, start);
+    case KN_CONSTITUTIVE_LOGARITHM: start[0][0] = l.a, start[0][1] = l.b; return 1;
+    case KN_CONSTITUTIVE_FRACTIONAL: break;
     }
     return start_fractional_relax(&l, start);
 }
@@ -127,7 +127,7 @@ typedef struct load {
 } load;
 
 // Find the largest load of all curves and the strain at its end.
-static load largest(int curves, const kn_fit_law_curve *curve)
+static load largest(int curves, const kn_compared_curve *curve)
 {
     load l = {.least_pa = INFINITY};
     for (int c = 0; c < curves; c++)
@@ -135,7 +135,7 @@ static load largest(int curves, const kn_fit_law_curve *curve)
             const double nominal = curve[c].curve->step[k].stress_pa;
             if (nominal > 0) l.least_pa = fmin(l.least_pa, nominal);
             if (!(nominal > l.nominal_pa)) continue;
-            const kn_fit_law_part *p = &curve[c].part[0];
+            const kn_compared_part *p = &curve[c].part[0];
             const double until = k + 1 < curve[c].curve->steps ? curve[c].curve->step[k + 1].time_s : INFINITY;
             int i = 0;
             while (i + 1 < p->count && p->time_s[i + 1] <= until) i++;
@@ -149,7 +149,7 @@ static load largest(int curves, const kn_fit_law_curve *curve)
 }
 
 // Spread the retardation times over the duration of the load, and share the compliance among the elements.
-static int start_units_creep(const kn_fit_law *law, const load *l, places start)
+static int start_units_creep(const kn_constitutive_model *law, const load *l, places start)
 {
     static const double share[4][3] = {{0.1, 1, 3}, {0.02, 0.3, 1}, {0.5, 3, 10}, {0.005, 0.1, 1}};
     const double parts = law->units + law->spring + law->damper;
@@ -181,7 +181,8 @@ static int start_dough_creep(const load *l, places start)
 
 // Add P0 and P1 to the four parameters that were found without them. P1 starts below the largest stress, since a P1
 // above has no gradient and would stay there.
-static int start_clamps_creep(const kn_fit_law *law, const load *l, const kn_fit_unknown *found, places start)
+static int start_clamps_creep(const kn_constitutive_model *law, const load *l, const kn_fit_unknown *found,
+                              places start)
 {
     static const double above[3] = {0.6, 0.8, 0.95}, below[3] = {1.2, 0.5, 0.9};
     for (int s = 0; s < 3; s++) {
@@ -193,18 +194,18 @@ static int start_clamps_creep(const kn_fit_law *law, const load *l, const kn_fit
     return 3;
 }
 
-static int starts_creep(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve, int count,
+static int starts_creep(const kn_constitutive_model *law, int curves, const kn_compared_curve *curve, int count,
                         const kn_fit_unknown *found, places start)
 {
     static const double order[4][2] = {{0.3, 0.3}, {0.6, 0.3}, {0.95, 0.2}, {0.9, 0.6}};
     const load l = largest(curves, curve);
-    if (law->kind == KN_FIT_LAW_UNITS) return start_units_creep(law, &l, start);
-    if (law->kind == KN_FIT_LAW_DOUGH && (law->p0 || law->p1) && count >= 4)
+    if (law->kind == KN_CONSTITUTIVE_UNITS) return start_units_creep(law, &l, start);
+    if (law->kind == KN_CONSTITUTIVE_DOUGH && (law->p0 || law->p1) && count >= 4)
         return start_clamps_creep(law, &l, found, start);
-    if (law->kind == KN_FIT_LAW_DOUGH) return start_dough_creep(&l, start);
+    if (law->kind == KN_CONSTITUTIVE_DOUGH) return start_dough_creep(&l, start);
     for (int s = 0; s < 4; s++) {
         const double a = order[s][0], b = order[s][1] * a, half = 2 / l.compliance;
-        if (law->kind == KN_FIT_LAW_LOGARITHM) {
+        if (law->kind == KN_CONSTITUTIVE_LOGARITHM) {
             const double tau = l.time_s * pow(10, -1 - s);
             start[s][0] = log1p(l.time_s / tau) / l.compliance;
             start[s][1] = tau;
@@ -218,9 +219,9 @@ static int starts_creep(const kn_fit_law *law, int curves, const kn_fit_law_curv
     return 4;
 }
 
-int kn_fit_law_starts(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve, int count,
-                      const kn_fit_unknown *found, double start[][KN_FIT_UNKNOWNS])
+int kn_constitutive_model_starts(const kn_constitutive_model *law, int curves, const kn_compared_curve *curve,
+                                 int count, const kn_fit_unknown *found, double start[][KN_FIT_UNKNOWNS])
 {
-    memset(start, 0, KN_FIT_LAW_STARTS * sizeof *start);
+    memset(start, 0, KN_CONSTITUTIVE_STARTS * sizeof *start);
     return law->relax ? starts_relax(law, curves, curve, start) : starts_creep(law, curves, curve, count, found, start);
 }

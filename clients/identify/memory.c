@@ -7,12 +7,12 @@ enum { PHASE = 40 }; // number of intervals between nodes in one phase, the time
 // power of time after a change of load
 #define GRADING 3
 
-bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *step_s, const double *nominal_pa,
-                    double until_s)
+bool kn_superposition_open(kn_superposition *m, bool constant_area, int steps, const double *step_s,
+                           const double *nominal_pa, double until_s)
 {
     // The arrays over nodes and over pairs of nodes share one allocation.
-    *m = (kn_memory){.nodes = PHASE * steps + 1, .steps = steps, .constant_area = constant_area};
-    if (steps > KN_MEMORY_STEPS) return false;
+    *m = (kn_superposition){.nodes = PHASE * steps + 1, .steps = steps, .constant_area = constant_area};
+    if (steps > KN_SUPERPOSITION_STEPS) return false;
     const size_t n = (size_t)m->nodes, pairs = n * (n - 1) / 2;
     m->time_s = calloc(3 * n + 4 * pairs, sizeof *m->time_s);
     if (!m->time_s) return false;
@@ -39,13 +39,13 @@ bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *s
     return true;
 }
 
-void kn_memory_close(kn_memory *m)
+void kn_superposition_close(kn_superposition *m)
 {
     free(m->time_s);
-    *m = (kn_memory){0};
+    *m = (kn_superposition){0};
 }
 
-static double stress(const kn_memory *m, double nominal, double strain)
+static double stress(const kn_superposition *m, double nominal, double strain)
 {
     return m->constant_area ? nominal : nominal * (1 - strain);
 }
@@ -53,7 +53,7 @@ static double stress(const kn_memory *m, double nominal, double strain)
 // Advance the strain over the interval from node n - 1 to n. `x` is the strain at n that is caused by the stress up to
 // node n - 1. The area, and so the slope of P in the interval, depends on the strain at n. The resulting linear
 // equation is solved for this strain.
-static double step(kn_memory *m, int n, double x, double nominal, double lag_k, double *p)
+static double step(kn_superposition *m, int n, double x, double nominal, double lag_k, double *p)
 {
     const double h = m->time_s[n] - m->time_s[n - 1], k = lag_k / h, feedback = m->constant_area ? 0 : nominal;
     x = (x + k * (nominal - *p)) / (1 + k * feedback);
@@ -64,9 +64,9 @@ static double step(kn_memory *m, int n, double x, double nominal, double lag_k, 
 }
 
 // Compute the strain from node to node. jump[i] is the jump of the stress at the change of load i.
-static void march(kn_memory *m)
+static void march(kn_superposition *m)
 {
-    double p = 0, jump[KN_MEMORY_STEPS] = {0};
+    double p = 0, jump[KN_SUPERPOSITION_STEPS] = {0};
     for (int n = 0, phase = -1; n < m->nodes; n++) {
         const size_t row = n > 0 ? (size_t)n * (size_t)(n - 1) / 2 : 0;
         const double *lag_j = m->j + row, *lag_k = m->k + row;
@@ -86,7 +86,7 @@ static void march(kn_memory *m)
 
 // Interpolate with Lagrange's cubic through the four nodes around a place in a phase. `along` is the coordinate in
 // which the nodes are evenly spaced.
-static double between(const kn_memory *m, int first, double along)
+static double between(const kn_superposition *m, int first, double along)
 {
     int i = (int)along - 1;
     i = i < 0 ? 0 : i > PHASE - 3 ? PHASE - 3 : i;
@@ -95,8 +95,8 @@ static double between(const kn_memory *m, int first, double along)
            x[2] * u * (u - 1) * (u - 3) / 2 + x[3] * u * (u - 1) * (u - 2) / 6;
 }
 
-bool kn_memory_creep(kn_memory *m, kn_memory_compliance *compliance, const void *of, int count, const double *time_s,
-                     double *strain)
+bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *compliance, const void *of, int count,
+                            const double *time_s, double *strain)
 {
     compliance(of, m->nodes * (m->nodes - 1) / 2, m->lag_s, m->ln_lag, m->j, m->k);
     march(m);

@@ -10,34 +10,35 @@
 // the time between two nodes. The lags and their logarithms are computed once per curve.
 #include <stdbool.h>
 
-#define KN_MEMORY_STEPS 8 // largest number of changes of load; the number of node pairs grows as the square of it
+#define KN_SUPERPOSITION_STEPS                                                                                         \
+    8 // largest number of changes of load; the number of node pairs grows as the square of it
 
-typedef struct kn_memory {
+typedef struct kn_superposition {
     int nodes, steps;
-    double *time_s;            // [nodes] times of the nodes; each change of load is a node
-    int step[KN_MEMORY_STEPS]; // index of the node at each change of load
-    double nominal_pa[KN_MEMORY_STEPS];
+    double *time_s;                   // [nodes] times of the nodes; each change of load is a node
+    int step[KN_SUPERPOSITION_STEPS]; // index of the node at each change of load
+    double nominal_pa[KN_SUPERPOSITION_STEPS];
     bool constant_area;
     // private: lag, logarithm of the lag, compliance and its integral; one entry for each pair of nodes (n, j) with j <
     // n, at the index n(n-1)/2 + j
     double *lag_s, *ln_lag, *j, *k;
     double *strain, *slope;
-} kn_memory;
+} kn_superposition;
 
 // Callback: compute the compliance j[] and its integral k[] from lag 0, at `count` lags > 0. ln_lag[] holds the
 // logarithms of the lags. The compliance must be 0 at lag 0.
-typedef void kn_memory_compliance(const void *of, int count, const double *lag_s, const double *ln_lag, double *j,
-                                  double *k);
+typedef void kn_superposition_compliance(const void *of, int count, const double *lag_s, const double *ln_lag,
+                                         double *j, double *k);
 
 // Prepare the nodes for `steps` loads. The nominal stress nominal_pa[i] begins at step_s[i]; these times rise.
 // `until_s` is the last time of the prediction and must be after the last change of load. Return false if there are
-// more than KN_MEMORY_STEPS changes of load or if memory runs out.
-bool kn_memory_open(kn_memory *m, bool constant_area, int steps, const double *step_s, const double *nominal_pa,
-                    double until_s);
-void kn_memory_close(kn_memory *m); // a zeroed struct is allowed
+// more than KN_SUPERPOSITION_STEPS changes of load or if memory runs out.
+bool kn_superposition_open(kn_superposition *m, bool constant_area, int steps, const double *step_s,
+                           const double *nominal_pa, double until_s);
+void kn_superposition_close(kn_superposition *m); // a zeroed struct is allowed
 
 // Compute the strain at `count` rising times, up to `until_s`. Return false if a strain is not finite.
-bool kn_memory_creep(kn_memory *m, kn_memory_compliance *compliance, const void *of, int count, const double *time_s,
-                     double *strain);
+bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *compliance, const void *of, int count,
+                            const double *time_s, double *strain);
 
 #endif

@@ -1,5 +1,5 @@
 // The results of a comparison of models as a table, a sentence and JSON.
-#include "clients/identify/models.h"
+#include "clients/identify/model_comparison.h"
 #include "clients/knead/result.h"
 #include <math.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@
 #define NEAR_HELD 1.1
 #define BELOW 0.98
 
-int kn_models_best(const kn_models *m)
+int kn_model_comparison_best(const kn_model_comparison *m)
 {
     int best = 0;
     for (int i = 1; i < m->rows; i++)
@@ -22,12 +22,12 @@ int kn_models_best(const kn_models *m)
     return best;
 }
 
-// Return the error of the late part. Errors below KN_MODELS_SAME count as equal.
-static double held_of(const kn_models_row *row) { return fmax(row->held, KN_MODELS_SAME); }
+// Return the error of the late part. Errors below KN_COMPARISON_SAME count as equal.
+static double held_of(const kn_model_comparison_row *row) { return fmax(row->held, KN_COMPARISON_SAME); }
 
 // Return the row that is best on the later part, or -1. `yardsticks`: whether laws that are no springs and dampers
 // (laws.h) are included.
-static int best_held(const kn_models *m, bool yardsticks)
+static int best_held(const kn_model_comparison *m, bool yardsticks)
 {
     int best = -1;
     for (int i = 0; i < m->rows; i++) {
@@ -43,7 +43,7 @@ static void append(char *text, size_t size, const char *words)
     snprintf(text + n, size - n, "%s", words);
 }
 
-static void append_name(char *text, size_t size, const kn_models_row *row)
+static void append_name(char *text, size_t size, const kn_model_comparison_row *row)
 {
     char name[100];
     if (*row->law.letters) snprintf(name, sizeof name, "%s (%s)", row->law.name, row->law.letters);
@@ -52,21 +52,22 @@ static void append_name(char *text, size_t size, const kn_models_row *row)
 }
 
 // Return whether the row is as good as the best on the early part.
-static bool describes(const kn_models *m, int i)
+static bool describes(const kn_model_comparison *m, int i)
 {
-    const kn_models_row *row = &m->row[i], *best = &m->row[kn_models_best(m)];
-    const bool both_fine = row->early < KN_MODELS_FINE && best->early < KN_MODELS_FINE;
+    const kn_model_comparison_row *row = &m->row[i], *best = &m->row[kn_model_comparison_best(m)];
+    const bool both_fine = row->early < KN_COMPARISON_FINE && best->early < KN_COMPARISON_FINE;
     return row->fitted && (both_fine || row->aicc <= best->aicc + NEAR_AICC);
 }
 
 // Return whether the row is as good as the best on both parts.
-static bool supported(const kn_models *m, int i)
+static bool supported(const kn_model_comparison *m, int i)
 {
     return describes(m, i) && held_of(&m->row[i]) <= NEAR_HELD * held_of(&m->row[best_held(m, true)]);
 }
 
 // Append the names of the rows that satisfy the condition. Return their number.
-static int append_names(const kn_models *m, bool (*those)(const kn_models *m, int i), char *text, size_t size)
+static int append_names(const kn_model_comparison *m, bool (*those)(const kn_model_comparison *m, int i), char *text,
+                        size_t size)
 {
     int count = 0;
     for (int i = 0; i < m->rows; i++) {
@@ -79,18 +80,18 @@ static int append_names(const kn_models *m, bool (*those)(const kn_models *m, in
 
 // Return whether the damper models fail only at stresses below all fitted stresses. At such low stresses a damper that
 // depends on the stress may have another value, by a P0 above them. A model that fails only there is thus not excluded.
-static bool is_below_all(const kn_models *m)
+static bool is_below_all(const kn_model_comparison *m)
 {
     bool any = false;
     for (int i = 0; i < m->rows; i++) {
         if (supported(m, i)) return false;
-        any |= describes(m, i) && m->row[i].law.kind == KN_FIT_LAW_DOUGH;
+        any |= describes(m, i) && m->row[i].law.kind == KN_CONSTITUTIVE_DOUGH;
     }
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
 
 // State which rows are as good as the best on both parts. If there are none, state which are best on either part.
-static void say_support(const kn_models *m, char *text, size_t size)
+static void say_support(const kn_model_comparison *m, char *text, size_t size)
 {
     bool any = false;
     for (int i = 0; i < m->rows; i++) any |= supported(m, i);
@@ -107,7 +108,7 @@ static void say_support(const kn_models *m, char *text, size_t size)
 }
 
 // Explain that the later stresses are below the fitted ones, if that is the reason of the failure.
-static void say_below(const kn_models *m, char *text, size_t size)
+static void say_below(const kn_model_comparison *m, char *text, size_t size)
 {
     char words[300];
     if (!is_below_all(m)) return;
@@ -119,7 +120,7 @@ static void say_below(const kn_models *m, char *text, size_t size)
 }
 
 // If a yardstick is best on the later part, also name the best model of springs and dampers.
-static void say_elements(const kn_models *m, char *text, size_t size)
+static void say_elements(const kn_model_comparison *m, char *text, size_t size)
 {
     const int element = best_held(m, false), any = best_held(m, true);
     char words[120];
@@ -132,7 +133,7 @@ static void say_elements(const kn_models *m, char *text, size_t size)
     append(text, size, words);
 }
 
-void kn_models_verdict(const kn_models *m, char *text, size_t size)
+void kn_model_comparison_verdict(const kn_model_comparison *m, char *text, size_t size)
 {
     bool noise = false, known = false;
     *text = '\0';
@@ -146,19 +147,19 @@ void kn_models_verdict(const kn_models *m, char *text, size_t size)
     for (int i = 0; i < m->rows; i++) {
         // If the residuals of all models have long runs of one sign, no model has the shape of the data.
         known |= !isnan(m->row[i].runs);
-        noise |= m->row[i].runs <= RUNS || m->row[i].early < KN_MODELS_FINE;
+        noise |= m->row[i].runs <= RUNS || m->row[i].early < KN_COMPARISON_FINE;
     }
     if (known && !noise)
         append(text, size,
                ". The residuals of all models have runs of one sign, unlike noise: none of them is the material");
 }
 
-void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
+void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text, size_t size)
 {
     *text = '\0';
     for (int i = 0; i < row->unknowns; i++) {
         char one[80];
-        const char *unit = kn_fit_law_unit(&row->law, i);
+        const char *unit = kn_constitutive_model_unit(&row->law, i);
         snprintf(one, sizeof one, "%s%s %.3g%s%s%s", i ? ", " : "", row->unknown[i].name, row->unknown[i].value,
                  *unit ? " " : "", unit, row->loose[i] ? " (?)" : "");
         append(text, size, one);
@@ -166,7 +167,7 @@ void kn_models_numbers(const kn_models_row *row, char *text, size_t size)
 }
 
 // Print the row of one law in the table of models.
-static void print_row(const kn_models *m, const kn_models_row *row)
+static void print_row(const kn_model_comparison *m, const kn_model_comparison_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";
     append_name(name, sizeof name, row);
@@ -174,13 +175,13 @@ static void print_row(const kn_models *m, const kn_models_row *row)
         printf("%-42s %2d  no fit\n", name, row->unknowns);
         return;
     }
-    kn_models_numbers(row, numbers, sizeof numbers);
+    kn_model_comparison_numbers(row, numbers, sizeof numbers);
     if (!isnan(row->runs)) snprintf(runs, sizeof runs, "%.1f", row->runs);
     printf("%-42s %2d %9.3g %9.3g %9.1f %5s  %s\n", name, row->unknowns, 100 * row->early, 100 * row->held,
-           row->aicc - m->row[kn_models_best(m)].aicc, runs, numbers);
+           row->aicc - m->row[kn_model_comparison_best(m)].aicc, runs, numbers);
 }
 
-void kn_models_print(const kn_models *m)
+void kn_model_comparison_print(const kn_model_comparison *m)
 {
     char text[1000];
     printf("\nmodels      fitted to %d readings up to %.4g s%s, tested on the %d after that\n", m->early, m->cut_s,
@@ -195,16 +196,16 @@ void kn_models_print(const kn_models *m)
            "in standard deviations below that of noise; above 3 the model has another shape than the data. (?): not "
            "determined\n"
            "by the fitted part, at a bound or arbitrary\n");
-    kn_models_verdict(m, text, sizeof text);
+    kn_model_comparison_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }
 
-void kn_models_tell(const kn_models *m)
+void kn_model_comparison_tell(const kn_model_comparison *m)
 {
     char text[1000];
     if (!kn_result()) return;
     for (int i = 0; i < m->rows; i++) {
-        const kn_models_row *row = &m->row[i];
+        const kn_model_comparison_row *row = &m->row[i];
         json_t *to = kn_result_add("models"), *numbers = json_object();
         kn_result_text(to, "name", row->law.name);
         kn_result_text(to, "letters", row->law.letters);
@@ -222,7 +223,7 @@ void kn_models_tell(const kn_models *m)
             if (row->loose[k]) json_array_append_new(loose, json_string(row->unknown[k].name));
         json_object_set_new(to, "not_known", loose);
     }
-    kn_models_verdict(m, text, sizeof text);
+    kn_model_comparison_verdict(m, text, sizeof text);
     kn_result_text(kn_result(), "verdict", text);
     kn_result_number(kn_result(), "models_cut_s", m->cut_s);
 }

@@ -36,31 +36,31 @@ static void line(const kn_curve *c, int first, int last, double *rate, double *a
 }
 
 // Return the strain of the two lines at time t.
-static double follow(const kn_ramp *r, double t)
+static double follow(const kn_strain_ramp *r, double t)
 {
     if (t <= r->start_s) return 0;
     return t >= r->end_s ? r->strain : r->strain * (t - r->start_s) / (r->end_s - r->start_s);
 }
 
 // Use the strain column itself up to the held strain, with at most as many readings as fit into step[].
-static void take_column(kn_ramp *r, const kn_curve *c, int end)
+static void take_column(kn_strain_ramp *r, const kn_curve *c, int end)
 {
-    const int most = KN_CHAIN_STEPS - 2;
+    const int most = KN_VOIGT_CHAIN_STEPS - 2;
     r->steps = 0;
-    if (c->other[0] > 0) r->step[r->steps++] = (kn_chain_step){r->start_s, 0};
+    if (c->other[0] > 0) r->step[r->steps++] = (kn_voigt_chain_step){r->start_s, 0};
     for (int i = 0, before = -1; i < most; i++) {
         const int k = (int)((double)i * end / (most - 1));
         if (k == before || (r->steps && c->time_s[k] <= r->step[r->steps - 1].time_s)) continue;
         before = k;
-        r->step[r->steps++] = (kn_chain_step){c->time_s[k], fmax(c->other[k], 0)};
+        r->step[r->steps++] = (kn_voigt_chain_step){c->time_s[k], fmax(c->other[k], 0)};
     }
     r->end_s = r->step[r->steps - 1].time_s;
     r->step[r->steps - 1].value = r->strain;
 }
 
-bool kn_ramp_of(kn_ramp *r, const kn_curve *c, char *error, unsigned long error_size)
+bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c, char *error, unsigned long error_size)
 {
-    *r = (kn_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
+    *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
     snprintf(error, error_size, "has no column of strain that rises above 0 and is held");
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
@@ -79,12 +79,12 @@ bool kn_ramp_of(kn_ramp *r, const kn_curve *c, char *error, unsigned long error_
     if (!(rate > 0)) return false;
     r->end_s = r->start_s + r->strain / rate;
     r->steps = 2;
-    r->step[0] = (kn_chain_step){r->start_s, 0};
-    r->step[1] = (kn_chain_step){r->end_s, r->strain};
+    r->step[0] = (kn_voigt_chain_step){r->start_s, 0};
+    r->step[1] = (kn_voigt_chain_step){r->end_s, r->strain};
     for (int i = 0; i < c->count; i++)
         r->apart = fmax(r->apart, fabs(c->other[i] - follow(r, c->time_s[i])) / r->strain);
     const double noise = kn_curve_noise(c->count, c->time_s, c->other) / r->strain;
-    r->straight = r->apart <= fmax(KN_RAMP_STRAIGHT, 5 * noise);
+    r->straight = r->apart <= fmax(KN_STRAIN_RAMP_STRAIGHT, 5 * noise);
     if (!r->straight) take_column(r, c, end);
     return true;
 }

@@ -32,7 +32,7 @@ static double by_fraction(double x)
     return h * exp(-x);
 }
 
-double kn_e1(double x)
+double kn_exponential_integral(double x)
 {
     if (!(x > 0)) return x == 0 ? INFINITY : NAN;
     return x <= 1 ? by_series(x) : by_fraction(x);

@@ -8,10 +8,10 @@
 // Return E_a(-x) as the relaxation of a spring beside a springpot: order 0 in g.
 static double mittag_leffler(double a, double x)
 {
-    const kn_fractional f = {.v_pa_s = 1 / x, .v_order = a, .g_pa_s = 1, .g_order = 0};
+    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 1 / x, .v_order = a, .g_pa_s = 1, .g_order = 0};
     const double t = 1;
     double out;
-    kn_fractional_relax(&f, 0, 1, &t, &out);
+    kn_fractional_maxwell_relax(&f, 0, 1, &t, &out);
     return out;
 }
 
@@ -41,11 +41,11 @@ TEST("of other orders it is the integral over its spectrum, over five decades")
 
 TEST("of order 1 the model is Maxwell's: an exponential, after a step and after a ramp")
 {
-    const kn_fractional f = {.v_pa_s = 5, .v_order = 1, .g_pa_s = 2, .g_order = 0};
+    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 5, .v_order = 1, .g_pa_s = 2, .g_order = 0};
     const double t[] = {0.01, 0.1, 1, 5, 10}, tau = 2.5, ramp = 0.7;
     double step[5], ramped[5];
-    kn_fractional_relax(&f, 0, 5, t, step);
-    kn_fractional_relax(&f, ramp, 5, t, ramped);
+    kn_fractional_maxwell_relax(&f, 0, 5, t, step);
+    kn_fractional_maxwell_relax(&f, ramp, 5, t, ramped);
     for (int i = 0; i < 5; i++) {
         CHECK_NEAR(step[i], 2 * exp(-t[i] / tau), 1e-9);
         CHECK_NEAR(ramped[i], 2 * exp(-t[i] / tau) * (1 - exp(-ramp / tau)) * tau / ramp, 1e-9);
@@ -54,10 +54,10 @@ TEST("of order 1 the model is Maxwell's: an exponential, after a step and after 
 
 TEST("two springpots relax as a power law does at once and another at last")
 {
-    const kn_fractional f = {.v_pa_s = 3, .v_order = 0.7, .g_pa_s = 2, .g_order = 0.2};
+    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 3, .v_order = 0.7, .g_pa_s = 2, .g_order = 0.2};
     const double t[] = {1e-9, 1e9};
     double g[2];
-    kn_fractional_relax(&f, 0, 2, t, g);
+    kn_fractional_maxwell_relax(&f, 0, 2, t, g);
     CHECK_NEAR(g[0] * tgamma(0.8) * pow(t[0], 0.2) / 2, 1, 1e-3);
     CHECK_NEAR(g[1] * tgamma(0.3) * pow(t[1], 0.7) / 3, 1, 1e-3);
 }
@@ -82,15 +82,15 @@ static double apart(bool constant_area)
 {
     const row r = {4e4, 2e5, 5e5};
     const double from[] = {0, 30, 60}, load[] = {3000, 5000, 0};
-    AT_END(kn_memory_close) kn_memory m = {0};
+    AT_END(kn_superposition_close) kn_superposition m = {0};
     kn_network net = {0};
     char error[64];
     CHECK(kn_element_parse(&net.element, "(s|d)-d", error, sizeof error));
     net.part[0].modulus = r.k, net.part[1].modulus = r.c, net.part[2].modulus = r.d;
-    CHECK(kn_memory_open(&m, constant_area, 3, from, load, 130));
+    CHECK(kn_superposition_open(&m, constant_area, 3, from, load, 130));
     double time_s[130], strain[130], worst = 0;
     for (int i = 0; i < 130; i++) time_s[i] = i + 0.5;
-    CHECK(kn_memory_creep(&m, compliance, &r, 130, time_s, strain));
+    CHECK(kn_superposition_creep(&m, compliance, &r, 130, time_s, strain));
     kn_network_state at = {0};
     for (int i = 0, step = -1; i < 130; i++) {
         kn_drive d = {.kind = constant_area ? KN_DRIVE_STRESS : KN_DRIVE_LOAD, .value = step >= 0 ? load[step] : 0};

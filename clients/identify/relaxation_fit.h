@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_RELAXATION_H
-#define KN_CLIENTS_IDENTIFY_RELAXATION_H
+#ifndef KN_CLIENTS_IDENTIFY_RELAXATION_FIT_H
+#define KN_CLIENTS_IDENTIFY_RELAXATION_FIT_H
 // One joint fit of the papers' element to several relaxation curves. While the strain rises, the stress is computed by
 // chain.h. While the strain is held, the stress is computed by the closed form of hold.h. The unknowns are the
 // logarithms of
@@ -25,18 +25,9 @@
 // residuals are differences of ln(stress) with equal weights, so that every decade counts the same. If the noise is
 // constant, the residuals are differences of the stress, and a mean of w readings counts w times.
 #include "clients/identify/bins.h"
-#include "clients/identify/identified.h"
+#include "clients/identify/parameter_estimate.h"
 #include "clients/identify/ramp.h"
 
-enum {
-    KN_RELAXATION_K1,
-    KN_RELAXATION_C1,
-    KN_RELAXATION_ALPHA,
-    KN_RELAXATION_BETA,
-    KN_RELAXATION_P0,
-    KN_RELAXATION_P1,
-    KN_RELAXATION_NUMBERS
-};
 // largest number of relaxation curves; each curve adds at most one unknown to the six parameters, 12 unknowns in all
 #define KN_RELAXATION_CURVES 6
 
@@ -48,11 +39,11 @@ typedef enum kn_relaxation_scale {
 
 typedef struct kn_relaxation_curve {
     const kn_curve *curve;
-    kn_ramp ramp;
+    kn_strain_ramp ramp;
     bool rises; // whether the fit uses readings of the rise of the strain
     // means of the readings in the rise and in the hold; their times count from the end of the rise and are negative in
     // the rise
-    kn_bins rise, hold;
+    kn_time_bins rise, hold;
     double begin_pa;  // stress Pi at time 0 of a curve without a rise
     double *fit_pa;   // fitted stress at the means of `rise`, followed by the means of `hold`
     double *residual; // residuals at the means of `rise`, followed by the means of `hold`
@@ -60,31 +51,31 @@ typedef struct kn_relaxation_curve {
     double runs;      // result of kn_fit_runs for the residuals
 } kn_relaxation_curve;
 
-typedef struct kn_relaxation {
+typedef struct kn_relaxation_fit {
     kn_relaxation_scale scale;
     kn_material material; // identified material; not set if `scale` is KN_RELAXATION_MODULUS
     // k1, c1, alpha, beta, P0, P1. Without a rise, c1 and alpha are the values that belong to the lower bound of k1.
-    kn_identified number[KN_RELAXATION_NUMBERS];
-    kn_identified ratio[2]; // the ratios c1/k1 and alpha/k1 [s]
-    bool p0, p1;            // whether P0 is an unknown of the fit, and whether P1 is one
+    kn_parameter_estimate number[KN_ESTIMATE_NUMBERS];
+    kn_parameter_estimate ratio[2]; // the ratios c1/k1 and alpha/k1 [s]
+    bool p0, p1;                    // whether P0 is an unknown of the fit, and whether P1 is one
     int curves, readings, unknowns;
     kn_relaxation_curve curve[KN_RELAXATION_CURVES];
     double lowest_pa, highest_pa; // least and largest stress of the fit at the readings
     double sum, scale_of_noise, aicc;
     long evaluations;
-} kn_relaxation;
+} kn_relaxation_fit;
 
-typedef struct kn_relaxation_options {
+typedef struct kn_relaxation_fit_options {
     double confidence;   // confidence of the intervals, such as 0.95
     bool constant_noise; // the noise has the same size for all stresses, not the same share of each stress
     bool no_intervals;   // compute the values of the parameters without their intervals
-} kn_relaxation_options;
+} kn_relaxation_fit_options;
 
 // Run the fit. Return false with one sentence in `error` if there are too many curves or too few readings, if a stress
-// is not positive, or if memory runs out. Call kn_relaxation_free in any case. `r` keeps pointers to the curves, which
+// is not positive, or if memory runs out. Call kn_relaxation_fit_free in any case. `r` keeps pointers to the curves, which
 // must stay valid as long as `r` is used.
-bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, const kn_relaxation_options *options,
-                       char *error, size_t error_size);
-void kn_relaxation_free(kn_relaxation *r);
+bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *curve,
+                           const kn_relaxation_fit_options *options, char *error, size_t error_size);
+void kn_relaxation_fit_free(kn_relaxation_fit *r);
 
 #endif

@@ -1,5 +1,5 @@
-// clients/identify/fit.h: the minimum, its intervals, and the signs that a fit is doubtful.
-#include "clients/identify/fit.h"
+// clients/identify/least_squares.h: the minimum, its intervals, and the signs that a fit is doubtful.
+#include "clients/identify/least_squares.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 

@@ -1,5 +1,5 @@
 // Fits of the papers' element to relaxations computed by the network.
-#include "clients/identify/relaxation.h"
+#include "clients/identify/relaxation_fit.h"
 #include "core/network.h"
 #include "tests/check.h"
 #include "tests/clients/made.h"
@@ -58,16 +58,16 @@ static double largest(const made *m)
     return most;
 }
 
-static kn_relaxation fit(const kn_curve *curve, int curves, bool constant, bool values)
+static kn_relaxation_fit fit(const kn_curve *curve, int curves, bool constant, bool values)
 {
-    const kn_relaxation_options how = {.confidence = 0.95, .constant_noise = constant, .no_intervals = values};
+    const kn_relaxation_fit_options how = {.confidence = 0.95, .constant_noise = constant, .no_intervals = values};
     char error[300] = "";
-    kn_relaxation r;
-    if (!kn_relaxation_fit(&r, curves, curve, &how, error, sizeof error)) KN_TEST_FAIL("%s", error);
+    kn_relaxation_fit r;
+    if (!kn_relaxation_fit_run(&r, curves, curve, &how, error, sizeof error)) KN_TEST_FAIL("%s", error);
     return r;
 }
 
-static bool holds(const kn_identified *n, double truth)
+static bool holds(const kn_parameter_estimate *n, double truth)
 {
     return n->known == KN_KNOWN && n->interval.low <= truth && truth <= n->interval.high;
 }
@@ -76,16 +76,16 @@ TEST("a slow rise and a hold without noise give every number back but P1, of whi
 {
     static made m;
     ramp_and_hold(&m, &dough, 0.02, 0.1);
-    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
-    const kn_identified *n = r.number;
+    AT_END(kn_relaxation_fit_free) kn_relaxation_fit r = fit(&m.curve, 1, false, false);
+    const kn_parameter_estimate *n = r.number;
     CHECK(r.scale == KN_RELAXATION_RISE && r.p0 && !r.p1);
-    CHECK_NEAR(n[KN_RELAXATION_K1].value / dough.k1_pa, 1, 0.002);
-    CHECK_NEAR(n[KN_RELAXATION_C1].value / dough.c1_pa_s, 1, 0.002);
-    CHECK_NEAR(n[KN_RELAXATION_ALPHA].value / dough.alpha_pa_s, 1, 0.005);
-    CHECK_NEAR(n[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.002);
-    CHECK_NEAR(n[KN_RELAXATION_P0].value / dough.p0_pa, 1, 0.005);
-    CHECK(n[KN_RELAXATION_P1].known == KN_AT_LEAST && n[KN_RELAXATION_P1].interval.low > 4000 &&
-          n[KN_RELAXATION_P1].interval.low < dough.p1_pa);
+    CHECK_NEAR(n[KN_ESTIMATE_K1].value / dough.k1_pa, 1, 0.002);
+    CHECK_NEAR(n[KN_ESTIMATE_C1].value / dough.c1_pa_s, 1, 0.002);
+    CHECK_NEAR(n[KN_ESTIMATE_ALPHA].value / dough.alpha_pa_s, 1, 0.005);
+    CHECK_NEAR(n[KN_ESTIMATE_BETA].value / dough.beta_per_pa, 1, 0.002);
+    CHECK_NEAR(n[KN_ESTIMATE_P0].value / dough.p0_pa, 1, 0.005);
+    CHECK(n[KN_ESTIMATE_P1].known == KN_AT_LEAST && n[KN_ESTIMATE_P1].interval.low > 4000 &&
+          n[KN_ESTIMATE_P1].interval.low < dough.p1_pa);
     CHECK(!kn_material_check(&r.material));
     // the fit stored is the best one, not the last one tried for an interval
     for (int i = 0; i < r.curve[0].hold.count; i++)
@@ -109,7 +109,7 @@ TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their 
         m.curve.weight = m.weight, m.curve.line = m.line;
         m.curve.noise = noise;
         for (int i = 0; i < m.curve.count; i++) m.value[i] += noise * kn_dice_normal(&seed);
-        AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, true, true);
+        AT_END(kn_relaxation_fit_free) kn_relaxation_fit r = fit(&m.curve, 1, true, true);
         for (int i = 0; i < 5; i++) {
             const double off = r.number[i].value / truth[i] - 1;
             CHECK_NEAR(off, 0, 2 * half[i]);
@@ -138,10 +138,10 @@ TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 set
         m.curve.time_s = m.time_s, m.curve.value = m.value, m.curve.weight = m.weight, m.curve.line = m.line;
         for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.01 * kn_dice_normal(&seed);
         const clock_t from = clock();
-        AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
+        AT_END(kn_relaxation_fit_free) kn_relaxation_fit r = fit(&m.curve, 1, false, false);
         took += (double)(clock() - from) / CLOCKS_PER_SEC / sets;
-        const kn_identified *number[] = {&r.ratio[0], &r.ratio[1], &r.number[KN_RELAXATION_BETA],
-                                         &r.number[KN_RELAXATION_P0]};
+        const kn_parameter_estimate *number[] = {&r.ratio[0], &r.ratio[1], &r.number[KN_ESTIMATE_BETA],
+                                                 &r.number[KN_ESTIMATE_P0]};
         for (int i = 0; i < 4; i++) inside[i] += holds(number[i], truth[i]);
     }
     printf("     of %d: c1/k1 %d, alpha/k1 %d, beta %d, P0 %d; %.0f ms each\n", sets, inside[0], inside[1], inside[2],
@@ -153,13 +153,13 @@ TEST("a hold alone bounds k1 from below, and by how much had flowed it is too lo
 {
     static made m;
     hold(&m, &dough);
-    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
-    const kn_identified *k1 = &r.number[KN_RELAXATION_K1];
+    AT_END(kn_relaxation_fit_free) kn_relaxation_fit r = fit(&m.curve, 1, false, false);
+    const kn_parameter_estimate *k1 = &r.number[KN_ESTIMATE_K1];
     CHECK(r.scale == KN_RELAXATION_BOUND && k1->known == KN_AT_LEAST && k1->value < dough.k1_pa && k1->value > 2e3);
     CHECK_NEAR(r.material.c1_pa_s / r.material.k1_pa, 5.319, 0.05);
     m.curve.strain = 0;
-    AT_END(kn_relaxation_free) kn_relaxation none = fit(&m.curve, 1, false, false);
-    CHECK(none.scale == KN_RELAXATION_MODULUS && none.number[KN_RELAXATION_K1].known == KN_UNKNOWN);
+    AT_END(kn_relaxation_fit_free) kn_relaxation_fit none = fit(&m.curve, 1, false, false);
+    CHECK(none.scale == KN_RELAXATION_MODULUS && none.number[KN_ESTIMATE_K1].known == KN_UNKNOWN);
     CHECK_NEAR(none.ratio[0].value / r.ratio[0].value, 1, 1e-6);
 }
 
@@ -182,11 +182,11 @@ TEST("two holds of one material share its numbers and know them better than one"
     for (int i = 0; i < a.curve.count; i++)
         a.value[i] *= 1 + 0.003 * kn_dice_normal(&seed), b.value[i] *= 1 + 0.003 * kn_dice_normal(&seed);
     const kn_curve both[] = {a.curve, b.curve};
-    AT_END(kn_relaxation_free) kn_relaxation one = fit(both, 1, false, false), two = fit(both, 2, false, false);
+    AT_END(kn_relaxation_fit_free) kn_relaxation_fit one = fit(both, 1, false, false), two = fit(both, 2, false, false);
     const kn_fit_interval *i1 = &one.ratio[0].interval, *i2 = &two.ratio[0].interval;
     CHECK(i2->high - i2->low < i1->high - i1->low);
     CHECK_NEAR(two.ratio[0].value, 5.319, 0.3);
-    CHECK_NEAR(two.number[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.1);
+    CHECK_NEAR(two.number[KN_ESTIMATE_BETA].value / dough.beta_per_pa, 1, 0.1);
 }
 
 TEST("without c1 in the material its upper bound is told, and 0 taken")
@@ -196,9 +196,9 @@ TEST("without c1 in the material its upper bound is told, and 0 taken")
     bare.c1_pa_s = 0;
     hold(&m, &bare);
     for (int i = 0; i < m.curve.count; i++) m.value[i] *= 1 + 0.005 * kn_dice_normal(&seed);
-    AT_END(kn_relaxation_free) kn_relaxation r = fit(&m.curve, 1, false, false);
+    AT_END(kn_relaxation_fit_free) kn_relaxation_fit r = fit(&m.curve, 1, false, false);
     CHECK(r.ratio[0].known == KN_AT_MOST && r.ratio[0].interval.high < 0.5);
-    CHECK_NEAR(r.number[KN_RELAXATION_BETA].value / dough.beta_per_pa, 1, 0.05);
+    CHECK_NEAR(r.number[KN_ESTIMATE_BETA].value / dough.beta_per_pa, 1, 0.05);
     CHECK(!kn_material_check(&r.material));
 }
 
@@ -219,13 +219,13 @@ static void stretched(made *m, double size_pa)
 TEST("a profile closes where the others are at their best, on both sides and in any unit of stress")
 {
     static made m;
-    kn_relaxation r[2];
+    kn_relaxation_fit r[2];
     for (int k = 0; k < 2; k++) {
         stretched(&m, k ? 2e23 : 2000);
         r[k] = fit(&m.curve, 1, false, false);
     }
-    const kn_identified *alpha = &r[0].ratio[1], *beta = &r[0].number[KN_RELAXATION_BETA];
-    const kn_identified *same = &r[1].ratio[1], *scaled = &r[1].number[KN_RELAXATION_BETA];
+    const kn_parameter_estimate *alpha = &r[0].ratio[1], *beta = &r[0].number[KN_ESTIMATE_BETA];
+    const kn_parameter_estimate *same = &r[1].ratio[1], *scaled = &r[1].number[KN_ESTIMATE_BETA];
     CHECK(r[0].p0 && !r[0].p1);
     CHECK_NEAR(alpha->interval.low / alpha->value, 0.8552, 1e-3);
     CHECK_NEAR(alpha->interval.high / alpha->value, 1.1904, 1e-3);
@@ -235,28 +235,28 @@ TEST("a profile closes where the others are at their best, on both sides and in 
     CHECK_NEAR(same->interval.high / alpha->interval.high, 1, 1e-3);
     CHECK_NEAR(1e20 * scaled->interval.low / beta->interval.low, 1, 1e-3);
     CHECK_NEAR(1e20 * scaled->interval.high / beta->interval.high, 1, 1e-3);
-    kn_relaxation_free(&r[0]);
-    kn_relaxation_free(&r[1]);
+    kn_relaxation_fit_free(&r[0]);
+    kn_relaxation_fit_free(&r[1]);
 }
 
 TEST("what is no relaxation is refused in a sentence that names the file")
 {
     static made m;
-    kn_relaxation r;
+    kn_relaxation_fit r;
     char error[300];
-    const kn_relaxation_options how = {.confidence = 0.95};
+    const kn_relaxation_fit_options how = {.confidence = 0.95};
     hold(&m, &dough);
     m.value[50] = m.value[51] = m.value[52] = m.value[53] = m.value[54] = -100;
-    CHECK(!kn_relaxation_fit(&r, 1, &m.curve, &how, error, sizeof error) && strstr(error, "made.csv:"));
+    CHECK(!kn_relaxation_fit_run(&r, 1, &m.curve, &how, error, sizeof error) && strstr(error, "made.csv:"));
     CHECK(strstr(error, "expected one above 0") != NULL);
-    kn_relaxation_free(&r);
+    kn_relaxation_fit_free(&r);
     hold(&m, &dough);
     m.curve.count = 5;
-    CHECK(!kn_relaxation_fit(&r, 1, &m.curve, &how, error, sizeof error) && strstr(error, "8 or more"));
-    kn_relaxation_free(&r);
+    CHECK(!kn_relaxation_fit_run(&r, 1, &m.curve, &how, error, sizeof error) && strstr(error, "8 or more"));
+    kn_relaxation_fit_free(&r);
     kn_curve many[7] = {m.curve};
-    CHECK(!kn_relaxation_fit(&r, 7, many, &how, error, sizeof error) && strstr(error, "at most 6"));
-    kn_relaxation_free(&r);
+    CHECK(!kn_relaxation_fit_run(&r, 7, many, &how, error, sizeof error) && strstr(error, "at most 6"));
+    kn_relaxation_fit_free(&r);
 }
 
 TESTS_MAIN

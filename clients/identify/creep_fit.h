@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_JOINT_H
-#define KN_CLIENTS_IDENTIFY_JOINT_H
+#ifndef KN_CLIENTS_IDENTIFY_CREEP_FIT_H
+#define KN_CLIENTS_IDENTIFY_CREEP_FIT_H
 // One joint fit of the papers' element to several whole creep curves, creep and recovery, under all loads:
 //
 //     x = xv + xd,   xv' = (P - k1 xv)/c1,   xd' = P/c2(P),   c2 = alpha exp(-beta clamp(P, P0, P1)),
@@ -27,20 +27,18 @@
 // outliers are left out of the fit and listed. A longer series of neighbouring outliers is kept in the fit, since in
 // that case the model is wrong, not the readings.
 #include "clients/identify/curve.h"
-#include "clients/identify/identified.h"
+#include "clients/identify/parameter_estimate.h"
 
-// KN_JOINT_ALPHA is the damping c2 if the damper is constant.
-enum { KN_JOINT_K1, KN_JOINT_C1, KN_JOINT_ALPHA, KN_JOINT_BETA, KN_JOINT_P0, KN_JOINT_P1, KN_JOINT_NUMBERS };
-#define KN_JOINT_OUTLIERS 64
+#define KN_CREEP_OUTLIERS 64
 
-typedef struct kn_joint_outlier {
+typedef struct kn_creep_outlier {
     int curve, reading, line; // indices of the curve and of the reading; line number in the curve's file
     double deviations;        // distance from the fitted curve, in standard deviations of the noise
-} kn_joint_outlier;
+} kn_creep_outlier;
 
-typedef struct kn_joint {
+typedef struct kn_creep_fit {
     kn_material material;
-    kn_identified number[KN_JOINT_NUMBERS];
+    kn_parameter_estimate number[KN_ESTIMATE_NUMBERS];
     double lowest_pa, highest_pa; // range of the measured stresses under load
     // root mean square residual of each curve, in strain, for a single reading; a mean of several readings is weighted
     // by their number
@@ -51,37 +49,67 @@ typedef struct kn_joint {
     // file says
     double held_s[KN_CURVES_MAX];
     int readings, unknowns, outliers;
-    kn_joint_outlier outlier[KN_JOINT_OUTLIERS];
+    kn_creep_outlier outlier[KN_CREEP_OUTLIERS];
     double sum, scale;
     double alpha_beta; // correlation of alpha and beta
     long evaluations;
-} kn_joint;
+} kn_creep_fit;
 
-typedef struct kn_joint_options {
+typedef struct kn_creep_fit_options {
     double confidence; // confidence of the intervals, such as 0.95
     bool late;         // also fit the times at which each curve's loads were applied and removed
     bool no_intervals; // compute the values of the parameters without their intervals
-} kn_joint_options;
+} kn_creep_fit_options;
 
 // Run the fit. Return false if memory runs out, or if the model has no solution at any start of the search. In that
 // case `joint` is invalid.
-bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *options);
+bool kn_creep_fit_run(kn_creep_fit *joint, int curves, const kn_curve *curve, const kn_creep_fit_options *options);
 
 // Shift the times of the curves by the fitted lateness of their loads, so that the first load is applied at time 0.
 // Readings before time 0 are dropped. The line numbers of the outliers stay valid, but the reading indices of the
 // outliers do not.
-void kn_joint_settle(const kn_joint *joint, int curves, kn_curve *curve);
+void kn_creep_fit_settle(const kn_creep_fit *joint, int curves, kn_curve *curve);
 
 // Compute the strain of a material under a curve's loads, at the times of the curve's readings. Return false if the
 // material's parameters are out of range.
-bool kn_joint_predict(const kn_material *material, const kn_curve *curve, double *strain);
+bool kn_creep_fit_predict(const kn_material *material, const kn_curve *curve, double *strain);
 
 // Compute the stress at each reading from the measured strain by equation 4 of the first paper. The stress is 0 where
 // there is no load.
-void kn_joint_stress(const kn_curve *curve, double *stress_pa);
+void kn_creep_stress(const kn_curve *curve, double *stress_pa);
 
 // Return the nominal stress W/S0 at a time. The nominal stress is 0 before the first load and after the last load.
-double kn_joint_load(const kn_curve *curve, double time_s);
-double kn_joint_release(const kn_curve *curve); // return the time at which the last load was removed; INFINITY: never
+double kn_creep_load(const kn_curve *curve, double time_s);
+double kn_creep_release(const kn_curve *curve); // return the time at which the last load was removed; INFINITY: never
+
+// ---- the two-stage method
+
+// The first paper's own method, section 4, for one creep curve with its recovery:
+//
+//     1. Equation 5 is fitted to the strain x(t) after the load is removed at the time tr, which gives k1 and c1:
+//        x(tr) - x(t) = Pr/k1 (1 - exp(-k1/c1 (t - tr))), where Pr is the stress at tr
+//     2. The strain of the Voigt element under the measured stress is subtracted, which leaves the damper's strain
+//     3. The slope v of the damper's strain gives c2 = P/v; equation 6 is fitted to the logarithm of c2
+//
+// The method is kept for comparison. Even without noise its k1 and c1 are 2.7 % too low: the stress falls during creep,
+// so the strain of the Voigt element at the release is above Pr/k1. With 1 % of noise the method is about five times
+// less certain than the joint fit of one curve (joint.h). The paper does not say how it smoothed; here v is the slope
+// of a straight line through 21 readings.
+
+typedef struct kn_two_stage {
+    kn_material material;
+    double release_s, release_pa, release_strain; // time tr, stress Pr and strain x(tr) at which the load was removed
+    int count;                                    // number of readings under load
+    // [count] stress; strain of the Voigt element; strain of the damper; damping c2, NAN if the slope v is not positive
+    double *stress_pa, *voigt, *damper, *c2_pa_s;
+} kn_two_stage;
+
+// Run the three stages. Return false if the load was never removed, if there are fewer than 10 readings before or after
+// the removal, or if no slope v can be computed. After false nothing needs to be freed.
+bool kn_two_stage_fit(kn_two_stage *stages, const kn_curve *curve);
+void kn_two_stage_free(kn_two_stage *stages);
+
+// Return the strain that has recovered at the time `since_release_s` after the load was removed, by equation 5.
+double kn_two_stage_recovered(const kn_two_stage *stages, double since_release_s);
 
 #endif

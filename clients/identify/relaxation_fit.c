@@ -1,7 +1,7 @@
-#include "clients/identify/relaxation.h"
-#include "clients/identify/chain.h"
+#include "clients/identify/relaxation_fit.h"
+#include "clients/identify/element_response.h"
 #include "clients/identify/hold.h"
-#include "clients/identify/laws.h"
+#include "clients/identify/constitutive_models.h"
 #include "clients/identify/relaxation_readings.h"
 #include <math.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@ enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN };
 #define INSIDE 1.05 // P0 and P1 must be within the measured stresses by this factor
 
 typedef struct work {
-    kn_relaxation *r;
+    kn_relaxation_fit *r;
     bool constant_noise;
     kn_fit fit;             // the unknowns are the parameters of the enum, followed by a stress Pi for each curve
     double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
@@ -28,32 +28,33 @@ typedef struct work {
 // overflow.
 static bool by_chain(const double *v, const kn_relaxation_curve *c, double *out)
 {
-    const kn_chain row = {.voigts = 1,
-                          .k_pa = {v[K1]},
-                          .c_pa_s = {v[C1]},
-                          .alpha_pa_s = v[ALPHA],
-                          .beta_per_pa = v[BETA],
-                          .p0_pa = v[P0],
-                          .p1_pa = fmin(v[P1], 600 / v[BETA])};
+    const kn_voigt_chain row = {.voigts = 1,
+                                .k_pa = {v[K1]},
+                                .c_pa_s = {v[C1]},
+                                .alpha_pa_s = v[ALPHA],
+                                .beta_per_pa = v[BETA],
+                                .p0_pa = v[P0],
+                                .p1_pa = fmin(v[P1], 600 / v[BETA])};
     double time_s[KN_RELAXATION_RISE_BINS + 1];
     for (int i = 0; i < c->rise.count; i++) time_s[i] = c->ramp.end_s + c->rise.time_s[i];
     time_s[c->rise.count] = c->ramp.end_s + c->hold.time_s[0];
     if (row.p0_pa >= row.p1_pa) return false;
-    return kn_chain_stress(&row, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) && out[c->rise.count] > 0;
+    return kn_voigt_chain_stress(&row, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) &&
+           out[c->rise.count] > 0;
 }
 
 // Compute the stress of a hold in closed form, from the stress `begin_pa` at the time `begin_s` on.
-static void by_hold(const double *v, double begin_pa, double begin_s, const kn_bins *b, double *out)
+static void by_hold(const double *v, double begin_pa, double begin_s, const kn_time_bins *b, double *out)
 {
-    const kn_hold h = {.begin_pa = begin_pa,
-                       .alpha_s = v[ALPHA] / v[K1],
-                       .c1_s = v[C1] / v[K1],
-                       .beta_per_pa = v[BETA],
-                       .p0_pa = v[P0],
-                       .p1_pa = v[P1]};
+    const kn_held_element h = {.begin_pa = begin_pa,
+                               .alpha_s = v[ALPHA] / v[K1],
+                               .c1_s = v[C1] / v[K1],
+                               .beta_per_pa = v[BETA],
+                               .p0_pa = v[P0],
+                               .p1_pa = v[P1]};
     // out[] holds the times first, then the stresses
     for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s;
-    kn_hold_stress(&h, b->count, out, out);
+    kn_held_element_stress(&h, b->count, out, out);
 }
 
 // Predict one curve: the rise by the chain and the hold from its last stress, or the hold alone from Pi.
@@ -72,7 +73,7 @@ static bool predict(const double *v, const kn_relaxation_curve *c, int number, d
 static bool difference(const work *w, const kn_relaxation_curve *c, const double *fit, double *residual)
 {
     for (int part = 0, n = 0; part < 2; part++) {
-        const kn_bins *b = part ? &c->hold : &c->rise;
+        const kn_time_bins *b = part ? &c->hold : &c->rise;
         for (int i = 0; i < b->count; i++, n++) {
             if (w->constant_noise) residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
             else if (fit[n] > 0) residual[n] = log(fit[n] / b->value[i]);
@@ -100,12 +101,12 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 // the laws there.
 typedef struct holds {
     const work *w;
-    kn_fit_law law;
-    kn_fit_law_curve curve[KN_RELAXATION_CURVES];
+    kn_constitutive_model law;
+    kn_compared_curve curve[KN_RELAXATION_CURVES];
 } holds;
 
 // Turn the unknowns of the law into those of this fit, with k1 = 1.
-static void expand(const kn_fit_law *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
+static void expand(const kn_constitutive_model *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
 {
     int n = 2;
     to[K1] = 1;
@@ -120,7 +121,7 @@ static void expand(const kn_fit_law *law, int curves, const double *from, double
 static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
     const holds *f = of;
-    const kn_relaxation *r = f->w->r;
+    const kn_relaxation_fit *r = f->w->r;
     double v[KN_FIT_UNKNOWNS];
     expand(&f->law, r->curves, value, v);
     for (int c = 0, n = 0; c < r->curves; n += r->curve[c++].hold.count) {
@@ -135,18 +136,18 @@ static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], doubl
 // Find the best fit of the holds by this law. Return false if there is none.
 static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWNS])
 {
-    holds f = {.w = w, .law = {.kind = KN_FIT_LAW_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
-    double start[KN_FIT_LAW_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
+    holds f = {.w = w, .law = {.kind = KN_CONSTITUTIVE_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
+    double start[KN_CONSTITUTIVE_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
     kn_fit fit = {.misfit = misfit_of_holds, .of = &f};
     for (int c = 0; c < w->r->curves; c++) {
-        const kn_bins *b = &w->r->curve[c].hold;
-        f.curve[c] = (kn_fit_law_curve){.curve = w->r->curve[c].curve, .strain = 1};
-        f.curve[c].part[0] = (kn_fit_law_part){b->count, b->time_s, b->value};
+        const kn_time_bins *b = &w->r->curve[c].hold;
+        f.curve[c] = (kn_compared_curve){.curve = w->r->curve[c].curve, .strain = 1};
+        f.curve[c].part[0] = (kn_compared_part){b->count, b->time_s, b->value};
         fit.readings += b->count;
     }
-    fit.unknowns = kn_fit_law_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
+    fit.unknowns = kn_constitutive_model_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
     if (fit.readings <= fit.unknowns) return false;
-    const int starts = kn_fit_law_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
+    const int starts = kn_constitutive_model_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
     if (!kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start)) return false;
     for (int i = 0; i < fit.unknowns; i++) value[i] = fit.unknown[i].value;
     expand(&f.law, w->r->curves, value, out);
@@ -170,7 +171,7 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     for (int c = 0; c < w->r->curves; c++) // k1 by equation (1) of the header, at the begin of the hold
         if (w->r->curve[c].rises)
             scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
-    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) {
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
         const double at = i <= ALPHA ? v[i] * scale : v[i];
         fit->unknown[i] = (kn_fit_unknown){.name = name[i], .value = at, .low = at / 1e4, .high = at * 1e4};
     }
@@ -242,7 +243,7 @@ static void measured(work *w)
     w->lowest = INFINITY;
     for (int c = 0; c < w->r->curves; c++)
         for (int part = 0; part < 2; part++) {
-            const kn_bins *b = part ? &w->r->curve[c].hold : &w->r->curve[c].rise;
+            const kn_time_bins *b = part ? &w->r->curve[c].hold : &w->r->curve[c].rise;
             for (int i = 0; i < b->count; i++) {
                 if (part && b->value[i] > 0) w->lowest = fmin(w->lowest, b->value[i]);
                 w->highest = fmax(w->highest, b->value[i]);
@@ -251,7 +252,7 @@ static void measured(work *w)
 }
 
 // Find the lowest and highest stress of the fit at the readings.
-static void visited(kn_relaxation *r)
+static void visited(kn_relaxation_fit *r)
 {
     r->lowest_pa = INFINITY;
     for (int c = 0; c < r->curves; c++)
@@ -333,15 +334,16 @@ static double bound(const kn_fit *fit, int unknown, double from, double to, doub
 }
 
 // Store a one-sided bound as the interval, with the reason in words.
-static void put_bound(kn_identified *n, const char *name, const char *unit, bool at_most, double value, const char *why)
+static void put_bound(kn_parameter_estimate *n, const char *name, const char *unit, bool at_most, double value,
+                      const char *why)
 {
     const kn_fit_interval i = {KN_FIT_PROFILE, at_most ? 0 : value, at_most ? value : (double)INFINITY, at_most,
                                !at_most};
-    kn_identified_take(n, name, unit, value, i);
+    kn_parameter_estimate_set(n, name, unit, value, i);
     snprintf(n->words, sizeof n->words, "%s", why);
 }
 
-static void scale_by(kn_identified *n, double factor)
+static void scale_by(kn_parameter_estimate *n, double factor)
 {
     n->value *= factor;
     n->interval.low *= factor;
@@ -349,7 +351,7 @@ static void scale_by(kn_identified *n, double factor)
 }
 
 // Return the lower bound (1) of k1 over all curves. Each is a lower bound, so the largest counts.
-static double least_k1(const kn_relaxation *r, const kn_fit *fit)
+static double least_k1(const kn_relaxation_fit *r, const kn_fit *fit)
 {
     double k1 = 0;
     for (int c = 0; c < r->curves; c++) {
@@ -361,22 +363,22 @@ static double least_k1(const kn_relaxation *r, const kn_fit *fit)
 }
 
 // Determine P0 and P1: with an interval if they are in the fit, else with a bound.
-static void know_dampers(work *w, const kn_relaxation_options *o)
+static void know_dampers(work *w, const kn_relaxation_fit_options *o)
 {
-    kn_relaxation *r = w->r;
-    kn_identified *n = r->number;
+    kn_relaxation_fit *r = w->r;
+    kn_parameter_estimate *n = r->number;
     const double lowest = r->lowest_pa, highest = r->highest_pa;
     if (r->p0)
-        kn_identified_take(&n[P0], "P0", "Pa", w->fit.unknown[P0].value,
-                           kn_fit_interval_of(&w->fit, P0, o->confidence));
+        kn_parameter_estimate_set(&n[P0], "P0", "Pa", w->fit.unknown[P0].value,
+                                  kn_fit_interval_of(&w->fit, P0, o->confidence));
     else {
         put_bound(&n[P0], "P0", "Pa", true, bound(&w->fit, P0, lowest, 0.99 * highest, o->confidence),
                   "fitting P0 does not improve the fit; the lowest measured stress is used");
         n[P0].value = lowest;
     }
     if (r->p1)
-        kn_identified_take(&n[P1], "P1", "Pa", w->fit.unknown[P1].value,
-                           kn_fit_interval_of(&w->fit, P1, o->confidence));
+        kn_parameter_estimate_set(&n[P1], "P1", "Pa", w->fit.unknown[P1].value,
+                                  kn_fit_interval_of(&w->fit, P1, o->confidence));
     else {
         put_bound(&n[P1], "P1", "Pa", false, bound(&w->fit, P1, highest, 1.01 * lowest, o->confidence),
                   "fitting P1 does not improve the fit; the highest measured stress is used");
@@ -385,9 +387,10 @@ static void know_dampers(work *w, const kn_relaxation_options *o)
 }
 
 // Store c1 with its interval. A c1 that may be 0 is set to 0.
-static void know_c1(work *w, const kn_relaxation_options *o, const char *name, const char *unit, kn_identified *n)
+static void know_c1(work *w, const kn_relaxation_fit_options *o, const char *name, const char *unit,
+                    kn_parameter_estimate *n)
 {
-    kn_identified_take(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
+    kn_parameter_estimate_set(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
     if (n->known != KN_AT_MOST) return;
     n->value = 0;
     snprintf(n->words, sizeof n->words, "cannot be told from 0; 0 is used");
@@ -395,14 +398,14 @@ static void know_c1(work *w, const kn_relaxation_options *o, const char *name, c
 
 // Determine the parameters of a hold without a rise. The fit gives them as ratios to k1. In Pa and Pa s they are given
 // for k1 at its lower bound.
-static void know_without_rise(work *w, const kn_relaxation_options *o)
+static void know_without_rise(work *w, const kn_relaxation_fit_options *o)
 {
-    kn_relaxation *r = w->r;
+    kn_relaxation_fit *r = w->r;
     const bool modulus = r->scale == KN_RELAXATION_MODULUS;
     const double k1 = modulus ? 1 : least_k1(r, &w->fit);
     know_c1(w, o, "c1/k1", "s", &r->ratio[0]);
-    kn_identified_take(&r->ratio[1], "alpha/k1", "s", w->fit.unknown[ALPHA].value,
-                       kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
+    kn_parameter_estimate_set(&r->ratio[1], "alpha/k1", "s", w->fit.unknown[ALPHA].value,
+                              kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
     put_bound(&r->number[K1], "k1", "Pa", false, k1,
               modulus ? "a hold without its strain does not determine it"
                       : "exact if nothing had flowed by the first reading; c1 and alpha scale with it");
@@ -417,19 +420,19 @@ static void know_without_rise(work *w, const kn_relaxation_options *o)
 }
 
 // Store all parameters with their intervals.
-static void know(work *w, const kn_relaxation_options *o)
+static void know(work *w, const kn_relaxation_fit_options *o)
 {
-    kn_relaxation *r = w->r;
-    kn_identified *n = r->number;
+    kn_relaxation_fit *r = w->r;
+    kn_parameter_estimate *n = r->number;
     if (r->scale == KN_RELAXATION_RISE) {
         const double k1 = w->fit.unknown[K1].value;
-        kn_identified_take(&n[K1], "k1", "Pa", k1, kn_fit_interval_of(&w->fit, K1, o->confidence));
+        kn_parameter_estimate_set(&n[K1], "k1", "Pa", k1, kn_fit_interval_of(&w->fit, K1, o->confidence));
         know_c1(w, o, "c1", "Pa*s", &n[C1]);
-        kn_identified_take(&n[ALPHA], "alpha", "Pa*s", w->fit.unknown[ALPHA].value,
-                           kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
+        kn_parameter_estimate_set(&n[ALPHA], "alpha", "Pa*s", w->fit.unknown[ALPHA].value,
+                                  kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
     } else know_without_rise(w, o);
-    kn_identified_take(&n[BETA], "beta", "1/Pa", w->fit.unknown[BETA].value,
-                       kn_fit_interval_of(&w->fit, BETA, o->confidence));
+    kn_parameter_estimate_set(&n[BETA], "beta", "1/Pa", w->fit.unknown[BETA].value,
+                              kn_fit_interval_of(&w->fit, BETA, o->confidence));
     know_dampers(w, o);
 }
 
@@ -438,14 +441,14 @@ static void know_values(work *w)
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
-    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++)
-        w->r->number[i] = (kn_identified){.name = name[i], .unit = unit[i], .value = w->fit.unknown[i].value};
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
+        w->r->number[i] = (kn_parameter_estimate){.name = name[i], .unit = unit[i], .value = w->fit.unknown[i].value};
 }
 
 // Compute fit, residuals and misfit of every curve.
 static void judge(work *w)
 {
-    kn_relaxation *r = w->r;
+    kn_relaxation_fit *r = w->r;
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < w->fit.unknowns; i++) value[i] = w->fit.unknown[i].value;
     for (int c = 0; c < r->curves; c++) {
@@ -468,9 +471,9 @@ static void judge(work *w)
 }
 
 // Make the material from the parameters, unless the strain is unknown.
-static void make_material(kn_relaxation *r)
+static void make_material(kn_relaxation_fit *r)
 {
-    const kn_identified *n = r->number;
+    const kn_parameter_estimate *n = r->number;
     if (r->scale == KN_RELAXATION_MODULUS) return;
     r->material = (kn_material){.k1_pa = n[K1].value,
                                 .c1_pa_s = n[C1].value,
@@ -481,10 +484,10 @@ static void make_material(kn_relaxation *r)
                                 .p1_pa = n[P1].value};
 }
 
-bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, const kn_relaxation_options *options,
-                       char *error, size_t error_size)
+bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *curve,
+                           const kn_relaxation_fit_options *options, char *error, size_t error_size)
 {
-    *r = (kn_relaxation){0};
+    *r = (kn_relaxation_fit){0};
     snprintf(error, error_size, "%d curves at once, expected at most %d", curves, KN_RELAXATION_CURVES);
     if (curves > KN_RELAXATION_CURVES) return false;
     if (!kn_relaxation_take(r, curves, curve, options->constant_noise, error, error_size)) return false;
@@ -500,12 +503,12 @@ bool kn_relaxation_fit(kn_relaxation *r, int curves, const kn_curve *curve, cons
     return true;
 }
 
-void kn_relaxation_free(kn_relaxation *r)
+void kn_relaxation_fit_free(kn_relaxation_fit *r)
 {
     for (int c = 0; c < r->curves; c++) {
-        kn_bins_free(&r->curve[c].rise);
-        kn_bins_free(&r->curve[c].hold);
+        kn_time_bins_free(&r->curve[c].rise);
+        kn_time_bins_free(&r->curve[c].hold);
         free(r->curve[c].fit_pa);
     }
-    *r = (kn_relaxation){0};
+    *r = (kn_relaxation_fit){0};
 }

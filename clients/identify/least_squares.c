@@ -1,4 +1,4 @@
-#include "clients/identify/fit.h"
+#include "clients/identify/least_squares.h"
 #include <cminpack-1/cminpack.h>
 #include <math.h>
 #include <stdlib.h>

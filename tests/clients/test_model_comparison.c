@@ -1,6 +1,6 @@
 // The comparison of models on curves of known models.
 #include "clients/identify/fractional.h"
-#include "clients/identify/models.h"
+#include "clients/identify/model_comparison.h"
 #include "core/network.h"
 #include "tests/check.h"
 #include "tests/clients/made.h"
@@ -57,17 +57,17 @@ static void creep(made *m, const kn_network *net, double load_pa, double noise)
     c->noise = fmax(noise * most, 1e-6);
 }
 
-static kn_models compare(int curves, const kn_curve *curve)
+static kn_model_comparison compare(int curves, const kn_curve *curve)
 {
-    static const kn_models_options options = {0};
+    static const kn_model_comparison_options options = {0};
     char error[200] = "";
-    kn_models m;
-    CHECK(kn_models_compare(&m, curves, curve, &options, error, sizeof error));
+    kn_model_comparison m;
+    CHECK(kn_model_comparison_run(&m, curves, curve, &options, error, sizeof error));
     CHECK_STR(error + (*error ? strlen(error) : 0), "");
     return m;
 }
 
-static const kn_models_row *row_of(const kn_models *m, const char *name)
+static const kn_model_comparison_row *row_of(const kn_model_comparison *m, const char *name)
 {
     for (int i = 0; i < m->rows; i++)
         if (!strcmp(m->row[i].law.name, name)) return &m->row[i];
@@ -75,17 +75,17 @@ static const kn_models_row *row_of(const kn_models *m, const char *name)
     return &m->row[0];
 }
 
-static double number(const kn_models_row *row, const char *name)
+static double number(const kn_model_comparison_row *row, const char *name)
 {
     for (int i = 0; i < row->unknowns; i++)
         if (!strcmp(row->unknown[i].name, name)) return row->unknown[i].value;
     return NAN;
 }
 
-static const char *verdict(const kn_models *m)
+static const char *verdict(const kn_model_comparison *m)
 {
     static char text[1000];
-    kn_models_verdict(m, text, sizeof text);
+    kn_model_comparison_verdict(m, text, sizeof text);
     return text;
 }
 
@@ -93,10 +93,10 @@ TEST("in a hold and in creep every element of the catalogue has a row, and those
 {
     static const char *const held[] = {"a", "b d f", "c e i", "g h j k"};
     static const char *const creeping[] = {"a", "b", "c e", "d f", "g h j k", "i"};
-    kn_fit_law law[KN_FIT_LAWS_MAX];
-    CHECK(kn_fit_laws(law, true) <= KN_FIT_LAWS_MAX);
+    kn_constitutive_model law[KN_CONSTITUTIVE_MAX];
+    CHECK(kn_constitutive_models(law, true) <= KN_CONSTITUTIVE_MAX);
     for (int i = 0; i < 4; i++) CHECK_STR(law[i].letters, held[i]);
-    CHECK(kn_fit_laws(law, false) <= KN_FIT_LAWS_MAX);
+    CHECK(kn_constitutive_models(law, false) <= KN_CONSTITUTIVE_MAX);
     for (int i = 0; i < 6; i++) CHECK_STR(law[i].letters, creeping[i]);
     CHECK_STR(law[4].name, "(s|d)-s-d");
 }
@@ -106,9 +106,9 @@ TEST("the hold of a Burgers element is two Maxwell units, and its numbers are fo
     static made data;
     const kn_network net = burgers();
     hold(&data, &net, 0.005);
-    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
-    const kn_models_row *row = row_of(&m, "two Maxwell units");
-    CHECK(&m.row[kn_models_best(&m)] == row);
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
+    const kn_model_comparison_row *row = row_of(&m, "two Maxwell units");
+    CHECK(&m.row[kn_model_comparison_best(&m)] == row);
     CHECK_NEAR(number(row, "k1") + number(row, "k2"), 2e4, 300); // both springs respond to the step at once
     CHECK(row->held < 0.01 && row->runs < 3);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k)") && !strstr(verdict(&m), "yardstick"));
@@ -120,9 +120,9 @@ TEST("the creep of a Burgers element is its own, four numbers within 5 %")
     static made data;
     const kn_network net = burgers();
     creep(&data, &net, 3000, 0.002);
-    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
-    const kn_models_row *row = row_of(&m, "(s|d)-s-d");
-    CHECK(&m.row[kn_models_best(&m)] == row);
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
+    const kn_model_comparison_row *row = row_of(&m, "(s|d)-s-d");
+    CHECK(&m.row[kn_model_comparison_best(&m)] == row);
     CHECK_NEAR(number(row, "k0") / 2e4, 1, 0.05);
     CHECK_NEAR(number(row, "k1") / 1e4, 1, 0.05);
     CHECK_NEAR(number(row, "tau1") / 5, 1, 0.05);
@@ -140,8 +140,8 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
         creep(&data[i], &net, load[i], 0.005);
         curve[i] = data[i].curve;
     }
-    AT_END(kn_models_free) kn_models m = compare(3, curve);
-    const kn_models_row *row = row_of(&m, "(s|d)-d thinning");
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(3, curve);
+    const kn_model_comparison_row *row = row_of(&m, "(s|d)-d thinning");
     CHECK_NEAR(number(row, "k1") / dough.k1_pa, 1, 0.03);
     CHECK_NEAR(number(row, "alpha") / dough.alpha_pa_s, 1, 0.03);
     CHECK_NEAR(number(row, "beta") / dough.beta_per_pa, 1, 0.03);
@@ -156,12 +156,12 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
 // each three of them.
 static void muscle(made *m, double noise)
 {
-    const kn_fractional f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};
+    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};
     made_begin(m, KN_CURVE_RELAX, 0);
     for (int i = 0; i < 560; i++) {
         const double t = 0.014 * pow(10, i * 4.85 / 560);
         double g;
-        kn_fractional_relax(&f, 0, 1, &t, &g);
+        kn_fractional_maxwell_relax(&f, 0, 1, &t, &g);
         made_put(m, t, g * (1 + noise * kn_dice_normal(&seed)), 0);
     }
 }
@@ -170,9 +170,10 @@ TEST("where a yardstick is the truth the verdict says so, and the papers' damper
 {
     static made data;
     muscle(&data, 0.003);
-    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
-    const kn_models_row *row = row_of(&m, "fractional Maxwell"), *thins = row_of(&m, "(s|d)-d thinning, c1 = 0");
-    CHECK(&m.row[kn_models_best(&m)] == row);
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
+    const kn_model_comparison_row *row = row_of(&m, "fractional Maxwell"),
+                                  *thins = row_of(&m, "(s|d)-d thinning, c1 = 0");
+    CHECK(&m.row[kn_model_comparison_best(&m)] == row);
     CHECK_NEAR(number(row, "a"), 0.7, 0.05);
     CHECK_NEAR(number(row, "G") / 2.2e4, 1, 0.02);
     CHECK(row->held < 0.02 && row->runs < 3);
@@ -186,10 +187,10 @@ TEST("of a curve without noise, errors that averages leave choose no model")
     static made data;
     const kn_network net = burgers();
     hold(&data, &net, 0);
-    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
-    const kn_models_row *row = row_of(&m, "two Maxwell units");
-    CHECK(row->early < KN_MODELS_FINE);
-    CHECK_NEAR(row->aicc, kn_fit_aicc(m.early, 4, m.early * KN_MODELS_FINE * KN_MODELS_FINE), 1e-9);
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
+    const kn_model_comparison_row *row = row_of(&m, "two Maxwell units");
+    CHECK(row->early < KN_COMPARISON_FINE);
+    CHECK_NEAR(row->aicc, kn_fit_aicc(m.early, 4, m.early * KN_COMPARISON_FINE * KN_COMPARISON_FINE), 1e-9);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k): ") != NULL);
     for (int i = 0; i < 4; i++) CHECK(!row->loose[i]);
 }
@@ -199,29 +200,29 @@ TEST("what no model makes is said to be none's")
     static made data;
     muscle(&data, 0.0005);
     for (int i = 0; i < data.curve.count; i++) data.value[i] *= 1 + 0.03 * sin(6 * log(data.time_s[i]));
-    AT_END(kn_models_free) kn_models m = compare(1, &data.curve);
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
     CHECK(strstr(verdict(&m), "none of them is the material"));
 }
 
 TEST("too few readings, and stresses that are none, are refused in a sentence")
 {
     static made data;
-    kn_models m;
+    kn_model_comparison m;
     char error[200];
-    const kn_models_options options = {0};
+    const kn_model_comparison_options options = {0};
     const kn_network net = burgers();
     hold(&data, &net, 0);
     data.curve.count = 9;
-    CHECK(!kn_models_compare(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "too few"));
-    kn_models_free(&m);
+    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "too few"));
+    kn_model_comparison_free(&m);
     hold(&data, &net, 0);
     for (int i = 100; i < 110; i++) data.value[i] = -1;
-    CHECK(!kn_models_compare(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "falls to 0"));
-    kn_models_free(&m);
+    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "falls to 0"));
+    kn_model_comparison_free(&m);
     kn_curve many[7];
     for (int i = 0; i < 7; i++) many[i] = data.curve;
-    CHECK(!kn_models_compare(&m, 7, many, &options, error, sizeof error) && strstr(error, "at most 6"));
-    kn_models_free(&m);
+    CHECK(!kn_model_comparison_run(&m, 7, many, &options, error, sizeof error) && strstr(error, "at most 6"));
+    kn_model_comparison_free(&m);
 }
 
 TESTS_MAIN

@@ -1,6 +1,5 @@
-#include "clients/identify/stages.h"
-#include "clients/identify/fit.h"
-#include "clients/identify/joint.h"
+#include "clients/identify/creep_fit.h"
+#include "clients/identify/least_squares.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +11,7 @@ enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 typedef struct recovery {
     int count;
     const double *time_s, *strain, *weight;
-    const kn_stages *stages;
+    const kn_two_stage *stages;
 } recovery;
 
 static double recovered(double release_pa, double k1, double c1, double since_s)
@@ -31,7 +30,7 @@ static bool recovery_misfit(void *of, const double *value, double *residual)
 }
 
 // Fit equation 5 to the readings after the release.
-static bool fit_recovery(kn_stages *s, const kn_curve *c, int from)
+static bool fit_recovery(kn_two_stage *s, const kn_curve *c, int from)
 {
     recovery r = {.count = c->count - from,
                   .time_s = c->time_s + from,
@@ -51,14 +50,14 @@ static bool fit_recovery(kn_stages *s, const kn_curve *c, int from)
     return true;
 }
 
-double kn_stages_recovered(const kn_stages *s, double since_release_s)
+double kn_two_stage_recovered(const kn_two_stage *s, double since_release_s)
 {
     return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
 }
 
 // ---- stage 2: strain of the Voigt element under the measured stress, which is linear between two readings
 
-static void subtract_voigt(kn_stages *s, const kn_curve *c)
+static void subtract_voigt(kn_two_stage *s, const kn_curve *c)
 {
     double k1 = s->material.k1_pa, tau = s->material.c1_pa_s / k1, x = 0, from_s = c->step[0].time_s;
     double from_pa = c->step[0].stress_pa;
@@ -101,7 +100,7 @@ static double slope_around(const kn_curve *c, const double *x, int count, int at
 // Residuals of equation 6 for the logarithm of c2. The unknowns are alpha, beta, P0 and P1.
 static bool damper_misfit(void *of, const double *value, double *residual)
 {
-    const kn_stages *s = of;
+    const kn_two_stage *s = of;
     for (int i = 0, n = 0; i < s->count; i++) {
         if (isnan(s->c2_pa_s[i])) continue;
         double p = fmin(fmax(s->stress_pa[i], value[2]), value[3]);
@@ -111,7 +110,7 @@ static bool damper_misfit(void *of, const double *value, double *residual)
 }
 
 // Compute c2 = P/v from the slope v of the damper's displacement, and fit equation 6 to it.
-static bool fit_damper(kn_stages *s, const kn_curve *c)
+static bool fit_damper(kn_two_stage *s, const kn_curve *c)
 {
     double low = INFINITY, high = 0, mean = 0, top = c->step[0].stress_pa;
     int count = 0;
@@ -148,7 +147,7 @@ static bool fit_damper(kn_stages *s, const kn_curve *c)
 
 // Find strain and stress at the release. If the last entry under load is a single reading, its strain is used. If it is
 // a mean of several readings, its time is earlier, so its strain is extrapolated.
-static void at_release(kn_stages *s, const kn_curve *c)
+static void at_release(kn_two_stage *s, const kn_curve *c)
 {
     const int last = s->count - 1;
     const double on = c->weight[last] > 1 ? slope_around(c, c->value, s->count, last) : 0;
@@ -157,9 +156,9 @@ static void at_release(kn_stages *s, const kn_curve *c)
     if (!c->constant_area) s->release_pa *= (1 - s->release_strain) / (1 - c->value[last]);
 }
 
-bool kn_stages_fit(kn_stages *s, const kn_curve *c)
+bool kn_two_stage_fit(kn_two_stage *s, const kn_curve *c)
 {
-    *s = (kn_stages){.release_s = kn_joint_release(c)};
+    *s = (kn_two_stage){.release_s = kn_creep_release(c)};
     while (s->count < c->count && c->time_s[s->count] <= s->release_s) s->count++;
     if (!isfinite(s->release_s) || s->count < FEWEST) return false;
     size_t n = (size_t)s->count;
@@ -170,16 +169,16 @@ bool kn_stages_fit(kn_stages *s, const kn_curve *c)
     s->voigt = s->stress_pa + c->count;
     s->damper = s->voigt + n;
     s->c2_pa_s = s->damper + n;
-    kn_joint_stress(c, s->stress_pa);
+    kn_creep_stress(c, s->stress_pa);
     at_release(s, c);
     bool ok = fit_recovery(s, c, s->count);
     if (ok) subtract_voigt(s, c);
     ok = ok && fit_damper(s, c);
-    if (!ok) kn_stages_free(s);
+    if (!ok) kn_two_stage_free(s);
     return ok;
 }
 
-void kn_stages_free(kn_stages *s)
+void kn_two_stage_free(kn_two_stage *s)
 {
     free(s->stress_pa);
     s->stress_pa = NULL;

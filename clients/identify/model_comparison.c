@@ -1,4 +1,4 @@
-#include "clients/identify/models.h"
+#include "clients/identify/model_comparison.h"
 #include "clients/identify/bins.h"
 #include "clients/identify/ramp.h"
 #include <math.h>
@@ -19,7 +19,7 @@ static double now_s(void)
 // ---- early and late readings
 
 // Allocate both parts of a curve.
-static bool room(kn_fit_law_curve *c, int count)
+static bool room(kn_compared_curve *c, int count)
 {
     for (int part = EARLY; part <= LATE; part++) {
         c->part[part].time_s = calloc(2 * (size_t)count + 1, sizeof *c->part[part].time_s);
@@ -29,37 +29,37 @@ static bool room(kn_fit_law_curve *c, int count)
     return true;
 }
 
-static void put(kn_fit_law_curve *c, int part, double time_s, double value)
+static void put(kn_compared_curve *c, int part, double time_s, double value)
 {
-    kn_fit_law_part *p = &c->part[part];
+    kn_compared_part *p = &c->part[part];
     p->time_s[p->count] = time_s;
     p->value[p->count++] = value;
 }
 
 // Take the bins of a relaxation. Time counts from the end of the rise, if the strain has one.
-static bool take_relax(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
+static bool take_relax(kn_compared_curve *c, const kn_model_comparison_options *options, double *cut_s)
 {
-    kn_bins b;
-    kn_ramp ramp;
+    kn_time_bins b;
+    kn_strain_ramp ramp;
     char none[120];
     double begin = c->curve->begin_s;
-    if (kn_ramp_of(&ramp, c->curve, none, sizeof none)) {
+    if (kn_strain_ramp_of(&ramp, c->curve, none, sizeof none)) {
         c->strain = ramp.strain;
         c->ramp_s = ramp.end_s - ramp.start_s;
         if (c->ramp_s > 0) begin = ramp.end_s;
     } else c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
-    if (!kn_bins_make(&b, c->curve, begin)) return false;
+    if (!kn_time_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
     // Early is up to a tenth of the time if two decades were measured, else up to half of it.
     *cut_s = options->cut_s > 0 ? options->cut_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
     for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
-    kn_bins_free(&b);
+    kn_time_bins_free(&b);
     return ok;
 }
 
 // Take the readings of a creep curve. Every load has an early half and a late half.
-static bool take_creep(kn_fit_law_curve *c, const kn_models_options *options, double *cut_s)
+static bool take_creep(kn_compared_curve *c, const kn_model_comparison_options *options, double *cut_s)
 {
     const kn_curve *curve = c->curve;
     const double end = curve->time_s[curve->count - 1];
@@ -75,11 +75,11 @@ static bool take_creep(kn_fit_law_curve *c, const kn_models_options *options, do
         put(c, curve->time_s[i] - from[k] <= cut ? EARLY : LATE, curve->time_s[i], curve->value[i]);
     }
     // This fails if there are too many changes of load. The two yardsticks (laws.h) then have no solution.
-    kn_memory_open(&c->memory, curve->constant_area, curve->steps, from, stress, end);
+    kn_superposition_open(&c->memory, curve->constant_area, curve->steps, from, stress, end);
     return true;
 }
 
-static double largest(const kn_fit_law_curve *c)
+static double largest(const kn_compared_curve *c)
 {
     double most = 0;
     for (int part = EARLY; part <= LATE; part++)
@@ -87,7 +87,7 @@ static double largest(const kn_fit_law_curve *c)
     return most;
 }
 
-static double least(const kn_models *m, int part)
+static double least(const kn_model_comparison *m, int part)
 {
     double pa = INFINITY;
     for (int c = 0; c < m->curves; c++)
@@ -96,13 +96,13 @@ static double least(const kn_models *m, int part)
 }
 
 // Split all curves into early and late readings.
-static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options)
+static bool take(kn_model_comparison *m, int curves, const kn_curve *curve, const kn_model_comparison_options *options)
 {
     m->relax = curve->kind == KN_CURVE_RELAX;
     for (int c = 0; c < curves; c++) {
-        kn_fit_law_curve *to = &m->curve[m->curves++];
+        kn_compared_curve *to = &m->curve[m->curves++];
         double cut;
-        *to = (kn_fit_law_curve){.curve = &curve[c], .strain = 1};
+        *to = (kn_compared_curve){.curve = &curve[c], .strain = 1};
         if (!(m->relax ? take_relax : take_creep)(to, options, &cut)) return false;
         if (c == 0) m->cut_s = cut;
         m->early += to->part[EARLY].count;
@@ -115,8 +115,8 @@ static bool take(kn_models *m, int curves, const kn_curve *curve, const kn_model
 // ---- one fit
 
 typedef struct work {
-    kn_models *m;
-    const kn_fit_law *law;
+    kn_model_comparison *m;
+    const kn_constitutive_model *law;
     double *scratch;
 } work;
 
@@ -125,12 +125,13 @@ typedef struct work {
 static bool residuals(const work *w, const double *value, int part, bool scale, double *residual)
 {
     for (int c = 0, n = 0; c < w->m->curves; c++) {
-        kn_fit_law_curve *curve = &w->m->curve[c];
-        const kn_fit_law_part *p = &curve->part[part];
+        kn_compared_curve *curve = &w->m->curve[c];
+        const kn_compared_part *p = &curve->part[part];
         const double most = w->m->relax ? 0 : largest(curve);
         // A creep residual is divided by the noise, or by a small share of the largest strain if that is larger.
-        const double unit = scale ? fmax(curve->curve->noise, KN_MODELS_COARSE * most) : most;
-        if (!kn_fit_law_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
+        const double unit = scale ? fmax(curve->curve->noise, KN_COMPARISON_COARSE * most) : most;
+        if (!kn_constitutive_model_predict(w->law, value, w->m->curve, c, p->count, p->time_s, w->scratch))
+            return false;
         for (int i = 0; i < p->count; i++, n++) {
             if (!w->m->relax) residual[n] = (w->scratch[i] - p->value[i]) / unit;
             else if (!scale) residual[n] = w->scratch[i] / p->value[i] - 1;
@@ -157,7 +158,7 @@ static double error_of(const work *w, const double *value, int part, double *res
 }
 
 // Compute the runs and the errors of both parts.
-static void judge(const work *w, kn_models_row *row, double *residual)
+static void judge(const work *w, kn_model_comparison_row *row, double *residual)
 {
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < row->unknowns; i++) value[i] = row->unknown[i].value;
@@ -175,31 +176,32 @@ static bool is_loose(const kn_fit *fit, int unknown)
     return u->at_bound || !(off < (u->linear ? fabs(u->value) : 1));
 }
 
-// Return the AICc of a fit. Misfits below KN_MODELS_FINE count as equal, so that numerical errors do not decide between
+// Return the AICc of a fit. Misfits below KN_COMPARISON_FINE count as equal, so that numerical errors do not decide between
 // models.
-static double aicc_of(const kn_models *m, const kn_fit *fit)
+static double aicc_of(const kn_model_comparison *m, const kn_fit *fit)
 {
-    // residual of size KN_MODELS_FINE, in the units of the fit
-    const double fine = KN_MODELS_FINE / (m->relax ? 1 : KN_MODELS_COARSE);
+    // residual of size KN_COMPARISON_FINE, in the units of the fit
+    const double fine = KN_COMPARISON_FINE / (m->relax ? 1 : KN_COMPARISON_COARSE);
     return kn_fit_aicc(fit->readings, fit->unknowns, fmax(fit->sum, fit->readings * fine * fine));
 }
 
 // Fit one law to the early part and judge it by the late part.
-static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, double *scratch)
+static void fit_law(kn_model_comparison *m, const kn_constitutive_model *law, kn_model_comparison_row *row,
+                    double *scratch)
 {
-    double start[KN_FIT_LAW_STARTS][KN_FIT_UNKNOWNS];
+    double start[KN_CONSTITUTIVE_STARTS][KN_FIT_UNKNOWNS];
     work w = {m, law, scratch};
     kn_fit fit = {.readings = m->early, .misfit = misfit, .of = &w};
-    *row = (kn_models_row){
+    *row = (kn_model_comparison_row){
         .law = *law, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
-    row->unknowns = fit.unknowns = kn_fit_law_unknowns(law, m->curves, m->curve, fit.unknown);
+    row->unknowns = fit.unknowns = kn_constitutive_model_unknowns(law, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
     // row that was fitted before, which may be the same law with fewer parameters
-    const kn_models_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
+    const kn_model_comparison_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
     // The search of a law with more parameters may continue from the fit with fewer.
     const bool follows = last && last->fitted && last->law.kind == law->kind;
-    const int starts = kn_fit_law_starts(law, m->curves, m->curve, follows ? last->unknowns : 0,
-                                         follows ? last->unknown : NULL, start);
+    const int starts = kn_constitutive_model_starts(law, m->curves, m->curve, follows ? last->unknowns : 0,
+                                                    follows ? last->unknown : NULL, start);
     if (!kn_fit_run_from(&fit, starts, start)) return;
     row->fitted = true;
     memcpy(row->unknown, fit.unknown, sizeof row->unknown);
@@ -209,22 +211,22 @@ static void fit_law(kn_models *m, const kn_fit_law *law, kn_models_row *row, dou
 }
 
 // Keep one row for the variants that share a name: the one with the lower AICc on the early part.
-static void keep(kn_models *m, const kn_models_row *row)
+static void keep(kn_model_comparison *m, const kn_model_comparison_row *row)
 {
-    kn_models_row *before = m->rows ? &m->row[m->rows - 1] : NULL;
+    kn_model_comparison_row *before = m->rows ? &m->row[m->rows - 1] : NULL;
     if (before && !strcmp(row->law.name, before->law.name)) {
         if (row->aicc < before->aicc) *before = *row;
-    } else if (m->rows < KN_MODELS_MAX) m->row[m->rows++] = *row;
+    } else if (m->rows < KN_COMPARISON_MAX) m->row[m->rows++] = *row;
 }
 
 // Fit all laws of the experiment in turn.
-static bool fit_all(kn_models *m)
+static bool fit_all(kn_model_comparison *m)
 {
-    kn_fit_law law[KN_FIT_LAWS_MAX];
-    const int laws = kn_fit_laws(law, m->relax);
+    kn_constitutive_model law[KN_CONSTITUTIVE_MAX];
+    const int laws = kn_constitutive_models(law, m->relax);
     double *scratch = calloc(2 * ((size_t)m->early + (size_t)m->late), sizeof *scratch);
     for (int i = 0; scratch && i < laws; i++) {
-        kn_models_row row;
+        kn_model_comparison_row row;
         fit_law(m, &law[i], &row, scratch);
         keep(m, &row);
     }
@@ -233,14 +235,14 @@ static bool fit_all(kn_models *m)
     return ok;
 }
 
-bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn_models_options *options, char *error,
-                       size_t error_size)
+bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve,
+                             const kn_model_comparison_options *options, char *error, size_t error_size)
 {
     // Each message is written to `error` before the check that may fail with it.
     const double begin = now_s();
-    *m = (kn_models){0};
-    snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_MODELS_HOLDS);
-    if (curve->kind == KN_CURVE_RELAX && curves > KN_MODELS_HOLDS) return false;
+    *m = (kn_model_comparison){0};
+    snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_COMPARISON_HOLDS);
+    if (curve->kind == KN_CURVE_RELAX && curves > KN_COMPARISON_HOLDS) return false;
     snprintf(error, error_size, "out of memory");
     if (!take(m, curves, curve, options)) return false;
     snprintf(error, error_size,
@@ -261,11 +263,11 @@ bool kn_models_compare(kn_models *m, int curves, const kn_curve *curve, const kn
     return ok;
 }
 
-void kn_models_free(kn_models *m)
+void kn_model_comparison_free(kn_model_comparison *m)
 {
     for (int c = 0; c < m->curves; c++) {
         for (int part = EARLY; part <= LATE; part++) free(m->curve[c].part[part].time_s);
-        kn_memory_close(&m->curve[c].memory);
+        kn_superposition_close(&m->curve[c].memory);
     }
-    *m = (kn_models){0};
+    *m = (kn_model_comparison){0};
 }

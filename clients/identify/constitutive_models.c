@@ -1,5 +1,5 @@
-#include "clients/identify/laws.h"
-#include "clients/identify/chain.h"
+#include "clients/identify/constitutive_models.h"
+#include "clients/identify/element_response.h"
 #include "clients/identify/fractional.h"
 #include "clients/identify/hold.h"
 #include "core/oneport.h"
@@ -10,9 +10,9 @@
 // ---- the list of laws
 
 // Return the law by which a class of one-ports appears in a relaxation or creep experiment.
-static kn_fit_law of_class(const kn_oneport *o, bool relax)
+static kn_constitutive_model of_class(const kn_oneport *o, bool relax)
 {
-    kn_fit_law law = {.kind = KN_FIT_LAW_UNITS, .relax = relax};
+    kn_constitutive_model law = {.kind = KN_CONSTITUTIVE_UNITS, .relax = relax};
     law.spring = relax ? !o->fluid : o->elastic;
     law.damper = !relax && o->fluid;
     law.units = relax ? o->relaxation : o->retardation;
@@ -28,7 +28,7 @@ static kn_fit_law of_class(const kn_oneport *o, bool relax)
     return law;
 }
 
-static void add_letter(kn_fit_law *law, char letter)
+static void add_letter(kn_constitutive_model *law, char letter)
 {
     const size_t n = strlen(law->letters);
     if (n + 3 > sizeof law->letters) return;
@@ -37,7 +37,7 @@ static void add_letter(kn_fit_law *law, char letter)
 
 // Add one law for each class of the catalogue. Elements that this experiment cannot tell apart share a law and list
 // their letters.
-static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
+static int add_catalogue(kn_constitutive_model law[KN_CONSTITUTIVE_MAX], bool relax)
 {
     int count = 0;
     for (int i = 0; i < KN_CATALOGUE; i++) {
@@ -46,7 +46,7 @@ static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
         // parsing cannot fail, since the catalogue is a constant of this program
         if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
         const kn_oneport o = kn_oneport_of(&e);
-        const kn_fit_law one = of_class(&o, relax);
+        const kn_constitutive_model one = of_class(&o, relax);
         int k = 0;
         while (k < count && strcmp(law[k].name, one.name) != 0) k++;
         if (k == count) law[count++] = one;
@@ -55,20 +55,21 @@ static int add_catalogue(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
     return count;
 }
 
-int kn_fit_laws(kn_fit_law law[KN_FIT_LAWS_MAX], bool relax)
+int kn_constitutive_models(kn_constitutive_model law[KN_CONSTITUTIVE_MAX], bool relax)
 {
     int count = add_catalogue(law, relax);
     // The papers' damper, alone and with further parameters: see models.h.
     for (int more = 0; more < 4; more++) {
-        kn_fit_law *d = &law[count++];
-        *d = (kn_fit_law){.kind = KN_FIT_LAW_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};
+        kn_constitutive_model *d = &law[count++];
+        *d = (kn_constitutive_model){
+            .kind = KN_CONSTITUTIVE_DOUGH, .relax = relax, .letters = "d", .c1 = !relax || more % 2};
         d->p0 = more / 2;
         d->p1 = !relax && more % 2;
         snprintf(d->name, sizeof d->name, "(s|d)-d thinning%s", d->p0 ? " above P0" : d->c1 ? "" : ", c1 = 0");
     }
-    law[count] = (kn_fit_law){.kind = KN_FIT_LAW_LOGARITHM, .relax = relax, .yardstick = true};
+    law[count] = (kn_constitutive_model){.kind = KN_CONSTITUTIVE_LOGARITHM, .relax = relax, .yardstick = true};
     snprintf(law[count++].name, sizeof law->name, relax ? "a - b ln t" : "b ln(1 + t/tau)");
-    law[count] = (kn_fit_law){.kind = KN_FIT_LAW_FRACTIONAL, .relax = relax, .yardstick = true};
+    law[count] = (kn_constitutive_model){.kind = KN_CONSTITUTIVE_FRACTIONAL, .relax = relax, .yardstick = true};
     snprintf(law[count++].name, sizeof law->name, "fractional Maxwell");
     return count;
 }
@@ -81,11 +82,11 @@ typedef struct size {
 } size;
 
 // Find the typical sizes over all curves.
-static size size_of(bool relax, int curves, const kn_fit_law_curve *curve)
+static size size_of(bool relax, int curves, const kn_compared_curve *curve)
 {
     size z = {0, 0, INFINITY, 0};
     for (int c = 0; c < curves; c++) {
-        const kn_fit_law_part *early = &curve[c].part[0], *late = &curve[c].part[1];
+        const kn_compared_part *early = &curve[c].part[0], *late = &curve[c].part[1];
         double most = 0, load = 0;
         for (int i = 0; i < early->count; i++) {
             most = fmax(most, early->value[i]);
@@ -107,7 +108,7 @@ static void add(kn_fit_unknown out[KN_FIT_UNKNOWNS], int *n, const char *name, d
 
 // List the unknowns of springs and dampers. Each Maxwell or Voigt element has a modulus and a time. A single spring and
 // a single damper have one unknown each.
-static int unknowns_of_units(const kn_fit_law *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
+static int unknowns_of_units(const kn_constitutive_model *law, const size *z, kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     static const char *const k[] = {"k1", "k2", "k3"}, *const tau[] = {"tau1", "tau2", "tau3"};
     const double low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
@@ -126,7 +127,8 @@ static const char *const begin_name[KN_FIT_UNKNOWNS] = {"Pi",    "Pi(2)", "Pi(3)
 
 // List the unknowns of the papers' damper. A hold does not determine k1, so the unknowns are ratios to k1, and the
 // stress of each curve at time 0 is an unknown.
-static int unknowns_of_dough(const kn_fit_law *law, const size *z, int curves, kn_fit_unknown out[KN_FIT_UNKNOWNS])
+static int unknowns_of_dough(const kn_constitutive_model *law, const size *z, int curves,
+                             kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const double p = z->stress_pa, low = 1e-6 * z->modulus_pa, high = 1e4 * z->modulus_pa;
     int n = 0;
@@ -148,21 +150,21 @@ static int unknowns_of_dough(const kn_fit_law *law, const size *z, int curves, k
     return n;
 }
 
-int kn_fit_law_unknowns(const kn_fit_law *law, int curves, const kn_fit_law_curve *curve,
-                        kn_fit_unknown out[KN_FIT_UNKNOWNS])
+int kn_constitutive_model_unknowns(const kn_constitutive_model *law, int curves, const kn_compared_curve *curve,
+                                   kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
     const size z = size_of(law->relax, curves, curve);
     const double most = 1e4 * z.modulus_pa;
     int n = 0;
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS: return unknowns_of_units(law, &z, out);
-    case KN_FIT_LAW_DOUGH: return unknowns_of_dough(law, &z, curves, out);
-    case KN_FIT_LAW_LOGARITHM:
+    case KN_CONSTITUTIVE_UNITS: return unknowns_of_units(law, &z, out);
+    case KN_CONSTITUTIVE_DOUGH: return unknowns_of_dough(law, &z, curves, out);
+    case KN_CONSTITUTIVE_LOGARITHM:
         add(out, &n, law->relax ? "a" : "1/b", law->relax ? -most : 1e-6 * z.modulus_pa, most, law->relax);
         if (law->relax) add(out, &n, "b", -most, most, true);
         else add(out, &n, "tau", 1e-6 * z.first_s, 1e3 * z.last_s, false);
         return n;
-    case KN_FIT_LAW_FRACTIONAL: break;
+    case KN_CONSTITUTIVE_FRACTIONAL: break;
     }
     add(out, &n, "V", 1e-6 * z.modulus_pa, 1e3 * most * z.last_s, false);
     add(out, &n, "a", 0.02, 1, true);
@@ -171,14 +173,14 @@ int kn_fit_law_unknowns(const kn_fit_law *law, int curves, const kn_fit_law_curv
     return n;
 }
 
-const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
+const char *kn_constitutive_model_unit(const kn_constitutive_model *law, int unknown)
 {
     kn_fit_unknown u[KN_FIT_UNKNOWNS];
-    const kn_fit_law_curve none = {.strain = 1};
+    const kn_compared_curve none = {.strain = 1};
     // the unknowns after the parameters are the stresses of the curves at time 0
-    if (unknown >= kn_fit_law_unknowns(law, 0, &none, u)) return "Pa";
+    if (unknown >= kn_constitutive_model_unknowns(law, 0, &none, u)) return "Pa";
     const char *name = u[unknown].name;
-    if (law->kind == KN_FIT_LAW_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
+    if (law->kind == KN_CONSTITUTIVE_FRACTIONAL) return unknown == 0 ? "Pa*s^a" : unknown == 2 ? "Pa*s^b" : "";
     if (!strcmp(name, "beta")) return "1/Pa";
     if (!strncmp(name, "tau", 3) || strstr(name, "/k1")) return "s";
     return name[0] == 'c' || !strcmp(name, "alpha") ? "Pa*s" : "Pa";
@@ -187,8 +189,8 @@ const char *kn_fit_law_unit(const kn_fit_law *law, int unknown)
 // ---- predictions
 
 // Sum the Maxwell elements. A ramp multiplies each of them by its mean over the ramp, (1 - exp(-r))/r.
-static bool units_relax(const kn_fit_law *law, const double *v, const kn_fit_law_curve *c, int count, const double *t,
-                        double *out)
+static bool units_relax(const kn_constitutive_model *law, const double *v, const kn_compared_curve *c, int count,
+                        const double *t, double *out)
 {
     for (int i = 0; i < count; i++) {
         double sum = law->spring ? v[2 * law->units] : 0;
@@ -202,19 +204,20 @@ static bool units_relax(const kn_fit_law *law, const double *v, const kn_fit_law
 }
 
 // Stress of the papers' element in a hold, from the stress of curve `number` at time 0.
-static bool dough_relax(const kn_fit_law *law, const double *v, int number, int count, const double *t, double *out)
+static bool dough_relax(const kn_constitutive_model *law, const double *v, int number, int count, const double *t,
+                        double *out)
 {
     int n = 2;
-    kn_hold h = {.alpha_s = v[0], .beta_per_pa = v[1], .p1_pa = INFINITY};
+    kn_held_element h = {.alpha_s = v[0], .beta_per_pa = v[1], .p1_pa = INFINITY};
     if (law->c1) h.c1_s = v[n++];
     if (law->p0) h.p0_pa = v[n++];
     h.begin_pa = v[n + number];
-    kn_hold_stress(&h, count, t, out);
+    kn_held_element_stress(&h, count, t, out);
     return true;
 }
 
 // The logarithm ln t, or its mean over the ramp of the strain.
-static bool logarithm_relax(const double *v, const kn_fit_law_curve *c, int count, const double *t, double *out)
+static bool logarithm_relax(const double *v, const kn_compared_curve *c, int count, const double *t, double *out)
 {
     const double r = c->ramp_s;
     for (int i = 0; i < count; i++) {
@@ -226,41 +229,41 @@ static bool logarithm_relax(const double *v, const kn_fit_law_curve *c, int coun
 }
 
 // The unknown for the order b is its share of the order a, so that b < a.
-static kn_fractional fractional_of(const double *v)
+static kn_fractional_maxwell_maxwell fractional_of(const double *v)
 {
-    return (kn_fractional){.v_pa_s = v[0], .v_order = v[1], .g_pa_s = v[2], .g_order = v[3] * v[1]};
+    return (kn_fractional_maxwell_maxwell){.v_pa_s = v[0], .v_order = v[1], .g_pa_s = v[2], .g_order = v[3] * v[1]};
 }
 
-static bool fractional_relax(const double *v, const kn_fit_law_curve *c, int count, const double *t, double *out)
+static bool fractional_relax(const double *v, const kn_compared_curve *c, int count, const double *t, double *out)
 {
-    const kn_fractional f = fractional_of(v);
-    kn_fractional_relax(&f, c->ramp_s, count, t, out);
+    const kn_fractional_maxwell_maxwell f = fractional_of(v);
+    kn_fractional_maxwell_relax(&f, c->ramp_s, count, t, out);
     for (int i = 0; i < count; i++) out[i] *= c->strain;
     return true;
 }
 
 // Creep of a chain under the curve's loads.
-static bool row_creep(const kn_chain *chain, const kn_fit_law_curve *c, int count, const double *t, double *out)
+static bool row_creep(const kn_voigt_chain *chain, const kn_compared_curve *c, int count, const double *t, double *out)
 {
-    kn_chain_step step[KN_CURVE_STEPS];
+    kn_voigt_chain_step step[KN_CURVE_STEPS];
     for (int i = 0; i < c->curve->steps; i++)
-        step[i] = (kn_chain_step){c->curve->step[i].time_s, c->curve->step[i].stress_pa};
-    return kn_chain_creep(chain, c->curve->constant_area, c->curve->steps, step, count, t, out);
+        step[i] = (kn_voigt_chain_step){c->curve->step[i].time_s, c->curve->step[i].stress_pa};
+    return kn_voigt_chain_creep(chain, c->curve->constant_area, c->curve->steps, step, count, t, out);
 }
 
 // Return the chain of a law in creep.
-static kn_chain row_of(const kn_fit_law *law, const double *v)
+static kn_voigt_chain row_of(const kn_constitutive_model *law, const double *v)
 {
-    kn_chain row = {.voigts = law->units};
+    kn_voigt_chain row = {.voigts = law->units};
     int n = 0;
-    if (law->kind == KN_FIT_LAW_DOUGH) {
-        row = (kn_chain){.voigts = 1, .k_pa = {v[0]}, .c_pa_s = {v[1]}, .alpha_pa_s = v[2], .beta_per_pa = v[3]};
+    if (law->kind == KN_CONSTITUTIVE_DOUGH) {
+        row = (kn_voigt_chain){.voigts = 1, .k_pa = {v[0]}, .c_pa_s = {v[1]}, .alpha_pa_s = v[2], .beta_per_pa = v[3]};
         n = 4;
         if (law->p0) row.p0_pa = v[n++];
         row.p1_pa = law->p1 ? v[n] : 600 / v[3]; // without P1, clamp the stress where exp(beta P) would overflow
         return row;
     }
-    for (int i = 0; i < law->units && i < KN_CHAIN_VOIGTS; i++, n += 2) {
+    for (int i = 0; i < law->units && i < KN_VOIGT_CHAIN_VOIGTS; i++, n += 2) {
         // The unknowns of a Voigt element are its modulus and its retardation time.
         row.k_pa[i] = v[n];
         row.c_pa_s[i] = v[n] * v[n + 1];
@@ -287,7 +290,7 @@ static void logarithm_compliance(const void *of, int count, const double *lag, c
 static void fractional_compliance(const void *of, int count, const double *lag, const double *ln_lag, double *j,
                                   double *k)
 {
-    const kn_fractional *f = of;
+    const kn_fractional_maxwell_maxwell *f = of;
     const double a = f->v_order, b = f->g_order;
     const double v = 1 / (f->v_pa_s * tgamma(1 + a)), g = 1 / (f->g_pa_s * tgamma(1 + b));
     for (int i = 0; i < count; i++) {
@@ -297,31 +300,31 @@ static void fractional_compliance(const void *of, int count, const double *lag, 
     }
 }
 
-static bool predict_relax(const kn_fit_law *law, const double *v, const kn_fit_law_curve *c, int number, int count,
-                          const double *t, double *out)
+static bool predict_relax(const kn_constitutive_model *law, const double *v, const kn_compared_curve *c, int number,
+                          int count, const double *t, double *out)
 {
     switch (law->kind) {
-    case KN_FIT_LAW_UNITS: return units_relax(law, v, c, count, t, out);
-    case KN_FIT_LAW_DOUGH: return dough_relax(law, v, number, count, t, out);
-    case KN_FIT_LAW_LOGARITHM: return logarithm_relax(v, c, count, t, out);
-    case KN_FIT_LAW_FRACTIONAL: return fractional_relax(v, c, count, t, out);
+    case KN_CONSTITUTIVE_UNITS: return units_relax(law, v, c, count, t, out);
+    case KN_CONSTITUTIVE_DOUGH: return dough_relax(law, v, number, count, t, out);
+    case KN_CONSTITUTIVE_LOGARITHM: return logarithm_relax(v, c, count, t, out);
+    case KN_CONSTITUTIVE_FRACTIONAL: return fractional_relax(v, c, count, t, out);
     }
     return false;
 }
 
-bool kn_fit_law_predict(const kn_fit_law *law, const double *value, kn_fit_law_curve *curve, int c, int count,
-                        const double *time_s, double *out)
+bool kn_constitutive_model_predict(const kn_constitutive_model *law, const double *value, kn_compared_curve *curve,
+                                   int c, int count, const double *time_s, double *out)
 {
     if (count == 0) return true;
     if (law->relax) return predict_relax(law, value, &curve[c], c, count, time_s, out);
-    if (law->kind == KN_FIT_LAW_UNITS || law->kind == KN_FIT_LAW_DOUGH) {
-        const kn_chain row = row_of(law, value);
+    if (law->kind == KN_CONSTITUTIVE_UNITS || law->kind == KN_CONSTITUTIVE_DOUGH) {
+        const kn_voigt_chain row = row_of(law, value);
         return !(row.p0_pa > row.p1_pa) && row_creep(&row, &curve[c], count, time_s, out);
     }
     // Laws that are no springs and dampers are computed by superposition (memory.h), which needs the nodes.
     if (!curve[c].memory.nodes) return false;
-    const kn_fractional f = fractional_of(value);
-    if (law->kind == KN_FIT_LAW_FRACTIONAL)
-        return kn_memory_creep(&curve[c].memory, fractional_compliance, &f, count, time_s, out);
-    return kn_memory_creep(&curve[c].memory, logarithm_compliance, value, count, time_s, out);
+    const kn_fractional_maxwell_maxwell f = fractional_of(value);
+    if (law->kind == KN_CONSTITUTIVE_FRACTIONAL)
+        return kn_superposition_creep(&curve[c].memory, fractional_compliance, &f, count, time_s, out);
+    return kn_superposition_creep(&curve[c].memory, logarithm_compliance, value, count, time_s, out);
 }

@@ -39,11 +39,11 @@ static double *without_corner(const kn_curve *from, double end_s, kn_curve *to)
 }
 
 // Average the rise over equal times. Stresses near 0 are skipped, since they are mostly noise.
-static bool take_rise(kn_bins *b, const kn_curve *c, const kn_ramp *ramp)
+static bool take_rise(kn_time_bins *b, const kn_curve *c, const kn_strain_ramp *ramp)
 {
     double most = 0;
-    *b = (kn_bins){.time_s = calloc(3 * KN_RELAXATION_RISE_BINS, sizeof *b->time_s),
-                   .line = calloc(KN_RELAXATION_RISE_BINS, sizeof *b->line)};
+    *b = (kn_time_bins){.time_s = calloc(3 * KN_RELAXATION_RISE_BINS, sizeof *b->time_s),
+                        .line = calloc(KN_RELAXATION_RISE_BINS, sizeof *b->line)};
     if (!b->time_s || !b->line) return false;
     b->value = b->time_s + KN_RELAXATION_RISE_BINS;
     b->weight = b->value + KN_RELAXATION_RISE_BINS;
@@ -69,19 +69,20 @@ static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
     char none[120];
     kn_curve clean;
     to->curve = curve;
-    const bool known = kn_ramp_of(&to->ramp, curve, none, sizeof none);
+    const bool known = kn_strain_ramp_of(&to->ramp, curve, none, sizeof none);
     if (!known) to->ramp.strain = curve->strain;
     to->rises = known && to->ramp.end_s > to->ramp.start_s;
-    if (!to->rises) return kn_bins_make(&to->hold, curve, curve->begin_s);
+    if (!to->rises) return kn_time_bins_make(&to->hold, curve, curve->begin_s);
     double *room = without_corner(curve, to->ramp.end_s, &clean);
-    const bool ok = room && take_rise(&to->rise, &clean, &to->ramp) && kn_bins_make(&to->hold, &clean, to->ramp.end_s);
+    const bool ok =
+        room && take_rise(&to->rise, &clean, &to->ramp) && kn_time_bins_make(&to->hold, &clean, to->ramp.end_s);
     free(room);
     to->rises = to->rise.count >= RISE_LEAST;
     if (!to->rises) to->rise.count = 0;
     return ok;
 }
 
-static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *error, size_t size)
+static bool take(kn_relaxation_fit *r, int curves, const kn_curve *curve, char *error, size_t size)
 {
     bool moduli = false;
     r->scale = KN_RELAXATION_BOUND;
@@ -108,7 +109,7 @@ static bool take(kn_relaxation *r, int curves, const kn_curve *curve, char *erro
 // Return whether all files or no file have a strain, and whether all stresses are positive, as their logarithms
 // require. If not, write an error to `error`. With constant noise only the first mean of a hold must be positive, since
 // the stress of every model is positive there.
-static bool check(const kn_relaxation *r, bool constant_noise, char *error, size_t size)
+static bool check(const kn_relaxation_fit *r, bool constant_noise, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
         const kn_relaxation_curve *k = &r->curve[c];
@@ -129,7 +130,7 @@ static bool check(const kn_relaxation *r, bool constant_noise, char *error, size
 }
 
 // Return the mean stress of the first or last quarter of a hold's bins.
-static double quarter(const kn_bins *b, bool last)
+static double quarter(const kn_time_bins *b, bool last)
 {
     const int n = b->count / 4 > 0 ? b->count / 4 : 1, from = last ? b->count - n : 0;
     double sum = 0;
@@ -139,10 +140,10 @@ static double quarter(const kn_bins *b, bool last)
 
 // Return whether the stress of every hold falls; if not, write an error to `error`. A stress that does not fall has no
 // relaxation time, so the search would run to ever larger values.
-static bool check_falls(const kn_relaxation *r, char *error, size_t size)
+static bool check_falls(const kn_relaxation_fit *r, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
-        const kn_bins *b = &r->curve[c].hold;
+        const kn_time_bins *b = &r->curve[c].hold;
         const double before = quarter(b, false), after = quarter(b, true);
         if (after < FALLS * before) continue;
         snprintf(error, size,
@@ -154,7 +155,7 @@ static bool check_falls(const kn_relaxation *r, char *error, size_t size)
     return true;
 }
 
-bool kn_relaxation_take(kn_relaxation *r, int curves, const kn_curve *curve, bool constant_noise, char *error,
+bool kn_relaxation_take(kn_relaxation_fit *r, int curves, const kn_curve *curve, bool constant_noise, char *error,
                         size_t error_size)
 {
     return take(r, curves, curve, error, error_size) && check(r, constant_noise, error, error_size) &&

@@ -1,11 +1,11 @@
-#include "clients/identify/chain.h"
+#include "clients/identify/element_response.h"
 #include <math.h>
 #include <string.h>
 
-enum { STAGES = 5, UNITS = KN_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
+enum { STAGES = 5, UNITS = KN_VOIGT_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
 
 // Indices of the strains: the spring's, the Voigt elements', the damper's.
-enum { SPRING = 0, VOIGT = 1, DAMPER = KN_CHAIN_VOIGTS + 1 };
+enum { SPRING = 0, VOIGT = 1, DAMPER = KN_VOIGT_CHAIN_VOIGTS + 1 };
 
 static const double tolerance = 1e-7; // allowed error of one time step, as a share of the largest strain so far
 
@@ -32,18 +32,18 @@ typedef struct state {
     double largest, step_s;
 } state;
 
-double kn_chain_viscosity(const kn_chain *chain, double stress_pa)
+double kn_voigt_chain_viscosity(const kn_voigt_chain *chain, double stress_pa)
 {
     if (chain->beta_per_pa == 0) return chain->alpha_pa_s;
     return chain->alpha_pa_s * exp(-chain->beta_per_pa * fmin(fmax(fabs(stress_pa), chain->p0_pa), chain->p1_pa));
 }
 
 // Return the flow rate of the damper at stress p, and its slope. Both are 0 without a damper.
-static double flow(const kn_chain *chain, double p, double *slope)
+static double flow(const kn_voigt_chain *chain, double p, double *slope)
 {
     *slope = 0;
     if (chain->alpha_pa_s == 0) return 0;
-    double c = kn_chain_viscosity(chain, p), a = fabs(p);
+    double c = kn_voigt_chain_viscosity(chain, p), a = fabs(p);
     bool inside = a > chain->p0_pa && a <= chain->p1_pa;
     *slope = (1 + (inside ? chain->beta_per_pa * a : 0)) / c;
     return p / c;
@@ -62,7 +62,7 @@ typedef struct stage {
     double h, share[UNITS], all; // all: the sum of the shares
 } stage;
 
-static stage stage_of(const kn_chain *chain, double h)
+static stage stage_of(const kn_voigt_chain *chain, double h)
 {
     stage g = {.h = h};
     if (chain->spring_pa > 0) g.share[SPRING] = 1 / chain->spring_pa;
@@ -73,10 +73,10 @@ static stage stage_of(const kn_chain *chain, double h)
 }
 
 // Compute the strain that each element takes up beyond base at zero stress, and return the sum.
-static double rests(const kn_chain *chain, const stage *g, const double *base, double *out)
+static double rests(const kn_voigt_chain *chain, const stage *g, const double *base, double *out)
 {
     double sum = out[SPRING] = chain->spring_pa > 0 ? -base[SPRING] : 0;
-    for (int i = 0; i < KN_CHAIN_VOIGTS; i++) {
+    for (int i = 0; i < KN_VOIGT_CHAIN_VOIGTS; i++) {
         out[VOIGT + i] = i < chain->voigts ? -g->share[VOIGT + i] * chain->k_pa[i] * base[VOIGT + i] : 0;
         sum += out[VOIGT + i];
     }
@@ -86,7 +86,7 @@ static double rests(const kn_chain *chain, const stage *g, const double *base, d
 // Find the stress of a stage that begins with the strains `base`, and the strain that each element takes up. The method
 // is Newton's. The sum of the strains rises with p, so the root stays enclosed in an interval. If a Newton step leaves
 // that interval, the interval is halved instead.
-static bool meet(const kn_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
+static bool meet(const kn_voigt_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
                  double *taken)
 {
     double p = *stress, low = -INFINITY, high = INFINITY, steep, rate;
@@ -121,7 +121,7 @@ static bool meet(const kn_chain *chain, const drive *d, const stage *g, const do
 
 // Compute the stress and the rates that belong to the present strains. If the strain is given and the chain has no
 // spring, the stress follows from a stage that is too short to change the strains.
-static bool observe(const kn_chain *chain, const drive *d, state *s)
+static bool observe(const kn_voigt_chain *chain, const drive *d, state *s)
 {
     double taken[UNITS], steep, p = s->stress_pa;
     bool spring = chain->spring_pa > 0;
@@ -148,7 +148,7 @@ static bool observe(const kn_chain *chain, const drive *d, state *s)
 }
 
 // Take one step of length h. Return its error as a share of the largest strain, or infinity if a stage has no solution.
-static double step(const kn_chain *chain, const drive *d, const state *from, double h, state *to)
+static double step(const kn_voigt_chain *chain, const drive *d, const state *from, double h, state *to)
 {
     double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
     const stage g = stage_of(chain, GAMMA * h);
@@ -189,7 +189,7 @@ static double hermite(double a, double slope_a, double b, double slope_b, double
 }
 
 // Interpolate the readings between two states. A stress is computed from the interpolated strains.
-static bool read_between(const kn_chain *chain, const drive *d, const state *a, const state *b, readings *r)
+static bool read_between(const kn_voigt_chain *chain, const drive *d, const state *a, const state *b, readings *r)
 {
     for (; r->next < r->count && r->time_s[r->next] <= b->time_s; r->next++) {
         state at = *b;
@@ -202,7 +202,7 @@ static bool read_between(const kn_chain *chain, const drive *d, const state *a, 
 }
 
 // Advance without load: every Voigt element relaxes independently, in closed form.
-static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
+static void rest(const kn_voigt_chain *chain, state *s, double until_s, readings *r)
 {
     double begun[UNITS], from = s->time_s;
     memcpy(begun, s->x, sizeof begun);
@@ -222,7 +222,7 @@ static void rest(const kn_chain *chain, state *s, double until_s, readings *r)
 }
 
 // Integrate until the time `until_s` while the load or the rate of the strain is constant.
-static bool follow(const kn_chain *chain, const drive *d, state *s, double until_s, readings *r)
+static bool follow(const kn_voigt_chain *chain, const drive *d, state *s, double until_s, readings *r)
 {
     double span = until_s - s->time_s;
     if (!(span > 0)) return true;
@@ -256,8 +256,8 @@ static bool follow(const kn_chain *chain, const drive *d, state *s, double until
     return false;
 }
 
-bool kn_chain_creep(const kn_chain *chain, bool constant_area, int steps, const kn_chain_step *at, int count,
-                    const double *time_s, double *strain)
+bool kn_voigt_chain_creep(const kn_voigt_chain *chain, bool constant_area, int steps, const kn_voigt_chain_step *at,
+                          int count, const double *time_s, double *strain)
 {
     state s = {.time_s = at[0].time_s};
     readings r = {.count = count, .time_s = time_s, .out = strain, .strain = true};
@@ -270,8 +270,8 @@ bool kn_chain_creep(const kn_chain *chain, bool constant_area, int steps, const 
     return true;
 }
 
-bool kn_chain_stress(const kn_chain *chain, int steps, const kn_chain_step *at, int count, const double *time_s,
-                     double *stress_pa)
+bool kn_voigt_chain_stress(const kn_voigt_chain *chain, int steps, const kn_voigt_chain_step *at, int count,
+                           const double *time_s, double *stress_pa)
 {
     state s = {.time_s = at[0].time_s};
     readings r = {.count = count, .time_s = time_s, .out = stress_pa};

@@ -1,4 +1,4 @@
-#include "clients/identify/spectrum.h"
+#include "clients/identify/sweep_fit.h"
 #include "core/oneport.h"
 #include <math.h>
 #include <stdio.h>
@@ -22,7 +22,7 @@ static void modulus(const kn_element *e, const double *moduli, double hz, double
     kn_oneport_modulus(e, e->root, moduli, 2 * acos(-1.0) * hz, storage, loss);
 }
 
-void kn_spectrum_modulus(const kn_spectrum_row *row, double frequency_hz, double *storage_pa, double *loss_pa)
+void kn_sweep_fit_modulus(const kn_sweep_fit_row *row, double frequency_hz, double *storage_pa, double *loss_pa)
 {
     double moduli[KN_ELEMENT_MAX];
     for (int i = 0; i < row->net.element.leaves; i++) moduli[i] = row->net.part[i].modulus;
@@ -46,14 +46,14 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 
 // ---- the classes of the catalogue
 
-static void add_letter(kn_spectrum_row *row, char letter)
+static void add_letter(kn_sweep_fit_row *row, char letter)
 {
     const size_t n = strlen(row->letters);
     if (n + 3 <= sizeof row->letters) snprintf(row->letters + n, sizeof row->letters - n, n ? " %c" : "%c", letter);
 }
 
 // Add one row for each class of the catalogue. Elements of one class share a row and list their letters.
-static void add_classes(kn_spectrum *s)
+static void add_classes(kn_sweep_fit *s)
 {
     for (int i = 0; i < KN_CATALOGUE; i++) {
         kn_element e;
@@ -65,9 +65,9 @@ static void add_classes(kn_spectrum *s)
         // Elements with the same Voigt form are one class.
         kn_oneport_voigt(&class, text);
         while (k < s->rows && strcmp(s->row[k].expression, text) != 0) k++;
-        if (k == KN_SPECTRUM_ROWS) continue;
+        if (k == KN_SWEEP_FIT_ROWS) continue;
         if (k == s->rows) {
-            kn_spectrum_row *row = &s->row[s->rows++];
+            kn_sweep_fit_row *row = &s->row[s->rows++];
             snprintf(row->expression, sizeof row->expression, "%s", text);
             row->name = kn_oneport_name(&class);
             kn_element_parse(&row->net.element, text, error, sizeof error);
@@ -109,7 +109,7 @@ static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
 // Set the bounds of every spring and damper (part) far beyond the measured moduli and frequencies.
 static void bounds(const work *w, kn_fit *fit)
 {
-    static const char *const name[KN_SPECTRUM_PARTS] = {"1", "2", "3", "4"};
+    static const char *const name[KN_SWEEP_FIT_PARTS] = {"1", "2", "3", "4"};
     double least = INFINITY, most = 0, slow = INFINITY, fast = 0;
     for (int c = 0; c < w->curves; c++)
         for (int i = 0; i < w->curve[c].count; i++) {
@@ -133,7 +133,7 @@ static void bounds(const work *w, kn_fit *fit)
 typedef struct nesting {
     kn_fit *fit; // fit of the larger element
     const kn_element *element;
-    const kn_spectrum_row *within;
+    const kn_sweep_fit_row *within;
     double at[KN_FIT_UNKNOWNS], *best, least;
 } nesting;
 
@@ -161,12 +161,12 @@ static void nest(nesting *n, int leaf, unsigned placed)
 
 // Add starts from fitted elements with fewer parts. If this element contains one of them, the sum of squares cannot end
 // above that of the contained element.
-static int start_within(kn_fit *fit, const kn_element *element, const kn_spectrum *found,
+static int start_within(kn_fit *fit, const kn_element *element, const kn_sweep_fit *found,
                         double start[][KN_FIT_UNKNOWNS])
 {
     int count = 0;
     for (int i = 0; i < found->rows; i++) {
-        const kn_spectrum_row *row = &found->row[i];
+        const kn_sweep_fit_row *row = &found->row[i];
         if (!row->fitted || row->parts >= element->leaves) continue;
         nesting n = {.fit = fit, .element = element, .within = row, .best = start[count], .least = INFINITY};
         nest(&n, 0, 0);
@@ -176,7 +176,7 @@ static int start_within(kn_fit *fit, const kn_element *element, const kn_spectru
 }
 
 // Name a part: k1, c1, c2 in a material, else s1, d1, ...
-static void call(const kn_spectrum_row *row, int leaf, char name[8])
+static void call(const kn_sweep_fit_row *row, int leaf, char name[8])
 {
     const double m = row->net.part[leaf].modulus;
     const bool spring = is_spring(&row->net.element, leaf);
@@ -186,7 +186,7 @@ static void call(const kn_spectrum_row *row, int leaf, char name[8])
 }
 
 // Fill a row from its finished fit: parts, material, AICc, runs, misfit and intervals.
-static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
+static void judge(kn_sweep_fit_row *row, kn_fit *fit, double confidence)
 {
     static const char *const names[] = {"k1", "c1", "c2", "s1", "s2", "s3", "s4", "d1", "d2", "d3", "d4"};
     double value[KN_FIT_UNKNOWNS], *residual = calloc((size_t)fit->readings, sizeof *residual);
@@ -204,52 +204,52 @@ static void judge(kn_spectrum_row *row, kn_fit *fit, double confidence)
         call(row, i, name);
         size_t n = 0;
         while (n + 1 < sizeof names / sizeof *names && strcmp(names[n], name) != 0) n++;
-        kn_identified_take(&row->number[i], names[n], is_spring(&row->net.element, i) ? "Pa" : "Pa*s", value[i],
-                           kn_fit_interval_of(fit, i, confidence));
+        kn_parameter_estimate_set(&row->number[i], names[n], is_spring(&row->net.element, i) ? "Pa" : "Pa*s", value[i],
+                                  kn_fit_interval_of(fit, i, confidence));
     }
 }
 
 // Fit one element from random starts and from the smaller elements that have been fitted.
-static void fit_row(const work *all, const kn_spectrum *found, kn_spectrum_row *row, double confidence)
+static void fit_row(const work *all, const kn_sweep_fit *found, kn_sweep_fit_row *row, double confidence)
 {
     work w = *all;
     unsigned seed = 1;
-    double start[STARTS + KN_SPECTRUM_ROWS][KN_FIT_UNKNOWNS];
+    double start[STARTS + KN_SWEEP_FIT_ROWS][KN_FIT_UNKNOWNS];
     w.element = &row->net.element;
     kn_fit fit = {.readings = 2 * w.readings, .unknowns = row->parts, .misfit = misfit, .of = &w};
     bounds(&w, &fit);
     for (int s = 0; s < STARTS; s++) place(&w, &seed, start[s]);
-    if (row->parts > KN_SPECTRUM_PARTS || fit.readings <= fit.unknowns + 2) return;
+    if (row->parts > KN_SWEEP_FIT_PARTS || fit.readings <= fit.unknowns + 2) return;
     const int starts = STARTS + start_within(&fit, w.element, found, start + STARTS);
     row->fitted = kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
     if (row->fitted) judge(row, &fit, confidence);
 }
 
-// Choose the row with the fewest parts among those within KN_SPECTRUM_NEAR of the least AICc. material: only rows that
+// Choose the row with the fewest parts among those within KN_SWEEP_FIT_NEAR of the least AICc. material: only rows that
 // a scene can have.
-static int choose(const kn_spectrum *s, bool material)
+static int choose(const kn_sweep_fit *s, bool material)
 {
     double least = INFINITY;
     int best = -1;
     for (int i = 0; i < s->rows; i++)
         if (s->row[i].fitted && (s->row[i].is_material || !material)) least = fmin(least, s->row[i].aicc);
     for (int i = 0; i < s->rows; i++) {
-        const kn_spectrum_row *row = &s->row[i];
-        if (!row->fitted || (material && !row->is_material) || row->aicc > least + KN_SPECTRUM_NEAR) continue;
+        const kn_sweep_fit_row *row = &s->row[i];
+        if (!row->fitted || (material && !row->is_material) || row->aicc > least + KN_SWEEP_FIT_NEAR) continue;
         const bool fewer = best < 0 || row->parts < s->row[best].parts;
         if (fewer || (row->parts == s->row[best].parts && row->aicc < s->row[best].aicc)) best = i;
     }
     return best;
 }
 
-bool kn_spectrum_fit(kn_spectrum *s, int curves, const kn_curve *curve, double scale, double confidence)
+bool kn_sweep_fit_run(kn_sweep_fit *s, int curves, const kn_curve *curve, double scale, double confidence)
 {
-    *s = (kn_spectrum){0};
+    *s = (kn_sweep_fit){0};
     for (int c = 0; c < curves; c++) s->readings += curve[c].count;
     const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
     add_classes(s);
     // fit smaller elements first, since larger elements start from them
-    for (int parts = 1; parts <= KN_SPECTRUM_PARTS; parts++)
+    for (int parts = 1; parts <= KN_SWEEP_FIT_PARTS; parts++)
         for (int i = 0; i < s->rows; i++)
             if (s->row[i].parts == parts) fit_row(&w, s, &s->row[i], confidence);
     s->best = choose(s, false);

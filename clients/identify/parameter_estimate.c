@@ -1,4 +1,4 @@
-#include "clients/identify/identified.h"
+#include "clients/identify/parameter_estimate.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -13,14 +13,15 @@
 #include <string.h>
 #include <sys/stat.h>
 
-void kn_identified_take(kn_identified *n, const char *name, const char *unit, double value, kn_fit_interval interval)
+void kn_parameter_estimate_set(kn_parameter_estimate *n, const char *name, const char *unit, double value,
+                               kn_fit_interval interval)
 {
     static const kn_known known[2][2] = {{KN_KNOWN, KN_AT_LEAST}, {KN_AT_MOST, KN_UNKNOWN}};
-    *n = (kn_identified){.name = name, .unit = unit, .value = value, .interval = interval};
+    *n = (kn_parameter_estimate){.name = name, .unit = unit, .value = value, .interval = interval};
     n->known = known[interval.open_low][interval.open_high];
 }
 
-void kn_identified_print(const kn_identified *n, char *text, size_t size)
+void kn_parameter_estimate_text(const kn_parameter_estimate *n, char *text, size_t size)
 {
     const kn_fit_interval *i = &n->interval;
     switch (n->known) {
@@ -31,7 +32,7 @@ void kn_identified_print(const kn_identified *n, char *text, size_t size)
     }
 }
 
-void kn_identified_tell(json_t *to, const kn_identified *n)
+void kn_parameter_estimate_tell(json_t *to, const kn_parameter_estimate *n)
 {
     static const char *const known[] = {"known", "at_most", "at_least", "unknown"};
     if (!to) return;
@@ -65,7 +66,7 @@ static int may_write(const char *subcommand, const char *path)
 }
 
 // Return the parameter of this name, or NULL.
-static const kn_identified *find(int count, const kn_identified *number, const char *name)
+static const kn_parameter_estimate *find(int count, const kn_parameter_estimate *number, const char *name)
 {
     for (int i = 0; i < count; i++)
         if (!strcmp(number[i].name, name)) return &number[i];
@@ -73,21 +74,21 @@ static const kn_identified *find(int count, const kn_identified *number, const c
 }
 
 // Write one parameter with its interval, or with the reason why it is not known.
-static void line(FILE *f, const char *key, double value, const char *unit, const kn_identified *n)
+static void line(FILE *f, const char *key, double value, const char *unit, const kn_parameter_estimate *n)
 {
     char text[120], said[200];
     snprintf(text, sizeof text, "  %s: %.9g %s", key, value, unit);
     fprintf(f, "%-32s", text);
     if (n && n->known == KN_KNOWN) fprintf(f, " # %.5g .. %.5g", n->interval.low, n->interval.high);
     else if (n) {
-        kn_identified_print(n, said, sizeof said);
+        kn_parameter_estimate_text(n, said, sizeof said);
         fprintf(f, " # %s%s%s", said, *n->words ? ": " : "", n->words);
     }
     fprintf(f, "\n");
 }
 
 // Write the damper of the material, by its kind.
-static void damper(FILE *f, const kn_material *m, int count, const kn_identified *number)
+static void damper(FILE *f, const kn_material *m, int count, const kn_parameter_estimate *number)
 {
     switch (m->damper) {
     case KN_DAMPER_NONE: fprintf(f, "  damper: none\n"); break;
@@ -134,7 +135,7 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
     return text;
 }
 
-static void print_material(FILE *f, const kn_material *m, int count, const kn_identified *number)
+static void print_material(FILE *f, const kn_material *m, int count, const kn_parameter_estimate *number)
 {
     fprintf(f, "material:\n");
     line(f, "k1", m->k1_pa, "Pa", find(count, number, "k1"));
@@ -169,7 +170,7 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
 }
 
 int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
-                           double density_kg_m3, int count, const kn_identified *number)
+                           double density_kg_m3, int count, const kn_parameter_estimate *number)
 {
     char why[512];
     kn_beside out;

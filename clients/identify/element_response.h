@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_CHAIN_H
-#define KN_CLIENTS_IDENTIFY_CHAIN_H
+#ifndef KN_CLIENTS_IDENTIFY_ELEMENT_RESPONSE_H
+#define KN_CLIENTS_IDENTIFY_ELEMENT_RESPONSE_H
 // A chain: a spring, Voigt elements and a damper in series. The functions compute the creep of a chain under steps of
 // load, or the stress of a chain while its strain follows straight lines. A fit calls the functions thousands of times,
 // so they are made fast.
@@ -18,38 +18,38 @@
 // reference in tests.
 #include <stdbool.h>
 
-#define KN_CHAIN_VOIGTS 3
-#define KN_CHAIN_STEPS 64
+#define KN_VOIGT_CHAIN_VOIGTS 3
+#define KN_VOIGT_CHAIN_STEPS 64
 
-typedef struct kn_chain {
+typedef struct kn_voigt_chain {
     double spring_pa; // stiffness of the single spring [Pa]; 0: the chain has no single spring
     int voigts;       // number of Voigt elements
-    double k_pa[KN_CHAIN_VOIGTS], c_pa_s[KN_CHAIN_VOIGTS]; // k >= 0, c >= 0, not both 0
-    double alpha_pa_s;                                     // 0: the chain has no single damper
-    double beta_per_pa, p0_pa, p1_pa;                      // beta 0: the damping c(P) does not depend on the stress
-} kn_chain;
+    double k_pa[KN_VOIGT_CHAIN_VOIGTS], c_pa_s[KN_VOIGT_CHAIN_VOIGTS]; // k >= 0, c >= 0, not both 0
+    double alpha_pa_s;                                                 // 0: the chain has no single damper
+    double beta_per_pa, p0_pa, p1_pa; // beta 0: the damping c(P) does not depend on the stress
+} kn_voigt_chain;
 
-typedef struct kn_chain_step {
+typedef struct kn_voigt_chain_step {
     double time_s; // time from which `value` applies [s]
-    // for kn_chain_creep: nominal stress W/S0 from time_s on [Pa]; for kn_chain_stress: strain at time_s, from where
+    // for kn_voigt_chain_creep: nominal stress W/S0 from time_s on [Pa]; for kn_voigt_chain_stress: strain at time_s, from where
     // the strain changes linearly up to the next step
     double value;
-} kn_chain_step;
+} kn_voigt_chain_step;
 
 // Return the damping c(P) of the chain's single damper at the stress P [Pa s].
-double kn_chain_viscosity(const kn_chain *chain, double stress_pa);
+double kn_voigt_chain_viscosity(const kn_voigt_chain *chain, double stress_pa);
 
 // Compute the strain at `count` rising times. The chain is at rest, with strain 0, until step[0].time_s. At the time of
 // a load step, the result is the strain just before that step. Return false if a time step does not converge or if the
 // chain's parameters are out of range.
-bool kn_chain_creep(const kn_chain *chain, bool constant_area, int steps, const kn_chain_step *step, int count,
-                    const double *time_s, double *strain);
+bool kn_voigt_chain_creep(const kn_voigt_chain *chain, bool constant_area, int steps, const kn_voigt_chain_step *step,
+                          int count, const double *time_s, double *strain);
 
 // Compute the stress at `count` rising times. The chain is at rest until step[0].time_s. From then on the strain
 // follows step[], and the last strain is held. Two steps at one time are a jump of strain. Only a chain with a single
 // spring allows a jump. At the time of a step, the result is the stress just before that step. Return false if a time
 // step does not converge or if the chain's parameters are out of range.
-bool kn_chain_stress(const kn_chain *chain, int steps, const kn_chain_step *step, int count, const double *time_s,
-                     double *stress_pa);
+bool kn_voigt_chain_stress(const kn_voigt_chain *chain, int steps, const kn_voigt_chain_step *step, int count,
+                           const double *time_s, double *stress_pa);
 
 #endif

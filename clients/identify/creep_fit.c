@@ -1,7 +1,6 @@
-#include "clients/identify/joint.h"
-#include "clients/identify/chain.h"
+#include "clients/identify/creep_fit.h"
+#include "clients/identify/element_response.h"
 #include "clients/identify/onset.h"
-#include "clients/identify/stages.h"
 #include "core/order.h"
 #include <math.h>
 #include <stdlib.h>
@@ -11,9 +10,9 @@
 // says the load was applied (late_s), and how much longer than the file says the last load lasted (held_s). Both
 // together are called the lateness of the curve.
 // LATE: index of the first unknown of the first curve; ROW: largest number of neighbouring outliers that are left out
-enum { LATE = KN_JOINT_NUMBERS, ROW = 3 };
+enum { LATE = KN_ESTIMATE_NUMBERS, ROW = 3 };
 _Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
-_Static_assert(KN_CURVE_STEPS <= KN_CHAIN_STEPS, "a curve's loads are a chain's");
+_Static_assert(KN_CURVE_STEPS <= KN_VOIGT_CHAIN_STEPS, "a curve's loads are a chain's");
 
 // limit of Huber's loss, in standard deviations of the noise; the influence of a reading on the robust fit does not
 // grow beyond this limit
@@ -44,45 +43,45 @@ static double came(const kn_curve *c, int step, lateness l)
     return c->step[step].time_s + l.late_s + (release ? l.held_s : 0);
 }
 
-double kn_joint_load(const kn_curve *c, double time_s)
+double kn_creep_load(const kn_curve *c, double time_s)
 {
     double load = 0;
     for (int i = 0; i < c->steps && c->step[i].time_s < time_s; i++) load = c->step[i].stress_pa;
     return load;
 }
 
-double kn_joint_release(const kn_curve *c)
+double kn_creep_release(const kn_curve *c)
 {
     return c->steps > 0 && c->step[c->steps - 1].stress_pa == 0 ? c->step[c->steps - 1].time_s : (double)INFINITY;
 }
 
-void kn_joint_stress(const kn_curve *c, double *stress_pa)
+void kn_creep_stress(const kn_curve *c, double *stress_pa)
 {
     for (int i = 0; i < c->count; i++)
-        stress_pa[i] = kn_joint_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - c->value[i]);
+        stress_pa[i] = kn_creep_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - c->value[i]);
 }
 
-static kn_chain chain_of(const kn_material *m)
+static kn_voigt_chain chain_of(const kn_material *m)
 {
-    return (kn_chain){.voigts = 1,
-                      .k_pa = {m->k1_pa},
-                      .c_pa_s = {m->c1_pa_s},
-                      .alpha_pa_s = m->alpha_pa_s,
-                      .beta_per_pa = m->beta_per_pa,
-                      .p0_pa = m->p0_pa,
-                      .p1_pa = m->p1_pa};
+    return (kn_voigt_chain){.voigts = 1,
+                            .k_pa = {m->k1_pa},
+                            .c_pa_s = {m->c1_pa_s},
+                            .alpha_pa_s = m->alpha_pa_s,
+                            .beta_per_pa = m->beta_per_pa,
+                            .p0_pa = m->p0_pa,
+                            .p1_pa = m->p1_pa};
 }
 
 // Compute a material's strain under the curve's loads, shifted by the lateness.
 static bool predict(const kn_material *material, const kn_curve *c, lateness l, double *strain)
 {
-    kn_chain chain = chain_of(material);
-    kn_chain_step step[KN_CURVE_STEPS];
-    for (int i = 0; i < c->steps; i++) step[i] = (kn_chain_step){came(c, i, l), c->step[i].stress_pa};
-    return kn_chain_creep(&chain, c->constant_area, c->steps, step, c->count, c->time_s, strain);
+    kn_voigt_chain chain = chain_of(material);
+    kn_voigt_chain_step step[KN_CURVE_STEPS];
+    for (int i = 0; i < c->steps; i++) step[i] = (kn_voigt_chain_step){came(c, i, l), c->step[i].stress_pa};
+    return kn_voigt_chain_creep(&chain, c->constant_area, c->steps, step, c->count, c->time_s, strain);
 }
 
-bool kn_joint_predict(const kn_material *material, const kn_curve *c, double *strain)
+bool kn_creep_fit_predict(const kn_material *material, const kn_curve *c, double *strain)
 {
     return predict(material, c, (lateness){0, 0}, strain);
 }
@@ -106,7 +105,7 @@ static void settle(kn_curve *c, lateness l)
     memmove(c->line, c->line + early, (size_t)c->count * sizeof *c->line);
 }
 
-void kn_joint_settle(const kn_joint *j, int curves, kn_curve *curve)
+void kn_creep_fit_settle(const kn_creep_fit *j, int curves, kn_curve *curve)
 {
     for (int k = 0; k < curves; k++) settle(&curve[k], (lateness){j->late_s[k], j->held_s[k]});
 }
@@ -115,13 +114,13 @@ void kn_joint_settle(const kn_joint *j, int curves, kn_curve *curve)
 
 static kn_material material_of(const double *v)
 {
-    return (kn_material){.k1_pa = v[KN_JOINT_K1],
-                         .c1_pa_s = v[KN_JOINT_C1],
+    return (kn_material){.k1_pa = v[KN_ESTIMATE_K1],
+                         .c1_pa_s = v[KN_ESTIMATE_C1],
                          .damper = KN_DAMPER_EXPONENTIAL,
-                         .alpha_pa_s = v[KN_JOINT_ALPHA],
-                         .beta_per_pa = v[KN_JOINT_BETA],
-                         .p0_pa = v[KN_JOINT_P0],
-                         .p1_pa = v[KN_JOINT_P1]};
+                         .alpha_pa_s = v[KN_ESTIMATE_ALPHA],
+                         .beta_per_pa = v[KN_ESTIMATE_BETA],
+                         .p0_pa = v[KN_ESTIMATE_P0],
+                         .p1_pa = v[KN_ESTIMATE_P1]};
 }
 
 // Return a residual whose square is Huber's loss: beyond `huber` the square grows like |r|.
@@ -174,7 +173,7 @@ static double step_end(const kn_curve *c, int step)
 
 // Extend the range of stresses by one curve's loads. The stresses follow from the strains at the begin and the end of
 // each load.
-static void visit(kn_joint *j, const kn_curve *c, const double end_strain[KN_CURVE_STEPS])
+static void visit(kn_creep_fit *j, const kn_curve *c, const double end_strain[KN_CURVE_STEPS])
 {
     for (int i = 0; i < c->steps; i++) {
         const double load = c->step[i].stress_pa, begun = i ? end_strain[i - 1] : 0;
@@ -186,7 +185,7 @@ static void visit(kn_joint *j, const kn_curve *c, const double end_strain[KN_CUR
     }
 }
 
-static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CURVE_STEPS], const kn_curve *curve)
+static void visit_all(kn_creep_fit *j, int curves, const double (*end_strain)[KN_CURVE_STEPS], const kn_curve *curve)
 {
     j->lowest_pa = INFINITY;
     j->highest_pa = 0;
@@ -197,7 +196,7 @@ static void visit_all(kn_joint *j, int curves, const double (*end_strain)[KN_CUR
 
 // Estimate the range of stresses under load from the measured strains. The estimate is accurate enough to begin a
 // search.
-static void visited(kn_joint *j, int curves, const kn_curve *curve)
+static void visited(kn_creep_fit *j, int curves, const kn_curve *curve)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
     for (int k = 0; k < curves; k++)
@@ -221,27 +220,27 @@ static double longest(int curves, const kn_curve *curve)
 }
 
 // Return whether all stresses are nearly equal. The data then do not determine beta, P0 and P1.
-static bool constant(const kn_joint *j) { return j->lowest_pa > one_stress * j->highest_pa; }
+static bool constant(const kn_creep_fit *j) { return j->lowest_pa > one_stress * j->highest_pa; }
 
 // Set the bounds of all unknowns, decades around the size of the measured values.
-static void bound(kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve)
+static void bound(kn_fit *fit, const kn_creep_fit *j, int curves, const kn_curve *curve)
 {
     static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
     double stiff = j->highest_pa / largest_strain(curves, curve), viscous = stiff * longest(curves, curve);
     double top = j->highest_pa;
     const double low[] = {1e-5 * stiff, 1e-8 * viscous, 1e-7 * viscous, 1e-3 / top, 0.1 * j->lowest_pa, j->lowest_pa};
     const double high[] = {1e6 * stiff, 1e4 * viscous, 1e15 * viscous, 100 / top, top, 3 * top};
-    for (int i = 0; i < KN_JOINT_NUMBERS; i++)
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
         fit->unknown[i] = (kn_fit_unknown){.name = name[i], .low = low[i], .high = high[i]};
     // well below the least stress, so that P0 has no effect on the readings
-    fit->unknown[KN_JOINT_P0].value = 0.5 * j->lowest_pa;
-    fit->unknown[KN_JOINT_P1].value = top;
-    fit->unknown[KN_JOINT_P0].fixed = fit->unknown[KN_JOINT_P1].fixed = true;
-    fit->unknowns = KN_JOINT_NUMBERS;
+    fit->unknown[KN_ESTIMATE_P0].value = 0.5 * j->lowest_pa;
+    fit->unknown[KN_ESTIMATE_P1].value = top;
+    fit->unknown[KN_ESTIMATE_P0].fixed = fit->unknown[KN_ESTIMATE_P1].fixed = true;
+    fit->unknowns = KN_ESTIMATE_NUMBERS;
     if (!constant(j)) return;
-    fit->unknown[KN_JOINT_ALPHA].name = "c2";
-    fit->unknown[KN_JOINT_BETA].low = fit->unknown[KN_JOINT_BETA].value = 0;
-    fit->unknown[KN_JOINT_BETA].fixed = true;
+    fit->unknown[KN_ESTIMATE_ALPHA].name = "c2";
+    fit->unknown[KN_ESTIMATE_BETA].low = fit->unknown[KN_ESTIMATE_BETA].value = 0;
+    fit->unknown[KN_ESTIMATE_BETA].fixed = true;
 }
 
 // ---- the search
@@ -254,21 +253,21 @@ static void values(const kn_fit *fit, double out[KN_FIT_UNKNOWNS])
 // Compute starts for k1, c1, alpha and beta. One comes from the two stages of the curve with the largest load that was
 // released, the others from the size of the values. P0 and P1 are outside the measured stresses, where they have no
 // effect.
-static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_curve *curve,
+static int guesses(const kn_fit *fit, const kn_creep_fit *j, int curves, const kn_curve *curve,
                    double start[4][KN_FIT_UNKNOWNS])
 {
     double top = j->highest_pa, stiff = top / largest_strain(curves, curve), seconds = longest(curves, curve);
     const kn_curve *best = NULL;
     int count = 0;
     for (int k = 0; k < curves; k++)
-        if (isfinite(kn_joint_release(&curve[k])) && (!best || curve[k].step[0].stress_pa > best->step[0].stress_pa))
+        if (isfinite(kn_creep_release(&curve[k])) && (!best || curve[k].step[0].stress_pa > best->step[0].stress_pa))
             best = &curve[k];
-    kn_stages s;
-    if (best && kn_stages_fit(&s, best)) {
+    kn_two_stage s;
+    if (best && kn_two_stage_fit(&s, best)) {
         values(fit, start[count]);
         const kn_material *m = &s.material;
         memcpy(start[count++], (double[]){m->k1_pa, m->c1_pa_s, m->alpha_pa_s, m->beta_per_pa}, 4 * sizeof(double));
-        kn_stages_free(&s);
+        kn_two_stage_free(&s);
     }
     for (int k = 0; k < 3; k++) {
         double k1 = 3 * stiff, beta = (double[]){1, 4, 8}[k] / top;
@@ -277,8 +276,8 @@ static int guesses(const kn_fit *fit, const kn_joint *j, int curves, const kn_cu
                4 * sizeof(double));
     }
     for (int k = 0; k < count && constant(j); k++) {
-        start[k][KN_JOINT_ALPHA] = stiff * seconds * (double[]){1, 1, 10, 100}[k];
-        start[k][KN_JOINT_BETA] = 0;
+        start[k][KN_ESTIMATE_ALPHA] = stiff * seconds * (double[]){1, 1, 10, 100}[k];
+        start[k][KN_ESTIMATE_BETA] = 0;
     }
     return count;
 }
@@ -304,7 +303,7 @@ static int best_two(kn_fit *fit, int starts, double start[4][KN_FIT_UNKNOWNS])
 // Compute the range of stresses in the fitted element. The last reading before a release is not the end of the load,
 // and readings have noise and outliers. P0, which the search kept below all stresses, is then raised to the least
 // stress. This changes no fitted value at the readings.
-static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
+static bool visited_by_fit(kn_creep_fit *j, joint_work *w, kn_fit *fit)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS], end_s[KN_CURVE_STEPS], value[KN_FIT_UNKNOWNS];
     values(fit, value);
@@ -320,45 +319,45 @@ static bool visited_by_fit(kn_joint *j, joint_work *w, kn_fit *fit)
         if (!predict(&m, &ends, l, end_strain[k])) return false;
     }
     visit_all(j, w->curves, end_strain, w->curve);
-    kn_fit_unknown *p0 = &fit->unknown[KN_JOINT_P0];
+    kn_fit_unknown *p0 = &fit->unknown[KN_ESTIMATE_P0];
     p0->low = 0.1 * j->lowest_pa;
     p0->value = j->lowest_pa;
-    fit->unknown[KN_JOINT_P1].low = fmin(j->lowest_pa, fit->unknown[KN_JOINT_P1].value);
+    fit->unknown[KN_ESTIMATE_P1].low = fmin(j->lowest_pa, fit->unknown[KN_ESTIMATE_P1].value);
     return true;
 }
 
 // Make P1 an unknown. Start from several shares of the largest stress and keep the best fit.
-static bool seek_p1(kn_fit *fit, const kn_joint *j)
+static bool seek_p1(kn_fit *fit, const kn_creep_fit *j)
 {
     static const double share[] = {0.6, 0.8, 0.93};
     double start[4][KN_FIT_UNKNOWNS];
     int count = 0;
     for (int k = 0; k < 3; k++) {
         values(fit, start[count]);
-        start[count][KN_JOINT_P1] = share[k] * j->highest_pa;
-        if (start[count][KN_JOINT_P1] > 1.02 * j->lowest_pa) count++;
+        start[count][KN_ESTIMATE_P1] = share[k] * j->highest_pa;
+        if (start[count][KN_ESTIMATE_P1] > 1.02 * j->lowest_pa) count++;
     }
     values(fit, start[count]); // a further start: P1 beyond the largest stress, where P1 has no effect
-    start[count++][KN_JOINT_P1] = 1.1 * j->highest_pa;
-    fit->unknown[KN_JOINT_P1].fixed = false;
+    start[count++][KN_ESTIMATE_P1] = 1.1 * j->highest_pa;
+    fit->unknown[KN_ESTIMATE_P1].fixed = false;
     return kn_fit_run_from(fit, count, start);
 }
 
 // Make P0 an unknown. Start above the least stress. Keep P0 as an unknown only if chance does not explain the gain.
-static bool seek_p0(kn_fit *fit, const kn_joint *j, double confidence)
+static bool seek_p0(kn_fit *fit, const kn_creep_fit *j, double confidence)
 {
     kn_fit other = *fit;
     double start[3][KN_FIT_UNKNOWNS], t = kn_fit_student(confidence, fit->freedom);
     int count = 0;
     for (int k = 0; k < 2; k++) {
         values(fit, start[count]);
-        start[count][KN_JOINT_P0] = j->lowest_pa * (double[]){1.3, 2.5}[k];
-        if (start[count][KN_JOINT_P0] < 0.9 * fit->unknown[KN_JOINT_P1].value) count++;
+        start[count][KN_ESTIMATE_P0] = j->lowest_pa * (double[]){1.3, 2.5}[k];
+        if (start[count][KN_ESTIMATE_P0] < 0.9 * fit->unknown[KN_ESTIMATE_P1].value) count++;
     }
-    other.unknown[KN_JOINT_P0].fixed = false;
+    other.unknown[KN_ESTIMATE_P0].fixed = false;
     if (count == 0 || !kn_fit_run_from(&other, count, start)) return true;
     bool seen = fit->sum - other.sum > t * t * other.scale * other.scale;
-    seen = seen && other.unknown[KN_JOINT_P0].value > 1.001 * j->lowest_pa;
+    seen = seen && other.unknown[KN_ESTIMATE_P0].value > 1.001 * j->lowest_pa;
     long spent = other.evaluations;
     if (seen) *fit = other;
     fit->evaluations = spent;
@@ -398,7 +397,7 @@ static int beside(const double *d, int n, int at)
 }
 
 // Leave out the outliers of all curves, except outliers in a series of more than ROW neighbouring ones.
-static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
+static int leave_out(kn_creep_fit *j, const joint_work *w, const kn_fit *fit)
 {
     int count = 0;
     double *d = malloc((size_t)w->most * sizeof *d);
@@ -406,10 +405,10 @@ static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
     for (int k = 0; d && k < w->curves; left_out += w->curve[k++].count) {
         int n = w->curve[k].count;
         if (!deviations(w, fit, k, d)) continue;
-        for (int i = 0; i < n && j->outliers < KN_JOINT_OUTLIERS; i++) {
+        for (int i = 0; i < n && j->outliers < KN_CREEP_OUTLIERS; i++) {
             if (fabs(d[i]) <= outlying || beside(d, n, i) > ROW) continue;
             left_out[i] = true;
-            j->outlier[j->outliers++] = (kn_joint_outlier){k, i, w->curve[k].line[i], fabs(d[i])};
+            j->outlier[j->outliers++] = (kn_creep_outlier){k, i, w->curve[k].line[i], fabs(d[i])};
             count++;
         }
     }
@@ -420,13 +419,13 @@ static int leave_out(kn_joint *j, const joint_work *w, const kn_fit *fit)
 // ---- results
 
 // Compute the interval of one parameter.
-static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *opt)
+static void interval(kn_creep_fit *j, kn_fit *fit, int i, const kn_creep_fit_options *opt)
 {
     static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
     const kn_fit_unknown *u = &fit->unknown[i];
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
-    if (constant(j) && i >= KN_JOINT_BETA) {   // a constant damper has no beta, P0 or P1
-    } else if (i == KN_JOINT_P0 && u->fixed) { // the interval states how high P0 could be
+    if (constant(j) && i >= KN_ESTIMATE_BETA) {   // a constant damper has no beta, P0 or P1
+    } else if (i == KN_ESTIMATE_P0 && u->fixed) { // the interval states how high P0 could be
         kn_fit free_of = *fit;
         free_of.unknown[i].fixed = false;
         free_of.unknown[i].low = 0.999 * j->lowest_pa; // every P0 below the least stress fits equally well
@@ -435,24 +434,24 @@ static void interval(kn_joint *j, kn_fit *fit, int i, const kn_joint_options *op
         known.open_low = true;
     } else if (!opt->no_intervals) {
         // the likelihood of P0 and P1 has a kink at the end of the measured stresses, so use the profile
-        bool bent = i >= KN_JOINT_P0;
+        bool bent = i >= KN_ESTIMATE_P0;
         known = bent ? kn_fit_interval_by(fit, i, opt->confidence, KN_FIT_PROFILE)
                      : kn_fit_interval_of(fit, i, opt->confidence);
     }
     // Every P1 beyond the largest stress fits equally well, so the interval ends at the largest stress.
-    if (i == KN_JOINT_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
-    kn_identified_take(&j->number[i], u->name, unit[i], u->value, known);
+    if (i == KN_ESTIMATE_P1 && !known.open_high) known.high = fmin(known.high, fmax(j->highest_pa, u->value));
+    kn_parameter_estimate_set(&j->number[i], u->name, unit[i], u->value, known);
 }
 
 // Set the words of each parameter that is not known: the reason, or the value used instead.
-static void say(kn_joint *j)
+static void say(kn_creep_fit *j)
 {
     if (constant(j)) {
-        snprintf(j->number[KN_JOINT_BETA].words, sizeof j->number[0].words,
+        snprintf(j->number[KN_ESTIMATE_BETA].words, sizeof j->number[0].words,
                  "only one stress: these curves do not show how the damper depends on it; it is taken as constant");
         return;
     }
-    kn_identified *p0 = &j->number[KN_JOINT_P0], *p1 = &j->number[KN_JOINT_P1];
+    kn_parameter_estimate *p0 = &j->number[KN_ESTIMATE_P0], *p1 = &j->number[KN_ESTIMATE_P1];
     if (p0->known != KN_KNOWN)
         snprintf(p0->words, sizeof p0->words,
                  "no load was below %.4g Pa; this value is used and not extrapolated; measure a smaller load",
@@ -461,8 +460,8 @@ static void say(kn_joint *j)
         snprintf(p1->words, sizeof p1->words,
                  "the largest stress, %.4g Pa, did not last; measure a larger load, sampled faster at its start",
                  j->highest_pa);
-    for (int i = KN_JOINT_K1; i <= KN_JOINT_BETA; i++) {
-        kn_identified *n = &j->number[i];
+    for (int i = KN_ESTIMATE_K1; i <= KN_ESTIMATE_BETA; i++) {
+        kn_parameter_estimate *n = &j->number[i];
         if (n->known == KN_AT_MOST) snprintf(n->words, sizeof n->words, "these curves cannot tell it from 0");
         else if (n->known == KN_AT_LEAST)
             snprintf(n->words, sizeof n->words, "these curves cannot tell it from infinity");
@@ -472,11 +471,11 @@ static void say(kn_joint *j)
 }
 
 // Derive material, intervals, residuals and runs from the finished fit.
-static bool conclude(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
+static bool conclude(kn_creep_fit *j, joint_work *w, kn_fit *fit, const kn_creep_fit_options *opt)
 {
     double(*c)[KN_FIT_UNKNOWNS] = fit->covariance, value[KN_FIT_UNKNOWNS];
-    const int a = KN_JOINT_ALPHA, b = KN_JOINT_BETA;
-    for (int i = 0; i < KN_JOINT_NUMBERS; i++) interval(j, fit, i, opt);
+    const int a = KN_ESTIMATE_ALPHA, b = KN_ESTIMATE_BETA;
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) interval(j, fit, i, opt);
     values(fit, value);
     j->material = material_of(value);
     j->material.p1_pa = fmax(j->material.p1_pa, 1.0001 * j->material.p0_pa);
@@ -522,7 +521,7 @@ static lateness late_at_first(const kn_curve *c)
     double least_s;
     const double at_s = kn_onset(c->count, c->time_s, c->value, c->noise, &least_s);
     if (!(least_s > 0)) return (lateness){0, 0};
-    const double release_s = kn_joint_release(c);
+    const double release_s = kn_creep_release(c);
     int peak = 0;
     for (int i = 0; i < c->count; i++)
         if (c->value[i] > c->value[peak]) peak = i;
@@ -538,7 +537,7 @@ static void begin_late(joint_work *w, kn_fit *fit)
         const kn_curve *c = &w->curve[k];
         const lateness l = late_at_first(c);
         const double long_s = c->time_s[c->count - 1];
-        const double load_s = isfinite(kn_joint_release(c)) ? kn_joint_release(c) - c->step[c->steps - 2].time_s : 0;
+        const double load_s = isfinite(kn_creep_release(c)) ? kn_creep_release(c) - c->step[c->steps - 2].time_s : 0;
         kn_fit_unknown *u = &fit->unknown[LATE + 2 * k];
         u[0] = (kn_fit_unknown){.name = "late", .low = -long_s, .high = long_s, .linear = true, .fixed = true};
         u[1] = (kn_fit_unknown){.name = "held", .low = -0.9 * load_s, .high = load_s, .linear = true, .fixed = true};
@@ -555,7 +554,7 @@ static bool seek_late(joint_work *w, kn_fit *fit)
     int held = 0;
     for (int k = 0; k < w->curves; k++) {
         fit->unknown[LATE + 2 * k].fixed = false;
-        fit->unknown[LATE + 2 * k + 1].fixed = !isfinite(kn_joint_release(&w->curve[k]));
+        fit->unknown[LATE + 2 * k + 1].fixed = !isfinite(kn_creep_release(&w->curve[k]));
     }
     for (int i = 0; i < fit->unknowns; i++) held += fit->unknown[i].fixed;
     return fit->readings > fit->unknowns - held && kn_fit_run(fit);
@@ -563,7 +562,7 @@ static bool seek_late(joint_work *w, kn_fit *fit)
 
 // Search in stages: a robust fit from the best starts, then P1. Leave out the outliers, fit with plain squares, then
 // try P0 and the lateness.
-static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_options *opt)
+static bool search(kn_creep_fit *j, joint_work *w, kn_fit *fit, const kn_creep_fit_options *opt)
 {
     double start[4][KN_FIT_UNKNOWNS];
     if (opt->late) begin_late(w, fit);
@@ -573,14 +572,14 @@ static bool search(kn_joint *j, joint_work *w, kn_fit *fit, const kn_joint_optio
     if (!constant(j) && !seek_p1(fit, j)) return false;
     w->robust = false;
     fit->readings -= leave_out(j, w, fit);
-    if (fit->readings <= KN_JOINT_NUMBERS || !kn_fit_run(fit) || !visited_by_fit(j, w, fit)) return false;
+    if (fit->readings <= KN_ESTIMATE_NUMBERS || !kn_fit_run(fit) || !visited_by_fit(j, w, fit)) return false;
     if (!constant(j) && !seek_p0(fit, j, opt->confidence)) return false;
     return !opt->late || seek_late(w, fit);
 }
 
-bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_joint_options *opt)
+bool kn_creep_fit_run(kn_creep_fit *joint, int curves, const kn_curve *curve, const kn_creep_fit_options *opt)
 {
-    *joint = (kn_joint){.outliers = 0};
+    *joint = (kn_creep_fit){.outliers = 0};
     joint_work w = {.curves = curves, .curve = curve};
     kn_fit fit = {.misfit = misfit, .of = &w};
     for (int k = 0; k < curves; k++) {
@@ -591,7 +590,7 @@ bool kn_joint_fit(kn_joint *joint, int curves, const kn_curve *curve, const kn_j
     w.left_out = calloc((size_t)fit.readings + 1, sizeof *w.left_out);
     visited(joint, curves, curve);
     bound(&fit, joint, curves, curve);
-    bool ok = w.strain && w.left_out && fit.readings > KN_JOINT_NUMBERS;
+    bool ok = w.strain && w.left_out && fit.readings > KN_ESTIMATE_NUMBERS;
     ok = ok && search(joint, &w, &fit, opt) && conclude(joint, &w, &fit, opt);
     free(w.strain);
     free(w.left_out);

@@ -1,5 +1,5 @@
-// clients/identify/chain.h compared with core/network.h. The two share only the equations.
-#include "clients/identify/chain.h"
+// clients/identify/element_response.h compared with core/network.h. The two share only the equations.
+#include "clients/identify/element_response.h"
 #include "core/network.h"
 #include "tests/check.h"
 
@@ -7,16 +7,16 @@
 
 enum { READINGS = 433 };
 
-static const kn_chain dough = {.voigts = 1,
-                               .k_pa = {470 * GF},
-                               .c_pa_s = {2500 * GF},
-                               .alpha_pa_s = 8.16e4 * GF,
-                               .beta_per_pa = 0.0815 / GF,
-                               .p0_pa = 9 * GF,
-                               .p1_pa = 80 * GF};
+static const kn_voigt_chain dough = {.voigts = 1,
+                                     .k_pa = {470 * GF},
+                                     .c_pa_s = {2500 * GF},
+                                     .alpha_pa_s = 8.16e4 * GF,
+                                     .beta_per_pa = 0.0815 / GF,
+                                     .p0_pa = 9 * GF,
+                                     .p1_pa = 80 * GF};
 
 // Return the same chain as a network: the series damper, then the spring, then the (s|d) elements.
-static kn_network network_of(const kn_chain *c, const char *expression)
+static kn_network network_of(const kn_voigt_chain *c, const char *expression)
 {
     kn_network net = {0};
     char error[200];
@@ -33,7 +33,7 @@ static kn_network network_of(const kn_chain *c, const char *expression)
     return net;
 }
 
-static void oracle(const kn_network *net, int steps, const kn_chain_step *step, kn_drive_kind kind,
+static void oracle(const kn_network *net, int steps, const kn_voigt_chain_step *step, kn_drive_kind kind,
                    const double *time_s, double *strain)
 {
     kn_network_state s = {0};
@@ -51,14 +51,15 @@ static void oracle(const kn_network *net, int steps, const kn_chain_step *step, 
     }
 }
 
-static double furthest(const kn_chain *c, const char *expression, int steps, const kn_chain_step *step, bool constant)
+static double furthest(const kn_voigt_chain *c, const char *expression, int steps, const kn_voigt_chain_step *step,
+                       bool constant)
 {
     static double time_s[READINGS], mine[READINGS], theirs[READINGS];
     kn_network net = network_of(c, expression);
     double worst = 0, largest = 0;
     for (int i = 0; i < READINGS; i++) time_s[i] = 0.3 * (i + 1);
     oracle(&net, steps, step, constant ? KN_DRIVE_STRESS : KN_DRIVE_LOAD, time_s, theirs);
-    CHECK(kn_chain_creep(c, constant, steps, step, READINGS, time_s, mine));
+    CHECK(kn_voigt_chain_creep(c, constant, steps, step, READINGS, time_s, mine));
     for (int i = 0; i < READINGS; i++) {
         worst = fmax(worst, fabs(mine[i] - theirs[i]));
         largest = fmax(largest, theirs[i]);
@@ -69,23 +70,23 @@ static double furthest(const kn_chain *c, const char *expression, int steps, con
 TEST("dough creeps and recovers as the network does, under every load of the paper")
 {
     for (int load = 10; load <= 90; load += 20) {
-        kn_chain_step step[2] = {{0, load * GF}, {60, 0}};
+        kn_voigt_chain_step step[2] = {{0, load * GF}, {60, 0}};
         CHECK_NEAR(furthest(&dough, "d-(s|d)", 2, step, false), 0, 2e-5);
     }
 }
 
 TEST("loads that come one upon the other, and an area that stays")
 {
-    kn_chain_step step[4] = {{0, 20 * GF}, {20, 45 * GF}, {40, 10 * GF}, {80, 0}};
+    kn_voigt_chain_step step[4] = {{0, 20 * GF}, {20, 45 * GF}, {40, 10 * GF}, {80, 0}};
     CHECK_NEAR(furthest(&dough, "d-(s|d)", 4, step, false), 0, 1e-6);
     CHECK_NEAR(furthest(&dough, "d-(s|d)", 4, step, true), 0, 1e-6);
 }
 
 TEST("Burgers and rows of two Voigt units, fast ones, too")
 {
-    kn_chain burgers = {.spring_pa = 3e5, .voigts = 1, .k_pa = {1e5}, .c_pa_s = {2e5}, .alpha_pa_s = 4e6};
-    kn_chain row = {.spring_pa = 3e5, .voigts = 2, .k_pa = {1e5, 4e4}, .c_pa_s = {2e2, 2e5}};
-    kn_chain_step step[2] = {{0, 50 * GF}, {60, 0}};
+    kn_voigt_chain burgers = {.spring_pa = 3e5, .voigts = 1, .k_pa = {1e5}, .c_pa_s = {2e5}, .alpha_pa_s = 4e6};
+    kn_voigt_chain row = {.spring_pa = 3e5, .voigts = 2, .k_pa = {1e5, 4e4}, .c_pa_s = {2e2, 2e5}};
+    kn_voigt_chain_step step[2] = {{0, 50 * GF}, {60, 0}};
     CHECK_NEAR(furthest(&burgers, "d-s-(s|d)", 2, step, false), 0, 1e-6);
     CHECK_NEAR(furthest(&row, "s-(s|d)-(s|d)", 2, step, false), 0, 1e-6);
 }
@@ -96,9 +97,9 @@ TEST("the stress of a ramp and a hold is the network's")
     kn_network net = network_of(&dough, "d-(s|d)");
     kn_network_state s = {0};
     kn_drive d = {.kind = KN_DRIVE_STRAIN, .rate_per_s = 0.02};
-    kn_chain_step step[2] = {{0, 0}, {15, 0.3}};
+    kn_voigt_chain_step step[2] = {{0, 0}, {15, 0.3}};
     for (int i = 0; i < 600; i++) time_s[i] = 0.5 * (i + 1) + 0.1;
-    CHECK(kn_chain_stress(&dough, 2, step, 600, time_s, stress));
+    CHECK(kn_voigt_chain_stress(&dough, 2, step, 600, time_s, stress));
     CHECK(kn_network_jump(&net, &s, &d));
     bool held = false;
     for (int i = 0; i < 600; i++) {
@@ -114,11 +115,11 @@ TEST("the stress of a ramp and a hold is the network's")
 
 TEST("a jump of strain: Maxwell's stress falls exponentially, and a dashpot refuses it")
 {
-    kn_chain maxwell = {.spring_pa = 2e4, .alpha_pa_s = 1e5};
-    kn_chain_step step[1] = {{0, 0.1}};
+    kn_voigt_chain maxwell = {.spring_pa = 2e4, .alpha_pa_s = 1e5};
+    kn_voigt_chain_step step[1] = {{0, 0.1}};
     double time_s[3] = {1, 5, 20}, stress[3];
-    CHECK(kn_chain_stress(&maxwell, 1, step, 3, time_s, stress));
+    CHECK(kn_voigt_chain_stress(&maxwell, 1, step, 3, time_s, stress));
     for (int i = 0; i < 3; i++) CHECK_NEAR(stress[i], 2e3 * exp(-time_s[i] / 5), 1e-3);
-    CHECK(!kn_chain_stress(&dough, 1, step, 3, time_s, stress));
+    CHECK(!kn_voigt_chain_stress(&dough, 1, step, 3, time_s, stress));
 }
 TESTS_MAIN

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_IDENTIFY_FIT_H
-#define KN_CLIENTS_IDENTIFY_FIT_H
+#ifndef KN_CLIENTS_IDENTIFY_LEAST_SQUARES_H
+#define KN_CLIENTS_IDENTIFY_LEAST_SQUARES_H
 // Least squares within bounds, and intervals that state how well the data determine the unknowns. S is the sum of
 // squares, n the number of readings, p the number of unknowns, J the Jacobian of the residuals r, and s the scale
 // (estimated standard deviation) of the residuals.
