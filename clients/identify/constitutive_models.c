@@ -1,7 +1,6 @@
 #include "clients/identify/constitutive_models.h"
 #include "clients/identify/element_response.h"
 #include "clients/identify/fractional.h"
-#include "clients/identify/hold.h"
 #include "core/oneport.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,24 +1,16 @@
 #include "clients/identify/element_response.h"
+#include "core/sdirk.h"
 #include <math.h>
 #include <string.h>
 
-enum { STAGES = 5, UNITS = KN_VOIGT_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
+enum { STAGES = KN_SDIRK_STAGES, UNITS = KN_VOIGT_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
+
+// ---- a Voigt chain
 
 // Indices of the strains: the spring's, the Voigt elements', the damper's.
 enum { SPRING = 0, VOIGT = 1, DAMPER = KN_VOIGT_CHAIN_VOIGTS + 1 };
 
 static const double tolerance = 1e-7; // allowed error of one time step, as a share of the largest strain so far
-
-#define GAMMA 0.25
-// Coefficients divided by the diagonal GAMMA: they multiply GAMMA h times the rates.
-static const double weight[STAGES][STAGES] = {
-    {0},
-    {1. / 2 / GAMMA},
-    {17. / 50 / GAMMA, -1. / 25 / GAMMA},
-    {371. / 1360 / GAMMA, -137. / 2720 / GAMMA, 15. / 544 / GAMMA},
-    {25. / 24 / GAMMA, -49. / 48 / GAMMA, 125. / 16 / GAMMA, -85. / 12 / GAMMA}};
-// Coefficients of the embedded error: the solution of order 4 minus that of order 3.
-static const double against[STAGES] = {-3. / 16 / GAMMA, -27. / 32 / GAMMA, 25. / 32 / GAMMA, 0, 1. / 4 / GAMMA};
 
 typedef struct drive {
     bool load;          // true: a load is given; false: the rate of the strain is given
@@ -28,11 +20,22 @@ typedef struct drive {
 } drive;
 
 typedef struct state {
-    double time_s, x[UNITS], stress_pa, rate[UNITS];
-    double largest, step_s;
+    double time_s, x[UNITS], stress_pa, rate[UNITS], largest;
 } state;
 
-double kn_voigt_chain_viscosity(const kn_voigt_chain *chain, double stress_pa)
+kn_voigt_chain kn_voigt_chain_of(const kn_material *m)
+{
+    return (kn_voigt_chain){.voigts = 1,
+                            .k_pa = {m->k1_pa},
+                            .c_pa_s = {m->c1_pa_s},
+                            .alpha_pa_s = m->alpha_pa_s,
+                            .beta_per_pa = m->beta_per_pa,
+                            .p0_pa = m->p0_pa,
+                            .p1_pa = m->p1_pa};
+}
+
+// Return the damping c(P) of the single damper at the stress P [Pa s].
+static double viscosity(const kn_voigt_chain *chain, double stress_pa)
 {
     if (chain->beta_per_pa == 0) return chain->alpha_pa_s;
     return chain->alpha_pa_s * exp(-chain->beta_per_pa * fmin(fmax(fabs(stress_pa), chain->p0_pa), chain->p1_pa));
@@ -43,7 +46,7 @@ static double flow(const kn_voigt_chain *chain, double p, double *slope)
 {
     *slope = 0;
     if (chain->alpha_pa_s == 0) return 0;
-    double c = kn_voigt_chain_viscosity(chain, p), a = fabs(p);
+    double c = viscosity(chain, p), a = fabs(p);
     bool inside = a > chain->p0_pa && a <= chain->p1_pa;
     *slope = (1 + (inside ? chain->beta_per_pa * a : 0)) / c;
     return p / c;
@@ -151,11 +154,11 @@ static bool observe(const kn_voigt_chain *chain, const drive *d, state *s)
 static double step(const kn_voigt_chain *chain, const drive *d, const state *from, double h, state *to)
 {
     double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
-    const stage g = stage_of(chain, GAMMA * h);
+    const stage g = stage_of(chain, KN_SDIRK_GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         memcpy(base, from->x, sizeof base);
         for (int m = 0; m < j; m++)
-            for (int i = 0; i < UNITS; i++) base[i] += weight[j][m] * taken[m][i];
+            for (int i = 0; i < UNITS; i++) base[i] += kn_sdirk_row[j][m] / KN_SDIRK_GAMMA * taken[m][i];
         if (!meet(chain, d, &g, base, &p, taken[j])) return INFINITY;
     }
     *to = *from;
@@ -165,7 +168,7 @@ static double step(const kn_voigt_chain *chain, const drive *d, const state *fro
         double difference = 0;
         // the method is stiffly accurate, so the last stage is the result of the step
         to->x[i] = base[i] + taken[STAGES - 1][i];
-        for (int j = 0; j < STAGES; j++) difference += against[j] * taken[j][i];
+        for (int j = 0; j < STAGES; j++) difference += kn_sdirk_error[j] / KN_SDIRK_GAMMA * taken[j][i];
         error = fmax(error, fabs(difference));
         to->largest = fmax(to->largest, fabs(to->x[i]));
     }
@@ -293,4 +296,179 @@ bool kn_voigt_chain_stress(const kn_voigt_chain *chain, int steps, const kn_voig
         if (!follow(chain, &d, &s, until, &r)) return false;
     }
     return true;
+}
+
+// ---- the exponential integral
+
+#define EULER_GAMMA 0.57721566490153286061
+
+// Return E1(x) by the power series -gamma - ln x - sum of (-x)^k/(k k!), where gamma is Euler's constant.
+static double by_series(double x)
+{
+    double sum = 0, term = 1; // (-x)^k/k!
+    for (int k = 1; k < 30; k++) {
+        term *= -x / k;
+        sum += term / k;
+        if (fabs(term) < 1e-17) break;
+    }
+    return -EULER_GAMMA - log(x) - sum;
+}
+
+// Return E1(x) by the continued fraction exp(-x) (1/(x+1- 1/(x+3- 4/(x+5- ...)))), evaluated from the front by Lentz's
+// method. About 80/x terms are needed.
+static double by_fraction(double x)
+{
+    double b = x + 1, c = INFINITY, d = 1 / b, h = d;
+    for (int i = 1; i < 200; i++) {
+        const double a = -(double)i * i;
+        b += 2;
+        d = 1 / (a * d + b);
+        c = b + a / c;
+        const double factor = c * d;
+        h *= factor;
+        if (fabs(factor - 1) < 1e-16) break;
+    }
+    return h * exp(-x);
+}
+
+double kn_exponential_integral(double x)
+{
+    if (!(x > 0)) return x == 0 ? INFINITY : NAN;
+    return x <= 1 ? by_series(x) : by_fraction(x);
+}
+
+// ---- a held element
+
+#define SMALL 1e-12 // if beta P is below this limit, exp(-beta P) counts as 1
+
+kn_held_element kn_held_element_of(const kn_material *m, double begin_pa)
+{
+    return (kn_held_element){.begin_pa = begin_pa,
+                             .alpha_s = m->alpha_pa_s / m->k1_pa,
+                             .c1_s = m->c1_pa_s / m->k1_pa,
+                             .beta_per_pa = m->beta_per_pa,
+                             .p0_pa = m->p0_pa,
+                             .p1_pa = m->p1_pa};
+}
+
+// Return exp(-beta clamp(P)): the damper as a share of alpha.
+static double share(const kn_held_element *h, double p)
+{
+    return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa));
+}
+
+double kn_held_element_time(const kn_held_element *h, double p)
+{
+    const double thins = p > h->p0_pa && p < h->p1_pa ? h->beta_per_pa * p : 0;
+    return h->alpha_s * share(h, p) + h->c1_s * (1 + thins);
+}
+
+// Return the floor: the stress below which the damper is constant, so that the stress falls exponentially. Above p1 the
+// stress falls exponentially, too.
+static double floor_of(const kn_held_element *h)
+{
+    return h->beta_per_pa > 0 ? fmax(h->p0_pa, SMALL / h->beta_per_pa) : INFINITY;
+}
+
+// Integrate exp(-u)/u between two values of u by the Gauss-Legendre rule with 2 * pairs points over ln u.
+static double by_gauss(double middle, double half, int pairs, const double *place, const double *weight)
+{
+    double sum = 0;
+    for (int i = 0; i < pairs; i++) {
+        const double apart = exp(half * place[i]);
+        sum += weight[i] * (exp(-middle * apart) + exp(-middle / apart));
+    }
+    return half * sum;
+}
+
+// Return E1(x) - E1(y), y > x. If both are close, four or six points suffice: this costs a tenth, avoids cancellation
+// and has a relative error of 1e-13.
+static double e1_between(double x, double y)
+{
+    static const double place4[2] = {0.3399810435848563, 0.8611363115940526};
+    static const double weight4[2] = {0.6521451548625461, 0.3478548451374538};
+    static const double place6[3] = {0.2386191860831969, 0.6612093864662645, 0.9324695142031521};
+    static const double weight6[3] = {0.4679139345726910, 0.3607615730481386, 0.1713244923791704};
+    const double half = log(y / x) / 2, wide = half * (1 + y);
+    if (wide > 0.5) return kn_exponential_integral(x) - kn_exponential_integral(y);
+    return wide > 0.05 ? by_gauss(sqrt(x * y), half, 3, place6, weight6)
+                       : by_gauss(sqrt(x * y), half, 2, place4, weight4);
+}
+
+// Return the time by equation (1) in which the stress falls from `from` to `to`. Both stresses are between the floor
+// and p1.
+static double between(const kn_held_element *h, double from, double to)
+{
+    const double b = h->beta_per_pa;
+    return h->alpha_s * e1_between(b * to, b * from) + h->c1_s * (log(from / to) + b * (from - to));
+}
+
+// Return the time constant outside P0 to P1, where the damper is constant.
+static double outside(const kn_held_element *h, double clamped) { return h->alpha_s * share(h, clamped) + h->c1_s; }
+
+double kn_held_element_until(const kn_held_element *h, double to)
+{
+    const double low = floor_of(h);
+    double from = h->begin_pa, t = 0;
+    // Add the times above p1, between p1 and the floor, and below the floor.
+    if (from > h->p1_pa && low < h->p1_pa) {
+        const double end = fmax(to, h->p1_pa);
+        t += outside(h, h->p1_pa) * log(from / end);
+        from = end;
+    }
+    if (from > low && from > to) {
+        const double end = fmax(to, low);
+        t += between(h, from, end);
+        from = end;
+    }
+    return from > to ? t + outside(h, fmin(from, low)) * log(from / to) : t;
+}
+
+// Return ln P at the time `wait` after the stress was `from`, by equation (1). P is at least `least`. The method is
+// Newton's in ln P, within an interval that encloses the root. Far below the root, Newton's method solves for the
+// logarithm of the time, which is closer to linear.
+static double after(const kn_held_element *h, double from, double wait, double least)
+{
+    double high = log(from), low = log(least), half = wait / kn_held_element_time(h, from) / 2;
+    double u = high - wait / kn_held_element_time(h, exp(high - half)); // start by the midpoint rule, of second order
+    if (!(wait > 0)) return high;
+    for (int i = 0; i < NEWTON_MAX && low < high; i++) {
+        if (!(u > low && u < high)) u = (low + high) / 2;
+        const double p = exp(u), t = between(h, from, p), tau = kn_held_element_time(h, p);
+        if (t > wait) low = u;
+        else high = u;
+        const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
+        u += step;
+        if (fabs(step) < 3e-7) return u; // Newton's method squares the error, so u is exact enough after this step
+    }
+    return u;
+}
+
+// A point of the curve from which the search for the next stress starts: a stress and its time.
+typedef struct stretch {
+    double from_pa, from_s;
+} stretch;
+
+void kn_held_element_stress(const kn_held_element *h, int count, const double *time_s, double *stress_pa)
+{
+    const double low = floor_of(h);
+    const double at_p1 = h->begin_pa > h->p1_pa && low < h->p1_pa ? kn_held_element_until(h, h->p1_pa) : 0;
+    const double at_low = h->begin_pa > low ? kn_held_element_until(h, low) : 0;
+    stretch s = {h->begin_pa, 0}; // stress and time that were found last
+    for (int i = 0; i < count; i++) {
+        const double t = time_s[i];
+        // Above p1 the fall is exponential.
+        if (t < at_p1) {
+            stress_pa[i] = h->begin_pa * exp(-t / outside(h, h->p1_pa));
+            continue;
+        }
+        if (s.from_s < at_p1) s = (stretch){h->p1_pa, at_p1};
+        // Between p1 and the floor, invert equation (1) from the last stress found. Below the floor the fall is
+        // exponential again.
+        if (t < at_low) s = (stretch){exp(after(h, s.from_pa, t - s.from_s, low)), t};
+        stress_pa[i] = s.from_pa;
+        if (t < at_low) continue;
+        const double begin = fmin(h->begin_pa, low);
+        stress_pa[i] = begin * exp(-(t - at_low) / outside(h, begin));
+    }
 }

@@ -1,6 +1,5 @@
 #include "clients/identify/relaxation_fit.h"
 #include "clients/identify/element_response.h"
-#include "clients/identify/hold.h"
 #include "clients/identify/constitutive_models.h"
 #include "clients/identify/relaxation_readings.h"
 #include <math.h>
