@@ -27,6 +27,7 @@
 // outliers are left out of the fit and listed. A longer series of neighbouring outliers is kept in the fit, since in
 // that case the model is wrong, not the readings.
 #include "clients/identify/curve.h"
+#include "clients/identify/element_response.h"
 #include "clients/identify/parameter_estimate.h"
 
 #define KN_CREEP_OUTLIERS 64
@@ -48,11 +49,10 @@ typedef struct kn_creep_fit {
     // how much longer than the file says the last load lasted; so the load was removed late_s + held_s later than the
     // file says
     double held_s[KN_CURVES_MAX];
-    int readings, unknowns, outliers;
+    int readings, outliers; // number of readings in the fit; number of readings that were left out
     kn_creep_outlier outlier[KN_CREEP_OUTLIERS];
-    double sum, scale;
+    double scale;      // scale of the residuals (least_squares.h); 1 if only noise is left
     double alpha_beta; // correlation of alpha and beta
-    long evaluations;
 } kn_creep_fit;
 
 typedef struct kn_creep_fit_options {
@@ -74,6 +74,10 @@ void kn_creep_fit_settle(const kn_creep_fit *joint, int curves, kn_curve *curve)
 // material's parameters are out of range.
 bool kn_creep_fit_predict(const kn_material *material, const kn_curve *curve, double *strain);
 
+// Compute the strain of a chain under a curve's loads, at `count` rising times.
+bool kn_creep_strain(const kn_voigt_chain *chain, const kn_curve *curve, int count, const double *time_s,
+                     double *strain);
+
 // Compute the stress at each reading from the measured strain by equation 4 of the first paper. The stress is 0 where
 // there is no load.
 void kn_creep_stress(const kn_curve *curve, double *stress_pa);
@@ -83,7 +87,7 @@ double kn_creep_load(const kn_curve *curve, double time_s);
 double kn_creep_release(const kn_curve *curve); // return the time at which the last load was removed; INFINITY: never
 
 // ---- the two-stage method
-
+//
 // The first paper's own method, section 4, for one creep curve with its recovery:
 //
 //     1. Equation 5 is fitted to the strain x(t) after the load is removed at the time tr, which gives k1 and c1:
@@ -93,9 +97,8 @@ double kn_creep_release(const kn_curve *curve); // return the time at which the 
 //
 // The method is kept for comparison. Even without noise its k1 and c1 are 2.7 % too low: the stress falls during creep,
 // so the strain of the Voigt element at the release is above Pr/k1. With 1 % of noise the method is about five times
-// less certain than the joint fit of one curve (joint.h). The paper does not say how it smoothed; here v is the slope
+// less certain than the joint fit of one curve. The paper does not say how it smoothed; here v is the slope
 // of a straight line through 21 readings.
-
 typedef struct kn_two_stage {
     kn_material material;
     double release_s, release_pa, release_strain; // time tr, stress Pr and strain x(tr) at which the load was removed

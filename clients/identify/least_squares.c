@@ -12,8 +12,11 @@ typedef struct search {
     kn_fit *fit;
     int count;                   // number of free unknowns
     int number[KN_FIT_UNKNOWNS]; // indices of the free unknowns in fit->unknown[]
-    double *ahead, *behind;      // residuals on either side of the present place, for difference quotients
-    bool lost;                   // the model has no solution at the start of the search
+    int rows;                    // number of residuals: those of the readings, and one for each free unknown
+    double x[KN_FIT_UNKNOWNS];   // present place of the search
+    // [rows] residuals at x, the Jacobian by columns, and room for the algorithm: one block of memory
+    double *residual, *jacobian, *spare;
+    double *ahead, *behind; // [rows] residuals on either side of a place, for difference quotients
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
@@ -37,7 +40,6 @@ static bool residuals_at(const search *s, const double *x, double *residual)
     kn_fit *fit = s->fit;
     double value[KN_FIT_UNKNOWNS];
     values_at(s, x, value);
-    fit->evaluations++;
     if (!fit->misfit(fit->of, value, residual)) return false;
     for (int i = 0; i < fit->readings; i++)
         if (!isfinite(residual[i])) return false;
@@ -59,7 +61,6 @@ static double squares(const double *residual, int count)
 // A side on which the model has no solution is left out.
 static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
 {
-    int rows = s->fit->readings + s->count;
     const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
     double at[KN_FIT_UNKNOWNS], h = u->linear ? step_log * (u->high - u->low) : step_log;
     memcpy(at, x, (size_t)s->count * sizeof *x);
@@ -70,7 +71,7 @@ static bool column(search *s, const double *x, const double *here, int k, bool b
     if (!ahead && !behind) return false;
     double width = (double)(ahead + behind) * h;
     const double *above = ahead ? s->ahead : here, *below = behind ? s->behind : here;
-    for (int i = 0; i < rows; i++) out[i] = (above[i] - below[i]) / width;
+    for (int i = 0; i < s->rows; i++) out[i] = (above[i] - below[i]) / width;
     return true;
 }
 
@@ -83,7 +84,7 @@ static void stay_inside(const search *s, const double *x, const double *residual
     double slope = 0, low = lowest(u), high = highest(u), near = 1e-9 * (high - low);
     for (int i = 0; i < s->fit->readings; i++) slope += out[i] * residual[i];
     if (!((x[k] <= low + near && slope > 0) || (x[k] >= high - near && slope < 0))) return;
-    memset(out, 0, (size_t)(s->fit->readings + s->count) * sizeof *out);
+    memset(out, 0, (size_t)s->rows * sizeof *out);
     out[s->fit->readings + k] = wall;
 }
 
@@ -108,16 +109,25 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     return 0;
 }
 
-// List the free unknowns and allocate the residuals.
+// List the free unknowns, allocate the residuals, and compute them at the unknowns' values. Return false if memory runs
+// out or if the model has no solution there. The caller frees s->residual in any case.
 static bool search_open(search *s, kn_fit *fit)
 {
     *s = (search){.fit = fit};
-    for (int i = 0; i < fit->unknowns; i++)
-        if (!fit->unknown[i].fixed) s->number[s->count++] = i;
-    size_t rows = (size_t)(fit->readings + s->count);
-    s->ahead = calloc(2 * rows, sizeof *s->ahead);
-    s->behind = s->ahead ? s->ahead + rows : NULL;
-    return s->ahead;
+    for (int i = 0; i < fit->unknowns; i++) {
+        if (fit->unknown[i].fixed) continue;
+        s->x[s->count] = inwards(&fit->unknown[i]);
+        s->number[s->count++] = i;
+    }
+    s->rows = fit->readings + s->count;
+    const size_t n = (size_t)s->count, m = (size_t)s->rows;
+    s->residual = calloc(m * (n + 4) + 1, sizeof *s->residual);
+    if (!s->residual) return false;
+    s->jacobian = s->residual + m;
+    s->spare = s->jacobian + m * n;
+    s->ahead = s->spare + m;
+    s->behind = s->ahead + m;
+    return residuals_at(s, s->x, s->residual);
 }
 
 // Search from the unknowns' values for the nearest minimum. Set the values, and return the sum there, or INFINITY if
@@ -125,32 +135,24 @@ static bool search_open(search *s, kn_fit *fit)
 static double descend(kn_fit *fit)
 {
     search s;
-    if (!search_open(&s, fit)) return INFINITY;
-    int rows = fit->readings + s.count, ipvt[KN_FIT_UNKNOWNS], nfev, njev;
-    size_t n = (size_t)s.count, m = (size_t)rows;
-    double *work = calloc(m * (n + 2) + 1, sizeof *work), x[KN_FIT_UNKNOWNS], small[5][KN_FIT_UNKNOWNS];
-    double sum = INFINITY;
-    for (int k = 0; k < s.count; k++) x[k] = inwards(&fit->unknown[s.number[k]]);
-    if (work && residuals_at(&s, x, work)) {
-        double *residual = work, *jacobian = work + m, *wa4 = jacobian + m * n;
-        if (s.count > 0) {
-            for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown is one logarithm
-            lmder(minpack_asks, &s, rows, s.count, x, residual, jacobian, rows, 1e-10, 1e-8, 1e-12, 200, small[0], 2, 1,
-                  0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], wa4);
-        }
+    int ipvt[KN_FIT_UNKNOWNS], nfev, njev;
+    double small[5][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS], sum = INFINITY;
+    if (search_open(&s, fit)) {
+        for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown is one logarithm
+        if (s.count > 0)
+            lmder(minpack_asks, &s, s.rows, s.count, s.x, s.residual, s.jacobian, s.rows, 1e-10, 1e-8, 1e-12, 200,
+                  small[0], 2, 1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], s.spare);
         // Put the result on or within the bounds, note which bounds were reached, and compute the sum there.
-        double value[KN_FIT_UNKNOWNS];
-        values_at(&s, x, value);
+        values_at(&s, s.x, value);
         for (int i = 0; i < fit->unknowns; i++) fit->unknown[i].value = value[i];
         for (int k = 0; k < s.count; k++) {
             kn_fit_unknown *u = &fit->unknown[s.number[k]];
-            u->at_bound = x[k] <= lowest(u) + 1e-6 || x[k] >= highest(u) - 1e-6;
-            x[k] = inwards(u);
+            u->at_bound = s.x[k] <= lowest(u) + 1e-6 || s.x[k] >= highest(u) - 1e-6;
+            s.x[k] = inwards(u);
         }
-        sum = residuals_at(&s, x, residual) ? squares(residual, fit->readings) : INFINITY;
+        sum = residuals_at(&s, s.x, s.residual) ? squares(s.residual, fit->readings) : INFINITY;
     }
-    free(work);
-    free(s.ahead);
+    free(s.residual);
     return sum;
 }
 
@@ -185,36 +187,31 @@ static bool invert(int n, double a[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS])
 static bool curve(kn_fit *fit)
 {
     search s;
-    if (!search_open(&s, fit)) return false;
-    size_t rows = (size_t)(fit->readings + s.count);
-    double *work = calloc(rows * ((size_t)s.count + 1), sizeof *work), x[KN_FIT_UNKNOWNS] = {0};
     double normal[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
     int seen[KN_FIT_UNKNOWNS], count = 0;
     memset(fit->covariance, 0, sizeof fit->covariance);
-    for (int k = 0; k < s.count; k++) x[k] = inwards(&fit->unknown[s.number[k]]);
-    bool ok = work && residuals_at(&s, x, work);
+    const bool ok = search_open(&s, fit);
+    const size_t rows = (size_t)s.rows;
     // Collect the columns of the unknowns that change the residuals.
     for (int k = 0; ok && k < s.count; k++) {
-        double *jacobian = work + rows * (size_t)(count + 1);
-        bool moves = column(&s, x, work, k, true, jacobian) && squares(jacobian, fit->readings) > 0;
+        double *out = s.jacobian + rows * (size_t)count;
+        bool moves = column(&s, s.x, s.residual, k, true, out) && squares(out, fit->readings) > 0;
         if (moves) seen[count++] = k;
         else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
     }
     // Form J'J of these columns and invert it.
     for (int a = 0; a < count; a++)
         for (int b = 0; b < count; b++) {
+            const double *at = s.jacobian + rows * (size_t)a, *bt = s.jacobian + rows * (size_t)b;
             normal[a][b] = 0;
-            for (int i = 0; i < fit->readings; i++)
-                normal[a][b] += work[rows * (size_t)(a + 1) + (size_t)i] * work[rows * (size_t)(b + 1) + (size_t)i];
+            for (int i = 0; i < fit->readings; i++) normal[a][b] += at[i] * bt[i];
         }
     bool lost = ok && !invert(count, normal);
     fit->singular = lost || count < s.count;
     for (int a = 0; ok && a < count; a++)
-        for (int b = 0; b < count; b++) {
+        for (int b = 0; b < count; b++)
             fit->covariance[s.number[seen[a]]][s.number[seen[b]]] = lost ? a == b ? (double)INFINITY : 0 : normal[a][b];
-        }
-    free(work);
-    free(s.ahead);
+    free(s.residual);
     return ok;
 }
 
@@ -230,6 +227,11 @@ static bool finish(kn_fit *fit, double sum)
 }
 
 bool kn_fit_run(kn_fit *fit) { return finish(fit, descend(fit)); }
+
+void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS])
+{
+    for (int i = 0; i < fit->unknowns; i++) value[i] = fit->unknown[i].value;
+}
 
 bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNOWNS])
 {
@@ -247,12 +249,11 @@ bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNO
     return finish(fit, least);
 }
 
-double kn_fit_sum(kn_fit *fit, const double value[KN_FIT_UNKNOWNS])
+double kn_fit_sum(const kn_fit *fit, const double value[KN_FIT_UNKNOWNS])
 {
     double *residual = malloc((size_t)fit->readings * sizeof *residual);
     bool ok = residual && fit->misfit(fit->of, value, residual);
     double sum = ok ? squares(residual, fit->readings) : (double)NAN;
-    fit->evaluations++;
     free(residual);
     return sum;
 }
@@ -272,9 +273,8 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
 // search starts from the fit at the nearest value inside the interval. A start from outside might lie where the
 // residuals have no gradient, and the search would stay there.
 typedef struct side {
-    kn_fit fit; // copy of the fit, in which the profiled unknown is fixed
+    kn_fit fit; // copy of the fit, in which the profiled unknown is fixed; its sum and its scale stay those of the best
     int unknown;
-    double base, unit; // base: sum of squares S at the best values; unit: squared scale s^2
     // best: best value of the profiled unknown, as a logarithm unless linear; t: rise of S at the end of the interval,
     // in standard deviations
     double best, t;
@@ -288,8 +288,9 @@ static double risen(side *p, double in)
     kn_fit_unknown *u = &p->fit.unknown[p->unknown];
     for (int i = 0; i < p->fit.unknowns; i++) p->fit.unknown[i].value = p->within[i];
     u->value = u->linear ? in : fmin(fmax(exp(in), u->low), u->high);
-    const double sum = descend(&p->fit), z = isfinite(sum) ? sqrt(fmax(sum - p->base, 0) / p->unit) : (double)INFINITY;
-    for (int i = 0; z < p->t && i < p->fit.unknowns; i++) p->within[i] = p->fit.unknown[i].value;
+    const double sum = descend(&p->fit),
+                 z = isfinite(sum) ? sqrt(fmax(sum - p->fit.sum, 0) / (p->fit.scale * p->fit.scale)) : (double)INFINITY;
+    if (z < p->t) kn_fit_values(&p->fit, p->within);
     return z;
 }
 
@@ -317,12 +318,12 @@ static double reach(side *p, double a, double za, double b, double zb)
 static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
-    side p = {.fit = *fit, .unknown = unknown, .base = fit->sum, .unit = fit->scale * fit->scale, .t = t};
+    side p = {.fit = *fit, .unknown = unknown, .t = t};
     double from = p.best = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
     // The first step is the half width of the interval by curvature, if the curvature is known.
     double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
     double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
-    for (int i = 0; i < fit->unknowns; i++) p.within[i] = fit->unknown[i].value;
+    kn_fit_values(fit, p.within);
     p.fit.unknown[unknown].fixed = true;
     *open = false;
     while (toward * (end - from) > 0) {
@@ -373,6 +374,26 @@ kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence)
     double half = (out.high - out.low) / 2;
     bool near = !out.open_low && !out.open_high && half <= 0.05 * fabs(u->value);
     return near || u->fixed ? out : kn_fit_interval_by(fit, unknown, confidence, KN_FIT_PROFILE);
+}
+
+// ---- a straight line
+
+double kn_line_slope(int count, const double *t, const double *x, const double *weight, double *mean_t, double *mean_x)
+{
+    double n = 0, tt = 0, tx = 0;
+    *mean_t = *mean_x = 0;
+    for (int i = 0; i < count; i++) n += weight ? weight[i] : 1;
+    for (int i = 0; i < count; i++) {
+        const double w = weight ? weight[i] : 1;
+        *mean_t += w * t[i] / n;
+        *mean_x += w * x[i] / n;
+    }
+    for (int i = 0; i < count; i++) {
+        const double w = weight ? weight[i] : 1;
+        tt += w * (t[i] - *mean_t) * (t[i] - *mean_t);
+        tx += w * (t[i] - *mean_t) * (x[i] - *mean_x);
+    }
+    return tt > 0 ? tx / tt : 0;
 }
 
 // ---- quality of a fit

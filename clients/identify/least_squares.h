@@ -46,10 +46,9 @@ typedef struct kn_fit {
     bool (*misfit)(void *of, const double value[KN_FIT_UNKNOWNS], double *residual);
     void *of; // passed to misfit
     // The following fields are set by kn_fit_run.
-    double sum;       // sum of squares S at the best values
-    double scale;     // scale s of the residuals; INFINITY if there are no degrees of freedom
-    int freedom;      // degrees of freedom n - p
-    long evaluations; // number of calls of misfit so far
+    double sum;   // sum of squares S at the best values
+    double scale; // scale s of the residuals; INFINITY if there are no degrees of freedom
+    int freedom;  // degrees of freedom n - p
     // C = (J'J)^-1, the covariance of the searched variables (logarithms, unless linear) divided by s^2; the row of a
     // fixed unknown is 0
     double covariance[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
@@ -64,7 +63,10 @@ bool kn_fit_run(kn_fit *fit);
 // if no start succeeds.
 bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNOWNS]);
 
-double kn_fit_sum(kn_fit *fit, const double value[KN_FIT_UNKNOWNS]); // S at `value`; NAN: the model has no solution
+void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS]); // copy the values of all unknowns
+
+double kn_fit_sum(const kn_fit *fit,
+                  const double value[KN_FIT_UNKNOWNS]); // S at `value`; NAN: the model has no solution
 
 typedef enum kn_fit_how { KN_FIT_CURVATURE, KN_FIT_PROFILE } kn_fit_how;
 
@@ -84,6 +86,10 @@ kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, 
 // Return the least S with one unknown held at `value` and all others free. The search starts from the best values.
 // Return NAN if the model has no solution.
 double kn_fit_held(const kn_fit *fit, int unknown, double value);
+
+// Fit a straight line x(t) by weighted least squares. Return its slope, or 0 if all times are equal, and set the weighted
+// means, through which the line passes. `weight` NULL: all weights are 1.
+double kn_line_slope(int count, const double *t, const double *x, const double *weight, double *mean_t, double *mean_x);
 
 // Apply Wald and Wolfowitz's runs test to residuals in the order of time. A run is a series of successive residuals of
 // one sign. Return by how many standard deviations the number of runs is below that of independent noise. A result

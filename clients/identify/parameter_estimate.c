@@ -8,10 +8,26 @@
 #include "core/scene/scene.h"
 #include <errno.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
+
+const char *const kn_estimate_name[KN_ESTIMATE_NUMBERS] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
+const char *const kn_estimate_unit[KN_ESTIMATE_NUMBERS] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
+
+kn_material kn_estimate_material(const double v[KN_ESTIMATE_NUMBERS])
+{
+    return (kn_material){.k1_pa = v[KN_ESTIMATE_K1],
+                         .c1_pa_s = v[KN_ESTIMATE_C1],
+                         .damper = KN_DAMPER_EXPONENTIAL,
+                         .alpha_pa_s = v[KN_ESTIMATE_ALPHA],
+                         .beta_per_pa = v[KN_ESTIMATE_BETA],
+                         .p0_pa = v[KN_ESTIMATE_P0],
+                         .p1_pa = v[KN_ESTIMATE_P1]};
+}
 
 void kn_parameter_estimate_set(kn_parameter_estimate *n, const char *name, const char *unit, double value,
                                kn_fit_interval interval)
@@ -65,51 +81,55 @@ static int may_write(const char *subcommand, const char *path)
                        "%s: exists and was not written by knead identify, expected another name", path);
 }
 
-// Return the parameter of this name, or NULL.
-static const kn_parameter_estimate *find(int count, const kn_parameter_estimate *number, const char *name)
-{
-    for (int i = 0; i < count; i++)
-        if (!strcmp(number[i].name, name)) return &number[i];
-    return NULL;
-}
+// The keys of a material in a scene, in their order, and the dampers that have them.
+enum {
+    EVERY = 15,
+    CONSTANT = 1 << KN_DAMPER_CONSTANT,
+    THINNING = 1 << KN_DAMPER_EXPONENTIAL,
+    RAMP = 1 << KN_DAMPER_RAMP
+};
+static const struct {
+    const char *key, *unit;
+    size_t at;
+    unsigned dampers;
+} keys[] = {{"k1", "Pa", offsetof(kn_material, k1_pa), EVERY},
+            {"c1", "Pa*s", offsetof(kn_material, c1_pa_s), EVERY},
+            {"c2", "Pa*s", offsetof(kn_material, c2_pa_s), CONSTANT},
+            {"alpha", "Pa*s", offsetof(kn_material, alpha_pa_s), THINNING},
+            {"beta", "1/Pa", offsetof(kn_material, beta_per_pa), THINNING},
+            {"c_max", "Pa*s", offsetof(kn_material, c_max_pa_s), RAMP},
+            {"c_min", "Pa*s", offsetof(kn_material, c_min_pa_s), RAMP},
+            {"p0", "Pa", offsetof(kn_material, p0_pa), THINNING | RAMP},
+            {"p1", "Pa", offsetof(kn_material, p1_pa), THINNING | RAMP}};
 
-// Write one parameter with its interval, or with the reason why it is not known.
-static void line(FILE *f, const char *key, double value, const char *unit, const kn_parameter_estimate *n)
+// Write the interval of one parameter as a comment, or the reason why the parameter is not known.
+static void comment(FILE *f, const kn_parameter_estimate *n)
 {
-    char text[120], said[200];
-    snprintf(text, sizeof text, "  %s: %.9g %s", key, value, unit);
-    fprintf(f, "%-32s", text);
-    if (n && n->known == KN_KNOWN) fprintf(f, " # %.5g .. %.5g", n->interval.low, n->interval.high);
-    else if (n) {
+    char said[200];
+    if (n->known == KN_KNOWN) fprintf(f, " # %.5g .. %.5g", n->interval.low, n->interval.high);
+    else {
         kn_parameter_estimate_text(n, said, sizeof said);
         fprintf(f, " # %s%s%s", said, *n->words ? ": " : "", n->words);
     }
-    fprintf(f, "\n");
 }
 
-// Write the damper of the material, by its kind.
-static void damper(FILE *f, const kn_material *m, int count, const kn_parameter_estimate *number)
+static void print_material(FILE *f, const kn_material *m, int count, const kn_parameter_estimate *number)
 {
-    switch (m->damper) {
-    case KN_DAMPER_NONE: fprintf(f, "  damper: none\n"); break;
-    case KN_DAMPER_CONSTANT:
-        fprintf(f, "  damper: constant\n");
-        line(f, "c2", m->c2_pa_s, "Pa*s", find(count, number, "c2"));
-        break;
-    case KN_DAMPER_EXPONENTIAL:
-        fprintf(f, "  damper: exponential\n");
-        line(f, "alpha", m->alpha_pa_s, "Pa*s", find(count, number, "alpha"));
-        line(f, "beta", m->beta_per_pa, "1/Pa", find(count, number, "beta"));
-        line(f, "p0", m->p0_pa, "Pa", find(count, number, "P0"));
-        line(f, "p1", m->p1_pa, "Pa", find(count, number, "P1"));
-        break;
-    case KN_DAMPER_RAMP:
-        fprintf(f, "  damper: ramp\n");
-        line(f, "c_max", m->c_max_pa_s, "Pa*s", find(count, number, "c_max"));
-        line(f, "c_min", m->c_min_pa_s, "Pa*s", find(count, number, "c_min"));
-        line(f, "p0", m->p0_pa, "Pa", find(count, number, "P0"));
-        line(f, "p1", m->p1_pa, "Pa", find(count, number, "P1"));
-        break;
+    static const char *const damper[] = {"none", "constant", "exponential", "ramp"};
+    fprintf(f, "material:\n");
+    for (size_t k = 0; k < sizeof keys / sizeof *keys; k++) {
+        char text[120];
+        if (!strcmp(keys[k].key, "c2")) fprintf(f, "  damper: %s\n", damper[m->damper]);
+        if (!(keys[k].dampers & 1u << m->damper)) continue;
+        const double *value = (const double *)(const void *)((const char *)m + keys[k].at);
+        snprintf(text, sizeof text, "  %s: %.9g %s", keys[k].key, *value, keys[k].unit);
+        fprintf(f, "%-32s", text);
+        // The names of the parameters are the papers': P0 where the key is p0.
+        for (int i = 0, found = 0; i < count && !found; i++) {
+            found = !strcasecmp(number[i].name, keys[k].key);
+            if (found) comment(f, &number[i]);
+        }
+        fprintf(f, "\n");
     }
 }
 
@@ -133,14 +153,6 @@ const char *kn_material_source(const char *file, int files, char text[KN_SOURCE_
     for (char *c = text; *c; c++)
         if ((unsigned char)*c < ' ' || (!plain && (unsigned char)*c > '~')) *c = '?';
     return text;
-}
-
-static void print_material(FILE *f, const kn_material *m, int count, const kn_parameter_estimate *number)
-{
-    fprintf(f, "material:\n");
-    line(f, "k1", m->k1_pa, "Pa", find(count, number, "k1"));
-    line(f, "c1", m->c1_pa_s, "Pa*s", find(count, number, "c1"));
-    damper(f, m, count, number);
 }
 
 bool kn_material_served(const kn_material *material, char *why, size_t why_size)

@@ -17,6 +17,11 @@ enum {
     KN_ESTIMATE_P1,
     KN_ESTIMATE_NUMBERS
 };
+extern const char *const kn_estimate_name[KN_ESTIMATE_NUMBERS]; // "k1", ...
+extern const char *const kn_estimate_unit[KN_ESTIMATE_NUMBERS]; // "Pa", ...
+
+// Return the material with these six parameters and an exponential damper.
+kn_material kn_estimate_material(const double value[KN_ESTIMATE_NUMBERS]);
 
 typedef enum kn_known {
     KN_KNOWN,    // the value lies within `interval` with the requested confidence

@@ -1,4 +1,5 @@
 #include "clients/identify/ramp.h"
+#include "clients/identify/least_squares.h"
 #include "core/order.h"
 #include <math.h>
 #include <stdio.h>
@@ -18,21 +19,6 @@ static double held(const kn_curve *c)
     }
     free(value);
     return median;
-}
-
-// Fit a line by least squares through readings first..last. Set *at_zero to the time at which the line reaches strain
-// 0.
-static void line(const kn_curve *c, int first, int last, double *rate, double *at_zero)
-{
-    const double n = last - first + 1;
-    double t = 0, x = 0, tt = 0, tx = 0;
-    for (int i = first; i <= last; i++) t += c->time_s[i] / n, x += c->other[i] / n;
-    for (int i = first; i <= last; i++) {
-        tt += (c->time_s[i] - t) * (c->time_s[i] - t);
-        tx += (c->time_s[i] - t) * (c->other[i] - x);
-    }
-    *rate = tt > 0 ? tx / tt : 0;
-    *at_zero = t - x / *rate;
 }
 
 // Return the strain of the two lines at time t.
@@ -74,9 +60,11 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c, char *error, unsign
         return true;
     }
     if (high == c->count) return false;
-    double rate;
-    line(c, high - low < 3 ? low - (low > 0) : low, high - low < 3 ? high : high - 1, &rate, &r->start_s);
+    const int first = high - low < 3 ? low - (low > 0) : low, last = high - low < 3 ? high : high - 1;
+    double mean_s, mean;
+    const double rate = kn_line_slope(last - first + 1, c->time_s + first, c->other + first, NULL, &mean_s, &mean);
     if (!(rate > 0)) return false;
+    r->start_s = mean_s - mean / rate; // where the line reaches strain 0
     r->end_s = r->start_s + r->strain / rate;
     r->steps = 2;
     r->step[0] = (kn_voigt_chain_step){r->start_s, 0};

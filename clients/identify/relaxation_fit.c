@@ -150,7 +150,6 @@ static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWN
     if (!kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start)) return false;
     for (int i = 0; i < fit.unknowns; i++) value[i] = fit.unknown[i].value;
     expand(&f.law, w->r->curves, value, out);
-    w->r->evaluations += fit.evaluations;
     return true;
 }
 
@@ -463,8 +462,6 @@ static void judge(work *w)
         }
     }
     visited(r);
-    r->sum = w->fit.sum;
-    r->scale_of_noise = w->fit.scale;
     r->aicc = aicc_of(&w->fit);
     r->unknowns = w->fit.readings - w->fit.freedom;
 }

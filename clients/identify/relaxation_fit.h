@@ -61,8 +61,7 @@ typedef struct kn_relaxation_fit {
     int curves, readings, unknowns;
     kn_relaxation_curve curve[KN_RELAXATION_CURVES];
     double lowest_pa, highest_pa; // least and largest stress of the fit at the readings
-    double sum, scale_of_noise, aicc;
-    long evaluations;
+    double aicc;
 } kn_relaxation_fit;
 
 typedef struct kn_relaxation_fit_options {

@@ -84,17 +84,8 @@ static double slope_around(const kn_curve *c, const double *x, int count, int at
     int from = at < HALF_LINE ? 0 : at - HALF_LINE, to = at + HALF_LINE < count ? at + HALF_LINE : count - 1;
     while (from > 0 && t[from - 1] > t[at] - half_s) from--;
     while (to + 1 < count && t[to + 1] < t[at] + half_s) to++;
-    double n = 0, mean_t = 0, mean_x = 0, tt = 0, tx = 0;
-    for (int i = from; i <= to; i++) n += c->weight[i];
-    for (int i = from; i <= to; i++) {
-        mean_t += c->weight[i] * t[i] / n;
-        mean_x += c->weight[i] * x[i] / n;
-    }
-    for (int i = from; i <= to; i++) {
-        tt += c->weight[i] * (t[i] - mean_t) * (t[i] - mean_t);
-        tx += c->weight[i] * (t[i] - mean_t) * (x[i] - mean_x);
-    }
-    return tt > 0 ? tx / tt : 0;
+    double mean_t, mean_x;
+    return kn_line_slope(to - from + 1, t + from, x + from, c->weight + from, &mean_t, &mean_x);
 }
 
 // Residuals of equation 6 for the logarithm of c2. The unknowns are alpha, beta, P0 and P1.
