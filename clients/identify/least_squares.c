@@ -350,7 +350,7 @@ static kn_fit_interval by_curvature(const kn_fit *fit, int unknown, double t)
     return out;
 }
 
-kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, kn_fit_how how)
+kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confidence, kn_fit_how how)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
     if (u->fixed || fit->freedom < 1)
@@ -367,7 +367,7 @@ kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, 
     return out;
 }
 
-kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence)
+kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confidence)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
     kn_fit_interval out = kn_fit_interval_by(fit, unknown, confidence, KN_FIT_CURVATURE);

@@ -80,8 +80,8 @@ typedef struct kn_fit_interval {
 
 // Return the interval of an unknown at a confidence such as 0.95. The method is "curvature" if the resulting interval
 // lies within 5 % of the best value, else "profile". kn_fit_interval_by uses the given method.
-kn_fit_interval kn_fit_interval_of(kn_fit *fit, int unknown, double confidence);
-kn_fit_interval kn_fit_interval_by(kn_fit *fit, int unknown, double confidence, kn_fit_how how);
+kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confidence);
+kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confidence, kn_fit_how how);
 
 // Return the least S with one unknown held at `value` and all others free. The search starts from the best values.
 // Return NAN if the model has no solution.

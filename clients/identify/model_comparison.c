@@ -1,6 +1,5 @@
 #include "clients/identify/model_comparison.h"
-#include "clients/identify/bins.h"
-#include "clients/identify/ramp.h"
+#include "clients/identify/relaxation_fit.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,14 +40,13 @@ static bool take_relax(kn_compared_curve *c, const kn_model_comparison_options *
 {
     kn_time_bins b;
     kn_strain_ramp ramp;
-    char none[120];
     double begin = c->curve->begin_s;
-    if (kn_strain_ramp_of(&ramp, c->curve, none, sizeof none)) {
+    if (kn_strain_ramp_of(&ramp, c->curve)) {
         c->strain = ramp.strain;
         c->ramp_s = ramp.end_s - ramp.start_s;
         if (c->ramp_s > 0) begin = ramp.end_s;
     } else c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
-    if (!kn_time_bins_make(&b, c->curve, begin)) return false;
+    if (!kn_time_bins_make(&b, c->curve, begin, NAN)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
     // Early is up to a tenth of the time if two decades were measured, else up to half of it.

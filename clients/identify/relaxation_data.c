@@ -1,4 +1,7 @@
-#include "clients/identify/relaxation_readings.h"
+// The readings of relaxation curves as a fit needs them: the rise of the strain, means over time, and checks.
+#include "clients/identify/least_squares.h"
+#include "clients/identify/relaxation_fit.h"
+#include "core/order.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,78 +11,182 @@ enum { RISE_LEAST = 5 };
 // Readings of the rise below this share of the largest stress are left out, since their logarithms are mostly noise.
 #define LEAST_RISE 0.05
 
+// ---- the rise of the strain
+
+// Return the held strain: the median of the strain in the later half of the time. Return NAN if memory runs out.
+static double held(const kn_curve *c)
+{
+    const double half = (c->time_s[0] + c->time_s[c->count - 1]) / 2;
+    double *value = malloc((size_t)c->count * sizeof *value), median = NAN;
+    int n = 0;
+    for (int i = 0; value && i < c->count; i++)
+        if (c->time_s[i] >= half) value[n++] = c->other[i];
+    if (value) {
+        qsort(value, (size_t)n, sizeof *value, kn_ascending);
+        median = (value[(n - 1) / 2] + value[n / 2]) / 2;
+    }
+    free(value);
+    return median;
+}
+
+// Return the strain of the two lines at time t.
+static double follow(const kn_strain_ramp *r, double t)
+{
+    if (t <= r->start_s) return 0;
+    return t >= r->end_s ? r->strain : r->strain * (t - r->start_s) / (r->end_s - r->start_s);
+}
+
+// Use the strain column itself up to the held strain, with at most as many readings as fit into step[].
+static void take_column(kn_strain_ramp *r, const kn_curve *c, int end)
+{
+    const int most = KN_VOIGT_CHAIN_STEPS - 2;
+    r->steps = 0;
+    if (c->other[0] > 0) r->step[r->steps++] = (kn_voigt_chain_step){r->start_s, 0};
+    for (int i = 0, before = -1; i < most; i++) {
+        const int k = (int)((double)i * end / (most - 1));
+        if (k == before || (r->steps && c->time_s[k] <= r->step[r->steps - 1].time_s)) continue;
+        before = k;
+        r->step[r->steps++] = (kn_voigt_chain_step){c->time_s[k], fmax(c->other[k], 0)};
+    }
+    r->end_s = r->step[r->steps - 1].time_s;
+    r->step[r->steps - 1].value = r->strain;
+}
+
+bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
+{
+    *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
+    if (!(r->strain > 0)) return false;
+    int low = 0, high = 0, end = 0;
+    // The rise is fitted between 10 % and 90 % of the held strain: readings low..high-1. If the rise has fewer than
+    // three readings, the line goes through the readings at its two ends.
+    while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
+    while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
+    for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
+    if (high == 0) { // the strain is held from the first reading on
+        r->start_s = r->end_s = fmin(c->begin_s, c->time_s[0]);
+        return true;
+    }
+    if (high == c->count) return false;
+    const int first = high - low < 3 ? low - (low > 0) : low, last = high - low < 3 ? high : high - 1;
+    double mean_s, mean;
+    const double rate = kn_line_slope(last - first + 1, c->time_s + first, c->other + first, NULL, &mean_s, &mean);
+    if (!(rate > 0)) return false;
+    r->start_s = mean_s - mean / rate; // where the line reaches strain 0
+    r->end_s = r->start_s + r->strain / rate;
+    r->steps = 2;
+    r->step[0] = (kn_voigt_chain_step){r->start_s, 0};
+    r->step[1] = (kn_voigt_chain_step){r->end_s, r->strain};
+    for (int i = 0; i < c->count; i++)
+        r->apart = fmax(r->apart, fabs(c->other[i] - follow(r, c->time_s[i])) / r->strain);
+    const double noise = kn_curve_noise(c->count, c->time_s, c->other) / r->strain;
+    r->straight = r->apart <= fmax(KN_STRAIN_RAMP_STRAIGHT, 5 * noise);
+    if (!r->straight) take_column(r, c, end);
+    return true;
+}
+
+// ---- means over time
+
+// The bins of a rise are equal spans of time, those of a hold are equal spans of ln(time).
+typedef struct grid {
+    const kn_strain_ramp *rise; // NULL: a hold
+    double begin_s;             // time from which the bins count
+    double corner_s;            // time at which the strain was reached; NAN: no corner
+    double least;               // smaller values are left out
+} grid;
+
 // Return whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
-static bool beside_corner(const kn_curve *c, int i, double end_s)
+static bool beside_corner(const kn_curve *c, int i, double corner_s)
 {
     const double before = i > 0 ? c->time_s[i - 1] : -INFINITY;
     const double after = i + 1 < c->count ? c->time_s[i + 1] : INFINITY;
-    return before < end_s && after > end_s;
+    return before < corner_s && after > corner_s;
 }
 
-// Copy the readings, without those beside the corner, to a separate curve. The caller frees the returned block, which
-// holds all its arrays.
-static double *without_corner(const kn_curve *from, double end_s, kn_curve *to)
+// Return the number of a reading's bin, or -INFINITY if the reading belongs to no bin.
+static double bin_of(const grid *g, const kn_curve *c, int i)
 {
-    double *room = calloc(4 * (size_t)from->count + 4, sizeof *room);
-    *to = *from;
-    to->count = 0;
-    if (!room) return NULL;
-    to->time_s = room;
-    to->value = room + from->count;
-    to->weight = to->value + from->count;
-    to->line = (int *)(void *)(to->weight + from->count);
-    for (int i = 0; i < from->count; i++) {
-        if (beside_corner(from, i, end_s)) continue;
-        to->time_s[to->count] = from->time_s[i];
-        to->value[to->count] = from->value[i];
-        to->weight[to->count] = from->weight[i];
-        to->line[to->count++] = from->line[i];
+    const double t = c->time_s[i] - g->begin_s;
+    if (beside_corner(c, i, g->corner_s)) return -INFINITY;
+    if (!g->rise) return t > 0 ? floor(KN_TIME_BINS_PER_DECADE * log10(t)) : -INFINITY;
+    const double share = (c->time_s[i] - g->rise->start_s) / (g->rise->end_s - g->rise->start_s);
+    if (!(share > 0 && share < 1) || c->value[i] < g->least) return -INFINITY;
+    return floor(share * KN_RELAXATION_RISE_BINS);
+}
+
+// Divide the sums of the last bin. In a hold the value is a geometric mean, unless the values of the bin differ too
+// much: readings near 0 have no useful logarithm.
+static void close_bin(kn_time_bins *b, bool geometric, double ln_value, double least)
+{
+    const int k = b->count - 1;
+    if (k < 0) return;
+    b->time_s[k] /= b->weight[k];
+    b->value[k] /= b->weight[k];
+    if (geometric && least > 0.5 * b->value[k]) b->value[k] = exp(ln_value / b->weight[k]);
+}
+
+static bool average(kn_time_bins *b, const kn_curve *c, const grid *g)
+{
+    const size_t n = (size_t)c->count + 1;
+    *b = (kn_time_bins){.time_s = calloc(3 * n, sizeof *b->time_s), .line = calloc(n, sizeof *b->line)};
+    if (!b->time_s || !b->line) return kn_time_bins_free(b), false;
+    b->value = b->time_s + n;
+    b->weight = b->value + n;
+    double last = -INFINITY, ln_value = 0, least = INFINITY;
+    for (int i = 0; i < c->count; i++) {
+        const double w = c->weight[i], bin = bin_of(g, c, i);
+        if (bin == -INFINITY) continue;
+        if (bin > last) {
+            close_bin(b, !g->rise, ln_value, least);
+            ln_value = 0;
+            least = INFINITY;
+            b->line[b->count++] = c->line[i];
+        }
+        last = bin;
+        b->time_s[b->count - 1] += w * (c->time_s[i] - g->begin_s);
+        b->value[b->count - 1] += w * c->value[i];
+        b->weight[b->count - 1] += w;
+        ln_value += w * log(fmax(c->value[i], 1e-300));
+        least = fmin(least, c->value[i]);
     }
-    return room;
+    close_bin(b, !g->rise, ln_value, least);
+    return true;
+}
+
+bool kn_time_bins_make(kn_time_bins *b, const kn_curve *c, double begin_s, double corner_s)
+{
+    return average(b, c, &(grid){.begin_s = begin_s, .corner_s = corner_s});
+}
+
+void kn_time_bins_free(kn_time_bins *b)
+{
+    free(b->time_s);
+    free(b->line);
+    *b = (kn_time_bins){0};
 }
 
 // Average the rise over equal times. Stresses near 0 are skipped, since they are mostly noise.
 static bool take_rise(kn_time_bins *b, const kn_curve *c, const kn_strain_ramp *ramp)
 {
     double most = 0;
-    *b = (kn_time_bins){.time_s = calloc(3 * KN_RELAXATION_RISE_BINS, sizeof *b->time_s),
-                        .line = calloc(KN_RELAXATION_RISE_BINS, sizeof *b->line)};
-    if (!b->time_s || !b->line) return false;
-    b->value = b->time_s + KN_RELAXATION_RISE_BINS;
-    b->weight = b->value + KN_RELAXATION_RISE_BINS;
-    for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-    int last = -1;
-    for (int i = 0; i < c->count; i++) {
-        const double share = (c->time_s[i] - ramp->start_s) / (ramp->end_s - ramp->start_s), w = c->weight[i];
-        if (!(share > 0 && share < 1) || c->value[i] < LEAST_RISE * most) continue;
-        const int bin = (int)(share * KN_RELAXATION_RISE_BINS);
-        if (bin > last) b->line[b->count++] = c->line[i];
-        last = bin;
-        b->time_s[b->count - 1] += w * (c->time_s[i] - ramp->end_s);
-        b->value[b->count - 1] += w * c->value[i];
-        b->weight[b->count - 1] += w;
-    }
-    for (int k = 0; k < b->count; k++) b->time_s[k] /= b->weight[k], b->value[k] /= b->weight[k];
-    return true;
+    for (int i = 0; i < c->count; i++)
+        if (!beside_corner(c, i, ramp->end_s)) most = fmax(most, c->value[i]);
+    return average(b, c, &(grid){ramp, ramp->end_s, ramp->end_s, LEAST_RISE * most});
 }
+
+// ---- the curves of a fit
 
 // Split one curve. A rise with too few means is dropped.
 static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 {
-    char none[120];
-    kn_curve clean;
     to->curve = curve;
-    const bool known = kn_strain_ramp_of(&to->ramp, curve, none, sizeof none);
+    const bool known = kn_strain_ramp_of(&to->ramp, curve);
+    const double end_s = to->ramp.end_s;
     if (!known) to->ramp.strain = curve->strain;
-    to->rises = known && to->ramp.end_s > to->ramp.start_s;
-    if (!to->rises) return kn_time_bins_make(&to->hold, curve, curve->begin_s);
-    double *room = without_corner(curve, to->ramp.end_s, &clean);
-    const bool ok =
-        room && take_rise(&to->rise, &clean, &to->ramp) && kn_time_bins_make(&to->hold, &clean, to->ramp.end_s);
-    free(room);
+    if (!known || !(end_s > to->ramp.start_s)) return kn_time_bins_make(&to->hold, curve, curve->begin_s, NAN);
+    if (!take_rise(&to->rise, curve, &to->ramp) || !kn_time_bins_make(&to->hold, curve, end_s, end_s)) return false;
     to->rises = to->rise.count >= RISE_LEAST;
     if (!to->rises) to->rise.count = 0;
-    return ok;
+    return true;
 }
 
 static bool take(kn_relaxation_fit *r, int curves, const kn_curve *curve, char *error, size_t size)

@@ -1,20 +1,18 @@
 #include "clients/identify/relaxation_fit.h"
-#include "clients/identify/element_response.h"
 #include "clients/identify/constitutive_models.h"
-#include "clients/identify/relaxation_readings.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 enum { K1, C1, ALPHA, BETA, P0, P1, BEGIN };
+_Static_assert((int)P1 == KN_ESTIMATE_P1, "the unknowns begin with the six parameters");
 // lower bound of c1, as a share of the shortest measured time constant; a smaller c1 has no effect
 #define NEVER_C1 1e-3
 #define INSIDE 1.05 // P0 and P1 must be within the measured stresses by this factor
 
 typedef struct work {
     kn_relaxation_fit *r;
-    bool constant_noise;
+    kn_relaxation_fit_options options;
     kn_fit fit;             // the unknowns are the parameters of the enum, followed by a stress Pi for each curve
     double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
     // lowest: least stress measured in the holds; highest: largest stress measured in holds and rises
@@ -25,46 +23,34 @@ typedef struct work {
 
 // Compute the stress during the rise, and at the first reading of the hold. P1 is limited so that exp(beta P1) does not
 // overflow.
-static bool by_chain(const double *v, const kn_relaxation_curve *c, double *out)
+static bool by_chain(const kn_material *m, const kn_relaxation_curve *c, double *out)
 {
-    const kn_voigt_chain row = {.voigts = 1,
-                                .k_pa = {v[K1]},
-                                .c_pa_s = {v[C1]},
-                                .alpha_pa_s = v[ALPHA],
-                                .beta_per_pa = v[BETA],
-                                .p0_pa = v[P0],
-                                .p1_pa = fmin(v[P1], 600 / v[BETA])};
+    kn_voigt_chain chain = kn_voigt_chain_of(m);
+    chain.p1_pa = fmin(m->p1_pa, 600 / m->beta_per_pa);
     double time_s[KN_RELAXATION_RISE_BINS + 1];
     for (int i = 0; i < c->rise.count; i++) time_s[i] = c->ramp.end_s + c->rise.time_s[i];
     time_s[c->rise.count] = c->ramp.end_s + c->hold.time_s[0];
-    if (row.p0_pa >= row.p1_pa) return false;
-    return kn_voigt_chain_stress(&row, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) &&
+    if (chain.p0_pa >= chain.p1_pa) return false;
+    return kn_voigt_chain_stress(&chain, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) &&
            out[c->rise.count] > 0;
 }
 
-// Compute the stress of a hold in closed form, from the stress `begin_pa` at the time `begin_s` on.
-static void by_hold(const double *v, double begin_pa, double begin_s, const kn_time_bins *b, double *out)
-{
-    const kn_held_element h = {.begin_pa = begin_pa,
-                               .alpha_s = v[ALPHA] / v[K1],
-                               .c1_s = v[C1] / v[K1],
-                               .beta_per_pa = v[BETA],
-                               .p0_pa = v[P0],
-                               .p1_pa = v[P1]};
-    // out[] holds the times first, then the stresses
-    for (int i = 0; i < b->count; i++) out[i] = b->time_s[i] - begin_s;
-    kn_held_element_stress(&h, b->count, out, out);
-}
-
-// Predict one curve: the rise by the chain and the hold from its last stress, or the hold alone from Pi.
+// Predict one curve: the rise by the chain and the hold in closed form from the chain's last stress, or the hold alone
+// from Pi.
 static bool predict(const double *v, const kn_relaxation_curve *c, int number, double *out)
 {
-    if (!c->rises) {
-        by_hold(v, v[BEGIN + number], 0, &c->hold, out);
-        return true;
+    const kn_material m = kn_estimate_material(v);
+    double begin_pa = v[BEGIN + number], begin_s = 0;
+    if (c->rises) {
+        if (!by_chain(&m, c, out)) return false;
+        out += c->rise.count;
+        begin_pa = *out;
+        begin_s = c->hold.time_s[0];
     }
-    if (!by_chain(v, c, out)) return false;
-    by_hold(v, out[c->rise.count], c->hold.time_s[0], &c->hold, out + c->rise.count);
+    const kn_held_element held = kn_held_element_of(&m, begin_pa);
+    // out[] holds the times first, then the stresses
+    for (int i = 0; i < c->hold.count; i++) out[i] = c->hold.time_s[i] - begin_s;
+    kn_held_element_stress(&held, c->hold.count, out, out);
     return true;
 }
 
@@ -74,7 +60,7 @@ static bool difference(const work *w, const kn_relaxation_curve *c, const double
     for (int part = 0, n = 0; part < 2; part++) {
         const kn_time_bins *b = part ? &c->hold : &c->rise;
         for (int i = 0; i < b->count; i++, n++) {
-            if (w->constant_noise) residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
+            if (w->options.constant_noise) residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
             else if (fit[n] > 0) residual[n] = log(fit[n] / b->value[i]);
             else return false;
         }
@@ -96,60 +82,57 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 
 // ---- the search
 
-// The first search is for the holds alone, since their closed form is cheap. It uses the starts of laws.h, as one of
-// the laws there.
+// The first search is for the holds alone, since their closed form is cheap. It uses the unknowns and the starts of the
+// papers' element among the constitutive models.
 typedef struct holds {
-    const work *w;
-    kn_constitutive_model law;
+    work alone; // whose curves have no rise
+    kn_constitutive_model model;
     kn_compared_curve curve[KN_RELAXATION_CURVES];
 } holds;
 
-// Turn the unknowns of the law into those of this fit, with k1 = 1.
-static void expand(const kn_constitutive_model *law, int curves, const double *from, double to[KN_FIT_UNKNOWNS])
+// Turn the unknowns of the model into those of this fit, with k1 = 1.
+static void expand(const holds *h, const double *from, double to[KN_FIT_UNKNOWNS])
 {
     int n = 2;
     to[K1] = 1;
     to[ALPHA] = from[0];
     to[BETA] = from[1];
-    to[C1] = law->c1 ? from[n++] : 0;
-    to[P0] = law->p0 ? from[n++] : 0;
+    to[C1] = h->model.c1 ? from[n++] : 0;
+    to[P0] = 0;
     to[P1] = INFINITY;
-    for (int c = 0; c < curves; c++) to[BEGIN + c] = from[n + c];
+    for (int c = 0; c < h->alone.r->curves; c++) to[BEGIN + c] = from[n + c];
 }
 
 static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
-    const holds *f = of;
-    const kn_relaxation_fit *r = f->w->r;
+    holds *h = of;
     double v[KN_FIT_UNKNOWNS];
-    expand(&f->law, r->curves, value, v);
-    for (int c = 0, n = 0; c < r->curves; n += r->curve[c++].hold.count) {
-        kn_relaxation_curve alone = r->curve[c];
-        alone.rise.count = 0;
-        by_hold(v, v[BEGIN + c], 0, &alone.hold, residual + n); // result and residual share memory
-        if (!difference(f->w, &alone, residual + n, residual + n)) return false;
-    }
-    return true;
+    expand(h, value, v);
+    return misfit(&h->alone, v, residual);
 }
 
-// Find the best fit of the holds by this law. Return false if there is none.
-static bool fit_holds(const work *w, bool c1, bool p0, double out[KN_FIT_UNKNOWNS])
+// Find the best fit of the holds without P0. Return false if there is none.
+static bool fit_holds(const work *w, bool c1, double out[KN_FIT_UNKNOWNS])
 {
-    holds f = {.w = w, .law = {.kind = KN_CONSTITUTIVE_DOUGH, .relax = true, .c1 = c1, .p0 = p0}};
+    kn_relaxation_fit r = *w->r;
+    holds h = {.alone = {.r = &r, .options = w->options},
+               .model = {.kind = KN_CONSTITUTIVE_DOUGH, .relax = true, .c1 = c1}};
     double start[KN_CONSTITUTIVE_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
-    kn_fit fit = {.misfit = misfit_of_holds, .of = &f};
-    for (int c = 0; c < w->r->curves; c++) {
-        const kn_time_bins *b = &w->r->curve[c].hold;
-        f.curve[c] = (kn_compared_curve){.curve = w->r->curve[c].curve, .strain = 1};
-        f.curve[c].part[0] = (kn_compared_part){b->count, b->time_s, b->value};
+    kn_fit fit = {.misfit = misfit_of_holds, .of = &h};
+    for (int c = 0; c < r.curves; c++) {
+        const kn_time_bins *b = &r.curve[c].hold;
+        r.curve[c].rises = false;
+        r.curve[c].rise.count = 0;
+        h.curve[c] = (kn_compared_curve){.curve = r.curve[c].curve, .strain = 1};
+        h.curve[c].part[0] = (kn_compared_part){b->count, b->time_s, b->value};
         fit.readings += b->count;
     }
-    fit.unknowns = kn_constitutive_model_unknowns(&f.law, w->r->curves, f.curve, fit.unknown);
+    fit.unknowns = kn_constitutive_model_unknowns(&h.model, r.curves, h.curve, fit.unknown);
     if (fit.readings <= fit.unknowns) return false;
-    const int starts = kn_constitutive_model_starts(&f.law, w->r->curves, f.curve, 0, NULL, start);
-    if (!kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start)) return false;
-    for (int i = 0; i < fit.unknowns; i++) value[i] = fit.unknown[i].value;
-    expand(&f.law, w->r->curves, value, out);
+    if (!kn_fit_run_from(&fit, kn_constitutive_model_starts(&h.model, r.curves, h.curve, 0, NULL, start), start))
+        return false;
+    kn_fit_values(&fit, value);
+    expand(&h, value, out);
     return true;
 }
 
@@ -162,7 +145,6 @@ static void leave_out(kn_fit_unknown *u, double value)
 // Set the unknowns to these values and bound them around these values. c1, P0 and P1 are fixed.
 static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
 {
-    static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
     kn_fit *fit = &w->fit;
     double scale = 1;
     *fit = (kn_fit){.readings = w->r->readings, .misfit = misfit, .of = w, .unknowns = BEGIN + w->r->curves};
@@ -171,7 +153,7 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
             scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
         const double at = i <= ALPHA ? v[i] * scale : v[i];
-        fit->unknown[i] = (kn_fit_unknown){.name = name[i], .value = at, .low = at / 1e4, .high = at * 1e4};
+        fit->unknown[i] = (kn_fit_unknown){.name = kn_estimate_name[i], .value = at, .low = at / 1e4, .high = at * 1e4};
     }
     const double fastest = fit->unknown[ALPHA].value * exp(-v[BETA] * w->highest);
     w->c1_low = NEVER_C1 * fastest;
@@ -203,19 +185,21 @@ static bool fit_base(work *w, bool c1, const kn_fit *without)
 {
     static const double more[4] = {1, 1.5, 3, 1}, dash[4] = {1, 1, 1, 4};
     double v[KN_FIT_UNKNOWNS], start[5][KN_FIT_UNKNOWNS];
-    if (!fit_holds(w, c1, false, v)) return false;
+    if (!fit_holds(w, c1, v)) return false;
     unknowns_around(w, v);
     kn_fit_unknown *u = w->fit.unknown;
     int starts = u[K1].fixed ? 1 : 4;
     if (c1) let(&u[C1], w->c1_low, w->c1_high);
     for (int s = 0; s < starts; s++) {
-        for (int i = 0; i < w->fit.unknowns; i++) start[s][i] = u[i].value;
+        kn_fit_values(&w->fit, start[s]);
         for (int i = K1; i <= ALPHA; i++) start[s][i] *= u[K1].fixed ? 1 : more[s];
         start[s][C1] *= dash[s];
     }
-    for (int i = 0; without && i < w->fit.unknowns; i++) start[starts][i] = without->unknown[i].value;
-    if (without) start[starts++][C1] = 10 * w->c1_low;
-    return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
+    if (without) {
+        kn_fit_values(without, start[starts]);
+        start[starts++][C1] = 10 * w->c1_low;
+    }
+    return kn_fit_run_from(&w->fit, starts, start);
 }
 
 // Add P0 or P1 to the fit in w->fit. The starts are several shares of the stresses, since a clamp beyond the stresses
@@ -229,10 +213,10 @@ static bool add_clamp(work *w, int which)
     // search only within the measured stresses
     let(&u[which], which == P0 ? w->lowest / 100 : w->lowest, w->highest);
     for (int s = 0; s < starts; s++) {
-        for (int i = 0; i < w->fit.unknowns; i++) start[s][i] = u[i].value;
+        kn_fit_values(&w->fit, start[s]);
         start[s][which] = which == P0 ? fmin(below[s] * w->lowest, 0.9 * w->highest) : above[s] * w->highest;
     }
-    return kn_fit_run_from(&w->fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
+    return kn_fit_run_from(&w->fit, starts, start);
 }
 
 // Find the lowest stress of the holds and the highest of all readings.
@@ -319,33 +303,35 @@ static double excess(const kn_fit *fit, int unknown, double value, double t)
 
 // Return the bound of an unknown: the value, from `from` (where the unknown has no effect) up to `to`, beyond which the
 // data exclude it.
-static double bound(const kn_fit *fit, int unknown, double from, double to, double confidence)
+static double bound(const work *w, int unknown, double from, double to)
 {
-    const double t = kn_fit_student(confidence, fit->freedom);
+    const double t = kn_fit_student(w->options.confidence, w->fit.freedom);
     double a = log(from), b = log(to);
-    if (excess(fit, unknown, to, t) <= 0) return to;
+    if (excess(&w->fit, unknown, to, t) <= 0) return to;
     for (int i = 0; i < 9; i++) {
         const double middle = (a + b) / 2;
-        *(excess(fit, unknown, exp(middle), t) > 0 ? &b : &a) = middle;
+        *(excess(&w->fit, unknown, exp(middle), t) > 0 ? &b : &a) = middle;
     }
     return exp(a);
 }
 
-// Store a one-sided bound as the interval, with the reason in words.
-static void put_bound(kn_parameter_estimate *n, const char *name, const char *unit, bool at_most, double value,
-                      const char *why)
+// Store an unknown with its interval.
+static void know(const work *w, int i, kn_parameter_estimate *n, const char *name, const char *unit)
 {
-    const kn_fit_interval i = {KN_FIT_PROFILE, at_most ? 0 : value, at_most ? value : (double)INFINITY, at_most,
-                               !at_most};
-    kn_parameter_estimate_set(n, name, unit, value, i);
-    snprintf(n->words, sizeof n->words, "%s", why);
+    kn_parameter_estimate_set(n, name, unit, w->fit.unknown[i].value,
+                              kn_fit_interval_of(&w->fit, i, w->options.confidence));
+    // A c1 that may be 0 is set to 0.
+    if (i != C1 || n->known != KN_AT_MOST) return;
+    n->value = 0;
+    snprintf(n->words, sizeof n->words, "cannot be told from 0; 0 is used");
 }
 
-static void scale_by(kn_parameter_estimate *n, double factor)
+// Store a one-sided bound as the interval of a parameter.
+static void put_bound(kn_parameter_estimate *number, int i, bool at_most, double value)
 {
-    n->value *= factor;
-    n->interval.low *= factor;
-    n->interval.high *= factor;
+    const double low = at_most ? 0 : value, high = at_most ? value : (double)INFINITY;
+    kn_parameter_estimate_set(&number[i], kn_estimate_name[i], kn_estimate_unit[i], value,
+                              (kn_fit_interval){KN_FIT_PROFILE, low, high, at_most, !at_most});
 }
 
 // Return the lower bound (1) of k1 over all curves. Each is a lower bound, so the largest counts.
@@ -360,87 +346,63 @@ static double least_k1(const kn_relaxation_fit *r, const kn_fit *fit)
     return k1;
 }
 
-// Determine P0 and P1: with an interval if they are in the fit, else with a bound.
-static void know_dampers(work *w, const kn_relaxation_fit_options *o)
+// Determine P0 or P1: with an interval if it is in the fit, else with a bound.
+static void know_clamp(work *w, int i)
+{
+    kn_relaxation_fit *r = w->r;
+    kn_parameter_estimate *n = &r->number[i];
+    const bool p0 = i == P0;
+    if (p0 ? r->p0 : r->p1) {
+        know(w, i, n, kn_estimate_name[i], kn_estimate_unit[i]);
+        return;
+    }
+    const double idle = p0 ? r->lowest_pa : r->highest_pa; // the clamp has no effect here
+    put_bound(r->number, i, p0, bound(w, i, idle, p0 ? 0.99 * r->highest_pa : 1.01 * r->lowest_pa));
+    n->value = idle;
+    snprintf(n->words, sizeof n->words, "fitting %s does not improve the fit; the %s measured stress is used", n->name,
+             p0 ? "lowest" : "highest");
+}
+
+// Determine k1, c1 and alpha of a hold without a rise. The fit gives c1 and alpha as ratios to k1. In Pa and Pa s they
+// are given for k1 at its lower bound.
+static void know_without_rise(work *w)
 {
     kn_relaxation_fit *r = w->r;
     kn_parameter_estimate *n = r->number;
-    const double lowest = r->lowest_pa, highest = r->highest_pa;
-    if (r->p0)
-        kn_parameter_estimate_set(&n[P0], "P0", "Pa", w->fit.unknown[P0].value,
-                                  kn_fit_interval_of(&w->fit, P0, o->confidence));
-    else {
-        put_bound(&n[P0], "P0", "Pa", true, bound(&w->fit, P0, lowest, 0.99 * highest, o->confidence),
-                  "fitting P0 does not improve the fit; the lowest measured stress is used");
-        n[P0].value = lowest;
-    }
-    if (r->p1)
-        kn_parameter_estimate_set(&n[P1], "P1", "Pa", w->fit.unknown[P1].value,
-                                  kn_fit_interval_of(&w->fit, P1, o->confidence));
-    else {
-        put_bound(&n[P1], "P1", "Pa", false, bound(&w->fit, P1, highest, 1.01 * lowest, o->confidence),
-                  "fitting P1 does not improve the fit; the highest measured stress is used");
-        n[P1].value = highest;
-    }
-}
-
-// Store c1 with its interval. A c1 that may be 0 is set to 0.
-static void know_c1(work *w, const kn_relaxation_fit_options *o, const char *name, const char *unit,
-                    kn_parameter_estimate *n)
-{
-    kn_parameter_estimate_set(n, name, unit, w->fit.unknown[C1].value, kn_fit_interval_of(&w->fit, C1, o->confidence));
-    if (n->known != KN_AT_MOST) return;
-    n->value = 0;
-    snprintf(n->words, sizeof n->words, "cannot be told from 0; 0 is used");
-}
-
-// Determine the parameters of a hold without a rise. The fit gives them as ratios to k1. In Pa and Pa s they are given
-// for k1 at its lower bound.
-static void know_without_rise(work *w, const kn_relaxation_fit_options *o)
-{
-    kn_relaxation_fit *r = w->r;
     const bool modulus = r->scale == KN_RELAXATION_MODULUS;
     const double k1 = modulus ? 1 : least_k1(r, &w->fit);
-    know_c1(w, o, "c1/k1", "s", &r->ratio[0]);
-    kn_parameter_estimate_set(&r->ratio[1], "alpha/k1", "s", w->fit.unknown[ALPHA].value,
-                              kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
-    put_bound(&r->number[K1], "k1", "Pa", false, k1,
-              modulus ? "a hold without its strain does not determine it"
-                      : "exact if nothing had flowed by the first reading; c1 and alpha scale with it");
-    if (modulus) r->number[K1].known = KN_UNKNOWN;
-    for (int i = 0; i < 2; i++) {
-        r->number[C1 + i] = r->ratio[i];
-        r->number[C1 + i].name = i ? "alpha" : "c1";
-        r->number[C1 + i].unit = "Pa*s";
-        scale_by(&r->number[C1 + i], k1);
-        if (modulus) r->number[C1 + i].known = KN_UNKNOWN;
+    know(w, C1, &r->ratio[0], "c1/k1", "s");
+    know(w, ALPHA, &r->ratio[1], "alpha/k1", "s");
+    put_bound(n, K1, false, k1);
+    snprintf(n[K1].words, sizeof n->words, "%s",
+             modulus ? "a hold without its strain does not determine it"
+                     : "exact if nothing had flowed by the first reading; c1 and alpha scale with it");
+    for (int i = C1; i <= ALPHA; i++) {
+        n[i] = r->ratio[i - C1];
+        n[i].name = kn_estimate_name[i];
+        n[i].unit = kn_estimate_unit[i];
+        n[i].value *= k1;
+        n[i].interval.low *= k1;
+        n[i].interval.high *= k1;
     }
+    for (int i = K1; modulus && i <= ALPHA; i++) n[i].known = KN_UNKNOWN;
 }
 
-// Store all parameters with their intervals.
-static void know(work *w, const kn_relaxation_fit_options *o)
+// Store all parameters with their intervals, or only the values, for repeated fits.
+static void know_all(work *w)
 {
-    kn_relaxation_fit *r = w->r;
-    kn_parameter_estimate *n = r->number;
-    if (r->scale == KN_RELAXATION_RISE) {
-        const double k1 = w->fit.unknown[K1].value;
-        kn_parameter_estimate_set(&n[K1], "k1", "Pa", k1, kn_fit_interval_of(&w->fit, K1, o->confidence));
-        know_c1(w, o, "c1", "Pa*s", &n[C1]);
-        kn_parameter_estimate_set(&n[ALPHA], "alpha", "Pa*s", w->fit.unknown[ALPHA].value,
-                                  kn_fit_interval_of(&w->fit, ALPHA, o->confidence));
-    } else know_without_rise(w, o);
-    kn_parameter_estimate_set(&n[BETA], "beta", "1/Pa", w->fit.unknown[BETA].value,
-                              kn_fit_interval_of(&w->fit, BETA, o->confidence));
-    know_dampers(w, o);
-}
-
-// Store the values only, for repeated fits.
-static void know_values(work *w)
-{
-    static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
-    static const char *const unit[] = {"Pa", "Pa*s", "Pa*s", "1/Pa", "Pa", "Pa"};
-    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
-        w->r->number[i] = (kn_parameter_estimate){.name = name[i], .unit = unit[i], .value = w->fit.unknown[i].value};
+    kn_parameter_estimate *n = w->r->number;
+    if (w->options.no_intervals) {
+        for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
+            n[i] = (kn_parameter_estimate){
+                .name = kn_estimate_name[i], .unit = kn_estimate_unit[i], .value = w->fit.unknown[i].value};
+        return;
+    }
+    if (w->r->scale != KN_RELAXATION_RISE) know_without_rise(w);
+    for (int i = w->r->scale == KN_RELAXATION_RISE ? K1 : BETA; i <= BETA; i++)
+        know(w, i, &n[i], kn_estimate_name[i], kn_estimate_unit[i]);
+    know_clamp(w, P0);
+    know_clamp(w, P1);
 }
 
 // Compute fit, residuals and misfit of every curve.
@@ -448,13 +410,12 @@ static void judge(work *w)
 {
     kn_relaxation_fit *r = w->r;
     double value[KN_FIT_UNKNOWNS];
-    for (int i = 0; i < w->fit.unknowns; i++) value[i] = w->fit.unknown[i].value;
+    kn_fit_values(&w->fit, value);
     for (int c = 0; c < r->curves; c++) {
         kn_relaxation_curve *k = &r->curve[c];
         const int count = k->rise.count + k->hold.count;
         predict(value, k, c, k->fit_pa);
         difference(w, k, k->fit_pa, k->residual);
-        k->begin_pa = value[BEGIN + c];
         k->runs = kn_fit_runs(count, k->residual);
         for (int i = 0; i < count; i++) {
             const double at = i < k->rise.count ? k->rise.value[i] : k->hold.value[i - k->rise.count];
@@ -462,22 +423,15 @@ static void judge(work *w)
         }
     }
     visited(r);
-    r->aicc = aicc_of(&w->fit);
-    r->unknowns = w->fit.readings - w->fit.freedom;
 }
 
 // Make the material from the parameters, unless the strain is unknown.
 static void make_material(kn_relaxation_fit *r)
 {
-    const kn_parameter_estimate *n = r->number;
-    if (r->scale == KN_RELAXATION_MODULUS) return;
-    r->material = (kn_material){.k1_pa = n[K1].value,
-                                .c1_pa_s = n[C1].value,
-                                .damper = KN_DAMPER_EXPONENTIAL,
-                                .alpha_pa_s = n[ALPHA].value,
-                                .beta_per_pa = n[BETA].value,
-                                .p0_pa = fmin(n[P0].value, 0.999 * n[P1].value),
-                                .p1_pa = n[P1].value};
+    double value[KN_ESTIMATE_NUMBERS];
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) value[i] = r->number[i].value;
+    value[P0] = fmin(value[P0], 0.999 * value[P1]);
+    if (r->scale != KN_RELAXATION_MODULUS) r->material = kn_estimate_material(value);
 }
 
 bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *curve,
@@ -487,14 +441,13 @@ bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *cur
     snprintf(error, error_size, "%d curves at once, expected at most %d", curves, KN_RELAXATION_CURVES);
     if (curves > KN_RELAXATION_CURVES) return false;
     if (!kn_relaxation_take(r, curves, curve, options->constant_noise, error, error_size)) return false;
-    work w = {.r = r, .constant_noise = options->constant_noise};
+    work w = {.r = r, .options = *options};
     snprintf(error, error_size,
              "%s: no parameters of the element fit; expected a stress that falls while the strain is held",
              curve->file);
     if (!choose(&w)) return false;
     judge(&w);
-    if (options->no_intervals) know_values(&w);
-    else know(&w, options);
+    know_all(&w);
     make_material(r);
     return true;
 }
