@@ -29,12 +29,12 @@
 #define KN_FIT_UNKNOWNS 70
 
 typedef struct kn_fit_unknown {
-    const char *name;
-    double value;     // in: start of the search; out: best value
-    double low, high; // bounds of the value; `low` must be > 0 unless `linear` is true
-    bool linear;      // the search uses the value itself, not its logarithm
-    bool fixed;       // the search keeps this unknown at `value`
-    bool at_bound;    // out: the best value lies on a bound, since S would fall beyond the bound
+    const char *name, *unit; // for the caller; may be NULL
+    double value;            // in: start of the search; out: best value
+    double low, high;        // bounds of the value; `low` must be > 0 unless `linear` is true
+    bool linear;             // the search uses the value itself, not its logarithm
+    bool fixed;              // the search keeps this unknown at `value`
+    bool at_bound;           // out: the best value lies on a bound, since S would fall beyond the bound
 } kn_fit_unknown;
 
 typedef struct kn_fit {

@@ -1,10 +1,10 @@
 #ifndef KN_CLIENTS_IDENTIFY_MODEL_COMPARISON_H
 #define KN_CLIENTS_IDENTIFY_MODEL_COMPARISON_H
-// A comparison of material models: each law of laws.h is fitted to the early part of the curves, and is judged by its
+// A comparison of material models: each model of constitutive_models.h is fitted to the early part of the curves, and is judged by its
 // prediction of the late part, which the fit does not use.
 //
 // clang-format off
-//     relaxation   A residual is a difference of ln(stress), for the means of bins.h, so every decade of time counts
+//     relaxation   A residual is a difference of ln(stress), for the means of log(time) bins, so every decade of time counts
 //                  the same. The early part ends at a tenth of the last time if the readings span two decades of
 //                  time, or else at half of the last time.
 //     creep        A residual is a difference of strain, divided by the curve's noise or by KN_COMPARISON_COARSE times the
@@ -12,7 +12,7 @@
 //                  two changes of load, with or without load.
 // clang-format on
 //
-// The result is a table with one row for each law. The papers' damper has several rows: in relaxation, a row without
+// The result is a table with one row for each model. The papers' damper has several rows: in relaxation, a row without
 // c1, a row with c1, and a row with P0; in creep, a row without P0 and a row with P0. These rows are kept whatever
 // their AICc (Akaike's criterion for small samples). Some fits share one row: in relaxation with P0, the fits with and
 // without c1; in creep, the fits with and without P1. Such a row keeps the fit with the lower AICc on the early part.
@@ -45,19 +45,18 @@ typedef struct kn_model_comparison_row {
 
 typedef struct kn_model_comparison_options {
     // end of the early part [s], counted from the time at which the strain was reached (relaxation) or from each change
-    // of load (creep); 0: chosen as described at the top of models.h
+    // of load (creep); 0: chosen as described at the top of this file
     double cut_s;
 } kn_model_comparison_options;
 
 typedef struct kn_model_comparison {
     int rows;                                       // number of rows of the table
-    kn_model_comparison_row row[KN_COMPARISON_MAX]; // [rows] one row for each law
+    kn_model_comparison_row row[KN_COMPARISON_MAX]; // [rows] one row for each model
     bool relax;                                     // true: relaxation; false: creep
     int curves, early, late;                // number of curves, of readings in the early part, and in the late part
     double early_pa, late_pa;               // relaxation: least stress in the early part, and in the late part
     kn_compared_curve curve[KN_CURVES_MAX]; // [curves]
     double cut_s;                           // end of the early part of the first curve [s]
-    double took_s;                          // duration of the comparison [s]
 } kn_model_comparison;
 
 // Run the comparison. Return false with one sentence in `error` if the early or the late part has too few readings, or

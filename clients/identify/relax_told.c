@@ -109,8 +109,7 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, in
     const kn_model_comparison_row *r = &m->row[row];
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
-    if (!r->fitted ||
-        !kn_constitutive_model_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place]))
+    if (!r->fitted || !kn_constitutive_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place]))
         return;
     // Values far below the readings would flatten the plot.
     for (int i = 0; i < POINTS; i++)

@@ -116,7 +116,7 @@ static bool fit_holds(const work *w, bool c1, double out[KN_FIT_UNKNOWNS])
 {
     kn_relaxation_fit r = *w->r;
     holds h = {.alone = {.r = &r, .options = w->options},
-               .model = {.kind = KN_CONSTITUTIVE_DOUGH, .relax = true, .c1 = c1}};
+               .model = {.kind = KN_CONSTITUTIVE_PAPERS, .relax = true, .c1 = c1}};
     double start[KN_CONSTITUTIVE_STARTS][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS];
     kn_fit fit = {.misfit = misfit_of_holds, .of = &h};
     for (int c = 0; c < r.curves; c++) {
@@ -127,9 +127,9 @@ static bool fit_holds(const work *w, bool c1, double out[KN_FIT_UNKNOWNS])
         h.curve[c].part[0] = (kn_compared_part){b->count, b->time_s, b->value};
         fit.readings += b->count;
     }
-    fit.unknowns = kn_constitutive_model_unknowns(&h.model, r.curves, h.curve, fit.unknown);
+    fit.unknowns = kn_constitutive_unknowns(&h.model, r.curves, h.curve, fit.unknown);
     if (fit.readings <= fit.unknowns) return false;
-    if (!kn_fit_run_from(&fit, kn_constitutive_model_starts(&h.model, r.curves, h.curve, 0, NULL, start), start))
+    if (!kn_fit_run_from(&fit, kn_constitutive_starts(&h.model, r.curves, h.curve, 0, NULL, start), start))
         return false;
     kn_fit_values(&fit, value);
     expand(&h, value, out);
@@ -163,7 +163,8 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     fit->unknown[K1].fixed = w->r->scale != KN_RELAXATION_RISE;
     for (int c = 0; c < w->r->curves; c++) {
         const double at = v[BEGIN + c], first = w->r->curve[c].hold.value[0];
-        fit->unknown[BEGIN + c] = (kn_fit_unknown){"Pi", at, first / 10, first * 10, .fixed = w->r->curve[c].rises};
+        fit->unknown[BEGIN + c] = (kn_fit_unknown){
+            .name = "Pi", .value = at, .low = first / 10, .high = first * 10, .fixed = w->r->curve[c].rises};
     }
     leave_out(&fit->unknown[C1], v[C1] * scale);
     leave_out(&fit->unknown[P0], 0);

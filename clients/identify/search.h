@@ -49,7 +49,7 @@ typedef struct kn_search {
 bool kn_search_run(kn_search *search);
 void kn_search_free(kn_search *search);
 
-// Return the 95 % interval of an unknown by the method "curvature" of fit.h. `worth` is the number of independent
+// Return the 95 % interval of an unknown by the method "curvature" of least_squares.h. `worth` is the number of independent
 // readings (kn_evidence_worth).
 kn_fit_interval kn_search_interval(const kn_search *search, int unknown, double worth);
 

@@ -1,5 +1,4 @@
 // The comparison of models on curves of known models.
-#include "clients/identify/fractional.h"
 #include "clients/identify/model_comparison.h"
 #include "core/network.h"
 #include "tests/check.h"
@@ -156,7 +155,7 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
 // each three of them.
 static void muscle(made *m, double noise)
 {
-    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};
+    const kn_fractional_maxwell f = {.v_pa_s = 1.1e6, .v_order = 0.7, .g_pa_s = 2.2e4, .g_order = 0.11};
     made_begin(m, KN_CURVE_RELAX, 0);
     for (int i = 0; i < 560; i++) {
         const double t = 0.014 * pow(10, i * 4.85 / 560);
@@ -193,6 +192,17 @@ TEST("of a curve without noise, errors that averages leave choose no model")
     CHECK_NEAR(row->aicc, kn_fit_aicc(m.early, 4, m.early * KN_COMPARISON_FINE * KN_COMPARISON_FINE), 1e-9);
     CHECK(strstr(verdict(&m), "the data support two Maxwell units (g h j k): ") != NULL);
     for (int i = 0; i < 4; i++) CHECK(!row->loose[i]);
+}
+
+TEST("under more changes of load than the superposition takes, only the yardsticks have no fit")
+{
+    static made data;
+    const kn_network net = burgers();
+    creep(&data, &net, 3000, 0.002);
+    data.curve.steps = KN_SUPERPOSITION_STEPS + 1;
+    for (int k = 2; k < data.curve.steps; k++) data.curve.step[k] = (kn_curve_step){.time_s = 60 + k, .stress_pa = 0};
+    AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
+    for (int i = 0; i < m.rows; i++) CHECK(m.row[i].fitted == !m.row[i].law.yardstick);
 }
 
 TEST("what no model makes is said to be none's")

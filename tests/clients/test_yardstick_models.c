@@ -1,14 +1,13 @@
 // The Mittag-Leffler function by Talbot's contour, compared with closed forms and with its spectrum. Creep from a
 // compliance is compared with the network.
-#include "clients/identify/fractional.h"
-#include "clients/identify/memory.h"
+#include "clients/identify/constitutive_models.h"
 #include "core/network.h"
 #include "tests/check.h"
 
 // Return E_a(-x) as the relaxation of a spring beside a springpot: order 0 in g.
 static double mittag_leffler(double a, double x)
 {
-    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 1 / x, .v_order = a, .g_pa_s = 1, .g_order = 0};
+    const kn_fractional_maxwell f = {.v_pa_s = 1 / x, .v_order = a, .g_pa_s = 1, .g_order = 0};
     const double t = 1;
     double out;
     kn_fractional_maxwell_relax(&f, 0, 1, &t, &out);
@@ -41,7 +40,7 @@ TEST("of other orders it is the integral over its spectrum, over five decades")
 
 TEST("of order 1 the model is Maxwell's: an exponential, after a step and after a ramp")
 {
-    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 5, .v_order = 1, .g_pa_s = 2, .g_order = 0};
+    const kn_fractional_maxwell f = {.v_pa_s = 5, .v_order = 1, .g_pa_s = 2, .g_order = 0};
     const double t[] = {0.01, 0.1, 1, 5, 10}, tau = 2.5, ramp = 0.7;
     double step[5], ramped[5];
     kn_fractional_maxwell_relax(&f, 0, 5, t, step);
@@ -54,7 +53,7 @@ TEST("of order 1 the model is Maxwell's: an exponential, after a step and after 
 
 TEST("two springpots relax as a power law does at once and another at last")
 {
-    const kn_fractional_maxwell_maxwell f = {.v_pa_s = 3, .v_order = 0.7, .g_pa_s = 2, .g_order = 0.2};
+    const kn_fractional_maxwell f = {.v_pa_s = 3, .v_order = 0.7, .g_pa_s = 2, .g_order = 0.2};
     const double t[] = {1e-9, 1e9};
     double g[2];
     kn_fractional_maxwell_relax(&f, 0, 2, t, g);
@@ -81,15 +80,20 @@ static void compliance(const void *of, int count, const double *lag, const doubl
 static double apart(bool constant_area)
 {
     const row r = {4e4, 2e5, 5e5};
+    double time_s[130], strain[130], worst = 0;
     const double from[] = {0, 30, 60}, load[] = {3000, 5000, 0};
+    const kn_curve curve = {.constant_area = constant_area,
+                            .steps = 3,
+                            .step = {{0, 3000, 0, 0}, {30, 5000, 30, 30}, {60, 0, 60, 60}},
+                            .count = 130,
+                            .time_s = time_s};
     AT_END(kn_superposition_close) kn_superposition m = {0};
     kn_network net = {0};
     char error[64];
     CHECK(kn_element_parse(&net.element, "(s|d)-d", error, sizeof error));
     net.part[0].modulus = r.k, net.part[1].modulus = r.c, net.part[2].modulus = r.d;
-    CHECK(kn_superposition_open(&m, constant_area, 3, from, load, 130));
-    double time_s[130], strain[130], worst = 0;
     for (int i = 0; i < 130; i++) time_s[i] = i + 0.5;
+    CHECK(kn_superposition_open(&m, &curve));
     CHECK(kn_superposition_creep(&m, compliance, &r, 130, time_s, strain));
     kn_network_state at = {0};
     for (int i = 0, step = -1; i < 130; i++) {
