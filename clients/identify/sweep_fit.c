@@ -1,5 +1,5 @@
 #include "clients/identify/sweep_fit.h"
-#include "core/oneport.h"
+#include "clients/identify/constitutive_models.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -44,37 +44,21 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     return true;
 }
 
-// ---- the classes of the catalogue
-
-static void add_letter(kn_sweep_fit_row *row, char letter)
-{
-    const size_t n = strlen(row->letters);
-    if (n + 3 <= sizeof row->letters) snprintf(row->letters + n, sizeof row->letters - n, n ? " %c" : "%c", letter);
-}
-
-// Add one row for each class of the catalogue. Elements of one class share a row and list their letters.
+// Add one row for each class of the catalogue, with its Voigt form as the element.
 static void add_classes(kn_sweep_fit *s)
 {
-    for (int i = 0; i < KN_CATALOGUE; i++) {
-        kn_element e;
-        char error[64], text[KN_ELEMENT_TEXT];
-        // parsing cannot fail, since the catalogue is a constant of this program
-        if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
-        const kn_oneport class = kn_oneport_of(&e);
-        int k = 0;
-        // Elements with the same Voigt form are one class.
-        kn_oneport_voigt(&class, text);
-        while (k < s->rows && strcmp(s->row[k].expression, text) != 0) k++;
-        if (k == KN_SWEEP_FIT_ROWS) continue;
-        if (k == s->rows) {
-            kn_sweep_fit_row *row = &s->row[s->rows++];
-            snprintf(row->expression, sizeof row->expression, "%s", text);
-            row->name = kn_oneport_name(&class);
-            kn_element_parse(&row->net.element, text, error, sizeof error);
-            row->parts = row->net.element.leaves;
-            row->aicc = INFINITY;
-        }
-        add_letter(&s->row[k], kn_catalogue[i].letter);
+    kn_element_class class[KN_CATALOGUE];
+    s->rows = kn_element_classes(class, false);
+    for (int i = 0; i < s->rows; i++) {
+        kn_sweep_fit_row *row = &s->row[i];
+        char error[64];
+        memcpy(row->expression, class[i].name, sizeof row->expression);
+        memcpy(row->letters, class[i].letters, sizeof row->letters);
+        row->name = kn_oneport_name(&class[i].oneport);
+        // parsing cannot fail, since the Voigt form is an expression
+        kn_element_parse(&row->net.element, row->expression, error, sizeof error);
+        row->parts = row->net.element.leaves;
+        row->aicc = INFINITY;
     }
 }
 
@@ -221,7 +205,7 @@ static void fit_row(const work *all, const kn_sweep_fit *found, kn_sweep_fit_row
     for (int s = 0; s < STARTS; s++) place(&w, &seed, start[s]);
     if (row->parts > KN_SWEEP_FIT_PARTS || fit.readings <= fit.unknowns + 2) return;
     const int starts = STARTS + start_within(&fit, w.element, found, start + STARTS);
-    row->fitted = kn_fit_run_from(&fit, starts, (const double(*)[KN_FIT_UNKNOWNS])start);
+    row->fitted = kn_fit_run_from(&fit, starts, start);
     if (row->fitted) judge(row, &fit, confidence);
 }
 

@@ -11,7 +11,7 @@
 #include "clients/identify/parameter_estimate.h"
 #include "core/network.h"
 
-#define KN_SWEEP_FIT_ROWS 8
+#define KN_SWEEP_FIT_ROWS KN_CATALOGUE
 #define KN_SWEEP_FIT_PARTS 4
 // AICc difference from which the data speak against a model (Burnham and Anderson, Model selection, 2.6)
 #define KN_SWEEP_FIT_NEAR 4
@@ -24,10 +24,10 @@ typedef struct kn_sweep_fit_row {
     bool fitted, is_material;         // is_material: whether a scene can have this element
     kn_material material;             // the fitted material; set if is_material is true
     int parts;                        // number of springs and dampers
-    kn_parameter_estimate
-        number[KN_SWEEP_FIT_PARTS]; // [parts] values of the springs and dampers; for a material k1, c1, c2
-    double error;                   // mean of |model/measured - 1| over both moduli
-    double aicc, runs;              // AICc of the fit; result of kn_fit_runs for the residuals
+    // [parts] values of the springs and dampers; for a material k1, c1, c2
+    kn_parameter_estimate number[KN_SWEEP_FIT_PARTS];
+    double error;      // mean of |model/measured - 1| over both moduli
+    double aicc, runs; // AICc of the fit; result of kn_fit_runs for the residuals
 } kn_sweep_fit_row;
 
 typedef struct kn_sweep_fit {
