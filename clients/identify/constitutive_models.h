@@ -124,12 +124,14 @@ typedef struct kn_compared_part {
     int count;      // number of readings
     double *time_s; // [count] relaxation: time since the strain was reached; creep: time since the first load
     double *value;  // [count] relaxation: stress or modulus [Pa]; creep: strain
+    double least;   // least value
 } kn_compared_part;
 
 typedef struct kn_compared_curve {
     const kn_curve *curve;
     // relaxation only: the held strain, or 1 if the values are moduli; duration of the rise of the strain
     double strain, ramp_s;
+    double largest;                 // largest magnitude of a value of both parts
     kn_superposition superposition; // creep only
     kn_compared_part part[2];       // early part, late part
 } kn_compared_curve;

@@ -300,9 +300,8 @@ static int try_outputs(const kn_identify_options *opt)
 static void compare(work *w)
 {
     char error[200];
-    const kn_model_comparison_options how = {.cut_s = w->opt.cut_s};
     if (w->opt.no_models) return;
-    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, w->opt.cut_s, error, sizeof error);
     if (!w->compared) {
         doubt(w, "other models were not compared: %s", error);
         return;

@@ -127,8 +127,8 @@ static void models(kn_document *d, const kn_model_comparison *m)
     for (int i = 0; i < m->rows; i++) {
         const kn_model_comparison_row *r = &m->row[i];
         if (!r->fitted) continue;
-        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->law.name, *r->law.letters ? " (" : "", r->law.letters,
-                        *r->law.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
+        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->model.name, *r->model.letters ? " (" : "",
+                        r->model.letters, *r->model.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
                         r->aicc - m->row[kn_model_comparison_best(m)].aicc);
     }
     kn_model_comparison_verdict(m, text, sizeof text);

@@ -25,7 +25,7 @@ static bool room(kn_compared_curve *c, int count)
 {
     double *block = calloc(4 * (size_t)count + 1, sizeof *block);
     for (int part = EARLY; block && part <= LATE; part++, block += 2 * count)
-        c->part[part] = (kn_compared_part){0, block, block + count};
+        c->part[part] = (kn_compared_part){.time_s = block, .value = block + count, .least = INFINITY};
     return block;
 }
 
@@ -34,10 +34,12 @@ static void put(kn_compared_curve *c, int part, double time_s, double value)
     kn_compared_part *p = &c->part[part];
     p->time_s[p->count] = time_s;
     p->value[p->count++] = value;
+    p->least = fmin(p->least, value);
+    c->largest = fmax(c->largest, fabs(value));
 }
 
 // Take the bins of a relaxation. Time counts from the end of the rise, if the strain has one.
-static bool take_relax(kn_compared_curve *c, const kn_model_comparison_options *options, double *cut_s)
+static bool take_relax(kn_compared_curve *c, double cut_option_s, double *cut_s)
 {
     kn_time_bins b;
     kn_strain_ramp ramp;
@@ -47,18 +49,18 @@ static bool take_relax(kn_compared_curve *c, const kn_model_comparison_options *
         c->ramp_s = ramp.end_s - ramp.start_s;
         if (c->ramp_s > 0) begin = ramp.end_s;
     } else c->strain = c->curve->strain > 0 ? c->curve->strain : 1;
-    if (!kn_time_bins_make(&b, c->curve, begin, NAN)) return false;
+    if (!kn_time_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
     // Early is up to a tenth of the time if two decades were measured, else up to half of it.
-    *cut_s = options->cut_s > 0 ? options->cut_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
+    *cut_s = cut_option_s > 0 ? cut_option_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
     for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
     kn_time_bins_free(&b);
     return ok;
 }
 
 // Take the readings of a creep curve. Every load has an early half and a late half.
-static bool take_creep(kn_compared_curve *c, const kn_model_comparison_options *options, double *cut_s)
+static bool take_creep(kn_compared_curve *c, double cut_option_s, double *cut_s)
 {
     const kn_curve *curve = c->curve;
     const double end = curve->time_s[curve->count - 1];
@@ -68,7 +70,7 @@ static bool take_creep(kn_compared_curve *c, const kn_model_comparison_options *
         const double from = curve->step[k].time_s;
         const double until = k + 1 < curve->steps ? fmin(curve->step[k + 1].time_s, end) : end;
         // Find the load of this reading. The reading is early if its time since the change of load is below the cut.
-        const double cut = options->cut_s > 0 ? options->cut_s : (until - from) / 2;
+        const double cut = cut_option_s > 0 ? cut_option_s : (until - from) / 2;
         if (k == 0) *cut_s = cut;
         put(c, curve->time_s[i] - from <= cut ? EARLY : LATE, curve->time_s[i], curve->value[i]);
     }
@@ -77,36 +79,22 @@ static bool take_creep(kn_compared_curve *c, const kn_model_comparison_options *
     return true;
 }
 
-static double largest(const kn_compared_curve *c)
-{
-    double most = 0;
-    for (int part = EARLY; part <= LATE; part++)
-        for (int i = 0; i < c->part[part].count; i++) most = fmax(most, fabs(c->part[part].value[i]));
-    return most;
-}
-
-static double least(const kn_model_comparison *m, int part)
-{
-    double pa = INFINITY;
-    for (int c = 0; c < m->curves; c++)
-        for (int i = 0; i < m->curve[c].part[part].count; i++) pa = fmin(pa, m->curve[c].part[part].value[i]);
-    return pa;
-}
-
 // Split all curves into early and late readings.
-static bool take(kn_model_comparison *m, int curves, const kn_curve *curve, const kn_model_comparison_options *options)
+static bool take(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s)
 {
+    m->early_pa = m->late_pa = INFINITY;
     m->relax = curve->kind == KN_CURVE_RELAX;
     for (int c = 0; c < curves; c++) {
         kn_compared_curve *to = &m->curve[m->curves++];
         double cut;
         *to = (kn_compared_curve){.curve = &curve[c], .strain = 1};
-        if (!(m->relax ? take_relax : take_creep)(to, options, &cut)) return false;
+        if (!(m->relax ? take_relax : take_creep)(to, cut_s, &cut)) return false;
         if (c == 0) m->cut_s = cut;
         m->early += to->part[EARLY].count;
         m->late += to->part[LATE].count;
+        m->early_pa = fmin(m->early_pa, to->part[EARLY].least);
+        m->late_pa = fmin(m->late_pa, to->part[LATE].least);
     }
-    if (m->relax) m->early_pa = least(m, EARLY), m->late_pa = least(m, LATE);
     return true;
 }
 
@@ -125,7 +113,7 @@ static bool residuals(const work *w, const double *value, int part, bool scale, 
     for (int c = 0, n = 0; c < w->m->curves; c++) {
         kn_compared_curve *curve = &w->m->curve[c];
         const kn_compared_part *p = &curve->part[part];
-        const double most = w->m->relax ? 0 : largest(curve);
+        const double most = curve->largest;
         // A creep residual is divided by the noise, or by a small share of the largest strain if that is larger.
         const double unit = scale ? fmax(curve->curve->noise, KN_COMPARISON_COARSE * most) : most;
         if (!kn_constitutive_predict(w->model, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
@@ -180,14 +168,14 @@ static void fit_model(kn_model_comparison *m, const kn_constitutive_model *model
     double *residual = scratch + m->early + m->late;
     work w = {m, model, scratch};
     kn_fit fit = {.readings = m->early, .misfit = misfit, .of = &w};
-    *row = (kn_model_comparison_row){
-        .law = *model, .readings = m->early, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
+    *row =
+        (kn_model_comparison_row){.model = *model, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
     row->unknowns = fit.unknowns = kn_constitutive_unknowns(model, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
     // row that was fitted before, which may be the same model with fewer parameters
     const kn_model_comparison_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
     // The search of a model with more parameters may continue from the fit with fewer.
-    const bool follows = last && last->fitted && last->law.kind == model->kind;
+    const bool follows = last && last->fitted && last->model.kind == model->kind;
     const int starts = kn_constitutive_starts(model, m->curves, m->curve, follows ? last->unknowns : 0,
                                               follows ? last->unknown : NULL, start);
     if (!kn_fit_run_from(&fit, starts, start)) return;
@@ -211,7 +199,7 @@ static bool fit_all(kn_model_comparison *m)
     for (int i = 0; scratch && i < models; i++) {
         kn_model_comparison_row row, *before = m->rows ? &m->row[m->rows - 1] : NULL;
         fit_model(m, &model[i], &row, scratch);
-        if (before && !strcmp(row.law.name, before->law.name)) {
+        if (before && !strcmp(row.model.name, before->model.name)) {
             if (row.aicc < before->aicc) *before = row;
         } else if (m->rows < KN_COMPARISON_MAX) m->row[m->rows++] = row;
     }
@@ -220,27 +208,23 @@ static bool fit_all(kn_model_comparison *m)
     return ok;
 }
 
-bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve,
-                             const kn_model_comparison_options *options, char *error, size_t error_size)
+bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s, char *error,
+                             size_t error_size)
 {
     // Each message is written to `error` before the check that may fail with it.
     *m = (kn_model_comparison){0};
     snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_COMPARISON_HOLDS);
     if (curve->kind == KN_CURVE_RELAX && curves > KN_COMPARISON_HOLDS) return false;
     snprintf(error, error_size, "out of memory");
-    if (!take(m, curves, curve, options)) return false;
+    if (!take(m, curves, curve, cut_s)) return false;
     snprintf(error, error_size,
              "%d readings before the cut and %d after it are too few to compare models, expected 8 and 3", m->early,
              m->late);
     if (m->early < 8 || m->late < 3) return false;
-    for (int c = 0; m->relax && c < curves; c++)
-        for (int part = EARLY; part <= LATE; part++)
-            for (int i = 0; i < m->curve[c].part[part].count; i++)
-                if (!(m->curve[c].part[part].value[i] > 0)) {
-                    snprintf(error, error_size, "%s falls to 0 or below, so relative errors are undefined",
-                             curve[c].name);
-                    return false;
-                }
+    for (int c = 0; m->relax && c < curves; c++) {
+        snprintf(error, error_size, "%s falls to 0 or below, so relative errors are undefined", curve[c].name);
+        if (!(m->curve[c].part[EARLY].least > 0 && m->curve[c].part[LATE].least > 0)) return false;
+    }
     snprintf(error, error_size, "out of memory");
     return fit_all(m);
 }
@@ -272,7 +256,7 @@ static int best_held(const kn_model_comparison *m, bool yardsticks)
 {
     int best = -1;
     for (int i = 0; i < m->rows; i++) {
-        if (m->row[i].law.yardstick && !yardsticks) continue;
+        if (m->row[i].model.yardstick && !yardsticks) continue;
         if (m->row[i].fitted && (best < 0 || held_of(&m->row[i]) < held_of(&m->row[best]))) best = i;
     }
     return best;
@@ -289,8 +273,8 @@ __attribute__((format(printf, 3, 4))) static void append(char *text, size_t size
 
 static void append_name(char *text, size_t size, const kn_model_comparison_row *row)
 {
-    const char *letters = row->law.letters;
-    append(text, size, "%s%s%s%s", row->law.name, *letters ? " (" : "", letters, *letters ? ")" : "");
+    const char *letters = row->model.letters;
+    append(text, size, "%s%s%s%s", row->model.name, *letters ? " (" : "", letters, *letters ? ")" : "");
 }
 
 // Return whether the row is as good as the best on the early part.
@@ -327,7 +311,7 @@ static bool is_below_all(const kn_model_comparison *m)
     bool any = false;
     for (int i = 0; i < m->rows; i++) {
         if (supported(m, i)) return false;
-        any |= describes(m, i) && m->row[i].law.kind == KN_CONSTITUTIVE_PAPERS;
+        any |= describes(m, i) && m->row[i].model.kind == KN_CONSTITUTIVE_PAPERS;
     }
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
@@ -397,7 +381,7 @@ void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text,
     }
 }
 
-// Print the row of one law in the table of models.
+// Print the row of one model in the table of models.
 static void print_row(const kn_model_comparison *m, const kn_model_comparison_row *row)
 {
     char name[120] = "", numbers[400], runs[16] = "-";
@@ -438,9 +422,9 @@ void kn_model_comparison_tell(const kn_model_comparison *m)
     for (int i = 0; i < m->rows; i++) {
         const kn_model_comparison_row *row = &m->row[i];
         json_t *to = kn_result_add("models"), *numbers = json_object();
-        kn_result_text(to, "name", row->law.name);
-        kn_result_text(to, "letters", row->law.letters);
-        kn_result_bool(to, "yardstick", row->law.yardstick);
+        kn_result_text(to, "name", row->model.name);
+        kn_result_text(to, "letters", row->model.letters);
+        kn_result_bool(to, "yardstick", row->model.yardstick);
         kn_result_bool(to, "supported", supported(m, i));
         kn_result_number(to, "fitted_error", row->early);
         kn_result_number(to, "later_error", row->held);

@@ -32,8 +32,8 @@
 #define KN_COMPARISON_HOLDS 6
 
 typedef struct kn_model_comparison_row {
-    kn_constitutive_model law;
-    int unknowns, readings;                  // number of unknowns, and number of readings in the early part
+    kn_constitutive_model model;
+    int unknowns;                            // number of unknowns
     kn_fit_unknown unknown[KN_FIT_UNKNOWNS]; // [unknowns] with the best values
     // whether the early readings do not determine the unknown: its best value is at a bound, or the standard deviation
     // of the unknown is too large
@@ -42,12 +42,6 @@ typedef struct kn_model_comparison_row {
     double early, held; // relative errors of the early part and of the late part
     double aicc, runs;  // AICc and kn_fit_runs of the early residuals; the curves follow one after the other
 } kn_model_comparison_row;
-
-typedef struct kn_model_comparison_options {
-    // end of the early part [s], counted from the time at which the strain was reached (relaxation) or from each change
-    // of load (creep); 0: chosen as described at the top of this file
-    double cut_s;
-} kn_model_comparison_options;
 
 typedef struct kn_model_comparison {
     int rows;                                       // number of rows of the table
@@ -59,10 +53,12 @@ typedef struct kn_model_comparison {
     double cut_s;                           // end of the early part of the first curve [s]
 } kn_model_comparison;
 
-// Run the comparison. Return false with one sentence in `error` if the early or the late part has too few readings, or
-// if memory runs out. Call kn_model_comparison_free in any case.
-bool kn_model_comparison_run(kn_model_comparison *models, int curves, const kn_curve *curve,
-                             const kn_model_comparison_options *options, char *error, size_t error_size);
+// Run the comparison. The early part ends at `cut_s`, counted from the time at which the strain was reached (relaxation)
+// or from each change of load (creep); 0: chosen as described at the top of this file. Return false with one sentence in
+// `error` if the early or the late part has too few readings, or if memory runs out. Call kn_model_comparison_free in any
+// case.
+bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s, char *error,
+                             size_t error_size);
 void kn_model_comparison_free(kn_model_comparison *models); // a zeroed struct is allowed
 
 int kn_model_comparison_best(const kn_model_comparison *models); // return the index of the row with the least AICc

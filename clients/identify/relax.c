@@ -196,10 +196,9 @@ static int fit(work *w)
 
 static void compare(work *w)
 {
-    const kn_model_comparison_options how = {.cut_s = w->opt.cut_s};
     char error[400];
     if (w->opt.no_models) return;
-    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, w->opt.cut_s, error, sizeof error);
     if (w->compared) {
         kn_model_comparison_print(&w->models);
         kn_model_comparison_tell(&w->models);

@@ -109,13 +109,13 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, in
     const kn_model_comparison_row *r = &m->row[row];
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
-    if (!r->fitted || !kn_constitutive_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place]))
+    if (!r->fitted || !kn_constitutive_predict(&r->model, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place]))
         return;
     // Values far below the readings would flatten the plot.
     for (int i = 0; i < POINTS; i++)
         if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
-    kn_figure_add(p, (kn_figure_series){r->law.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
-                                        r->law.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
+    kn_figure_add(p, (kn_figure_series){r->model.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
+                                        r->model.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
 }
 
 // Add up to four different models: the best on the later part among all laws, the best among the elements, the next
@@ -139,8 +139,8 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
     for (int place = 0; place < SHOWN; place++) {
         int best = -1;
         for (int i = 0; i < m->rows; i++) {
-            const bool wanted = place == 0 || (place == 1 && !m->row[i].law.yardstick) || place == 2 ||
-                                (place == 3 && m->row[i].law.kind == KN_CONSTITUTIVE_UNITS);
+            const bool wanted = place == 0 || (place == 1 && !m->row[i].model.yardstick) || place == 2 ||
+                                (place == 3 && m->row[i].model.kind == KN_CONSTITUTIVE_UNITS);
             if (!taken[i] && wanted && m->row[i].fitted && (best < 0 || m->row[i].held < m->row[best].held)) best = i;
         }
         if (best < 0) continue;
@@ -203,7 +203,7 @@ static void tell_models(kn_document *d, const kn_model_comparison *m)
         const kn_model_comparison_row *r = &m->row[i];
         kn_model_comparison_numbers(r, text, sizeof text);
         if (r->fitted)
-            kn_document_row(d, "%s\t%s\t%d\t%.3g\t%.3g\t%.1f\t%s", r->law.name, r->law.letters, r->unknowns,
+            kn_document_row(d, "%s\t%s\t%d\t%.3g\t%.3g\t%.1f\t%s", r->model.name, r->model.letters, r->unknowns,
                             100 * r->early, 100 * r->held, r->aicc - m->row[kn_model_comparison_best(m)].aicc, text);
     }
 }

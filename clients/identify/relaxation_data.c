@@ -124,13 +124,9 @@ static void close_bin(kn_time_bins *b, bool geometric, double ln_value, double l
     if (geometric && least > 0.5 * b->value[k]) b->value[k] = exp(ln_value / b->weight[k]);
 }
 
-static bool average(kn_time_bins *b, const kn_curve *c, const grid *g)
+// Append the means of the readings in the bins of the grid.
+static void average(kn_time_bins *b, const kn_curve *c, const grid *g)
 {
-    const size_t n = (size_t)c->count + 1;
-    *b = (kn_time_bins){.time_s = calloc(3 * n, sizeof *b->time_s), .line = calloc(n, sizeof *b->line)};
-    if (!b->time_s || !b->line) return kn_time_bins_free(b), false;
-    b->value = b->time_s + n;
-    b->weight = b->value + n;
     double last = -INFINITY, ln_value = 0, least = INFINITY;
     for (int i = 0; i < c->count; i++) {
         const double w = c->weight[i], bin = bin_of(g, c, i);
@@ -139,6 +135,7 @@ static bool average(kn_time_bins *b, const kn_curve *c, const grid *g)
             close_bin(b, !g->rise, ln_value, least);
             ln_value = 0;
             least = INFINITY;
+            b->time_s[b->count] = b->value[b->count] = b->weight[b->count] = 0;
             b->line[b->count++] = c->line[i];
         }
         last = bin;
@@ -149,12 +146,23 @@ static bool average(kn_time_bins *b, const kn_curve *c, const grid *g)
         least = fmin(least, c->value[i]);
     }
     close_bin(b, !g->rise, ln_value, least);
+}
+
+static bool allocate(kn_time_bins *b, int readings)
+{
+    const size_t n = (size_t)readings + 1;
+    *b = (kn_time_bins){.time_s = calloc(3 * n, sizeof *b->time_s), .line = calloc(n, sizeof *b->line)};
+    if (!b->time_s || !b->line) return kn_time_bins_free(b), false;
+    b->value = b->time_s + n;
+    b->weight = b->value + n;
     return true;
 }
 
-bool kn_time_bins_make(kn_time_bins *b, const kn_curve *c, double begin_s, double corner_s)
+bool kn_time_bins_make(kn_time_bins *b, const kn_curve *c, double begin_s)
 {
-    return average(b, c, &(grid){.begin_s = begin_s, .corner_s = corner_s});
+    if (!allocate(b, c->count)) return false;
+    average(b, c, &(grid){.begin_s = begin_s, .corner_s = NAN});
+    return true;
 }
 
 void kn_time_bins_free(kn_time_bins *b)
@@ -164,28 +172,37 @@ void kn_time_bins_free(kn_time_bins *b)
     *b = (kn_time_bins){0};
 }
 
-// Average the rise over equal times. Stresses near 0 are skipped, since they are mostly noise.
-static bool take_rise(kn_time_bins *b, const kn_curve *c, const kn_strain_ramp *ramp)
-{
-    double most = 0;
-    for (int i = 0; i < c->count; i++)
-        if (!beside_corner(c, i, ramp->end_s)) most = fmax(most, c->value[i]);
-    return average(b, c, &(grid){ramp, ramp->end_s, ramp->end_s, LEAST_RISE * most});
-}
-
 // ---- the curves of a fit
 
-// Split one curve. A rise with too few means is dropped.
-static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
+// Average the rise. Stresses near 0 are skipped, since they are mostly noise. A rise with too few means is dropped.
+static void take_rise(kn_relaxation_curve *to)
 {
-    to->curve = curve;
-    const bool known = kn_strain_ramp_of(&to->ramp, curve);
+    const kn_curve *c = to->curve;
     const double end_s = to->ramp.end_s;
-    if (!known) to->ramp.strain = curve->strain;
-    if (!known || !(end_s > to->ramp.start_s)) return kn_time_bins_make(&to->hold, curve, curve->begin_s, NAN);
-    if (!take_rise(&to->rise, curve, &to->ramp) || !kn_time_bins_make(&to->hold, curve, end_s, end_s)) return false;
+    double most = 0;
+    for (int i = 0; i < c->count; i++)
+        if (!beside_corner(c, i, end_s)) most = fmax(most, c->value[i]);
+    average(&to->rise, c, &(grid){&to->ramp, end_s, end_s, LEAST_RISE * most});
     to->rises = to->rise.count >= RISE_LEAST;
     if (!to->rises) to->rise.count = 0;
+}
+
+// Split one curve.
+static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
+{
+    kn_strain_ramp *ramp = &to->ramp;
+    grid hold = {.begin_s = curve->begin_s, .corner_s = NAN};
+    to->curve = curve;
+    if (!kn_strain_ramp_of(ramp, curve)) *ramp = (kn_strain_ramp){.strain = curve->strain};
+    if (!allocate(&to->rise, curve->count)) return false;
+    if (ramp->end_s > ramp->start_s) {
+        take_rise(to);
+        hold.begin_s = hold.corner_s = ramp->end_s;
+    }
+    // The means of the hold follow those of the rise in the same arrays.
+    const int n = to->rise.count;
+    to->hold = (kn_time_bins){0, to->rise.time_s + n, to->rise.value + n, to->rise.weight + n, to->rise.line + n};
+    average(&to->hold, curve, &hold);
     return true;
 }
 

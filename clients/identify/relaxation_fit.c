@@ -28,8 +28,7 @@ static bool by_chain(const kn_material *m, const kn_relaxation_curve *c, double 
     kn_voigt_chain chain = kn_voigt_chain_of(m);
     chain.p1_pa = fmin(m->p1_pa, 600 / m->beta_per_pa);
     double time_s[KN_RELAXATION_RISE_BINS + 1];
-    for (int i = 0; i < c->rise.count; i++) time_s[i] = c->ramp.end_s + c->rise.time_s[i];
-    time_s[c->rise.count] = c->ramp.end_s + c->hold.time_s[0];
+    for (int i = 0; i <= c->rise.count; i++) time_s[i] = c->ramp.end_s + c->rise.time_s[i];
     if (chain.p0_pa >= chain.p1_pa) return false;
     return kn_voigt_chain_stress(&chain, c->ramp.steps, c->ramp.step, c->rise.count + 1, time_s, out) &&
            out[c->rise.count] > 0;
@@ -54,16 +53,16 @@ static bool predict(const double *v, const kn_relaxation_curve *c, int number, d
     return true;
 }
 
+static int means(const kn_relaxation_curve *c) { return c->rise.count + c->hold.count; }
+
 // Compute the residuals: of the stress in units of its noise, or of its logarithm.
 static bool difference(const work *w, const kn_relaxation_curve *c, const double *fit, double *residual)
 {
-    for (int part = 0, n = 0; part < 2; part++) {
-        const kn_time_bins *b = part ? &c->hold : &c->rise;
-        for (int i = 0; i < b->count; i++, n++) {
-            if (w->options.constant_noise) residual[n] = (fit[n] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
-            else if (fit[n] > 0) residual[n] = log(fit[n] / b->value[i]);
-            else return false;
-        }
+    const kn_time_bins *b = &c->rise;
+    for (int i = 0; i < means(c); i++) {
+        if (w->options.constant_noise) residual[i] = (fit[i] - b->value[i]) * sqrt(b->weight[i]) / c->curve->noise;
+        else if (fit[i] > 0) residual[i] = log(fit[i] / b->value[i]);
+        else return false;
     }
     return true;
 }
@@ -75,7 +74,7 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
         const kn_relaxation_curve *k = &w->r->curve[c];
         double *out = residual + n; // out and residual share memory
         if (!predict(value, k, c, out) || !difference(w, k, out, out)) return false;
-        n += k->rise.count + k->hold.count;
+        n += means(k);
     }
     return true;
 }
@@ -122,9 +121,10 @@ static bool fit_holds(const work *w, bool c1, double out[KN_FIT_UNKNOWNS])
     for (int c = 0; c < r.curves; c++) {
         const kn_time_bins *b = &r.curve[c].hold;
         r.curve[c].rises = false;
+        r.curve[c].rise = *b;
         r.curve[c].rise.count = 0;
         h.curve[c] = (kn_compared_curve){.curve = r.curve[c].curve, .strain = 1};
-        h.curve[c].part[0] = (kn_compared_part){b->count, b->time_s, b->value};
+        h.curve[c].part[0] = (kn_compared_part){.count = b->count, .time_s = b->time_s, .value = b->value};
         fit.readings += b->count;
     }
     fit.unknowns = kn_constitutive_unknowns(&h.model, r.curves, h.curve, fit.unknown);
@@ -224,14 +224,14 @@ static bool add_clamp(work *w, int which)
 static void measured(work *w)
 {
     w->lowest = INFINITY;
-    for (int c = 0; c < w->r->curves; c++)
-        for (int part = 0; part < 2; part++) {
-            const kn_time_bins *b = part ? &w->r->curve[c].hold : &w->r->curve[c].rise;
-            for (int i = 0; i < b->count; i++) {
-                if (part && b->value[i] > 0) w->lowest = fmin(w->lowest, b->value[i]);
-                w->highest = fmax(w->highest, b->value[i]);
-            }
+    for (int c = 0; c < w->r->curves; c++) {
+        const kn_relaxation_curve *k = &w->r->curve[c];
+        for (int i = 0; i < means(k); i++) {
+            const double p = k->rise.value[i];
+            if (i >= k->rise.count && p > 0) w->lowest = fmin(w->lowest, p);
+            w->highest = fmax(w->highest, p);
         }
+    }
 }
 
 // Find the lowest and highest stress of the fit at the readings.
@@ -239,7 +239,7 @@ static void visited(kn_relaxation_fit *r)
 {
     r->lowest_pa = INFINITY;
     for (int c = 0; c < r->curves; c++)
-        for (int i = 0; i < r->curve[c].rise.count + r->curve[c].hold.count; i++) {
+        for (int i = 0; i < means(&r->curve[c]); i++) {
             if (i >= r->curve[c].rise.count) r->lowest_pa = fmin(r->lowest_pa, r->curve[c].fit_pa[i]);
             r->highest_pa = fmax(r->highest_pa, r->curve[c].fit_pa[i]);
         }
@@ -414,14 +414,11 @@ static void judge(work *w)
     kn_fit_values(&w->fit, value);
     for (int c = 0; c < r->curves; c++) {
         kn_relaxation_curve *k = &r->curve[c];
-        const int count = k->rise.count + k->hold.count;
+        const int count = means(k);
         predict(value, k, c, k->fit_pa);
         difference(w, k, k->fit_pa, k->residual);
         k->runs = kn_fit_runs(count, k->residual);
-        for (int i = 0; i < count; i++) {
-            const double at = i < k->rise.count ? k->rise.value[i] : k->hold.value[i - k->rise.count];
-            k->misfit += fabs(k->fit_pa[i] / at - 1) / count;
-        }
+        for (int i = 0; i < count; i++) k->misfit += fabs(k->fit_pa[i] / k->rise.value[i] - 1) / count;
     }
     visited(r);
 }
@@ -457,7 +454,6 @@ void kn_relaxation_fit_free(kn_relaxation_fit *r)
 {
     for (int c = 0; c < r->curves; c++) {
         kn_time_bins_free(&r->curve[c].rise);
-        kn_time_bins_free(&r->curve[c].hold);
         free(r->curve[c].fit_pa);
     }
     *r = (kn_relaxation_fit){0};

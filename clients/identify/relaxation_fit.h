@@ -69,9 +69,8 @@ typedef struct kn_time_bins {
 } kn_time_bins;
 
 // Average the readings of `curve` after the time `begin_s` over equal widths of ln(time). If no reading is later,
-// bins->count is 0. Leave out the readings beside the corner at the time `corner_s`; NAN: there is no corner. Return
-// false if memory runs out; the bins are then empty.
-bool kn_time_bins_make(kn_time_bins *bins, const kn_curve *curve, double begin_s, double corner_s);
+// bins->count is 0. Return false if memory runs out; the bins are then empty.
+bool kn_time_bins_make(kn_time_bins *bins, const kn_curve *curve, double begin_s);
 void kn_time_bins_free(kn_time_bins *bins); // a zeroed struct is allowed
 
 // largest number of relaxation curves; each curve adds at most one unknown to the six parameters, 12 unknowns in all
@@ -88,7 +87,7 @@ typedef struct kn_relaxation_curve {
     kn_strain_ramp ramp;
     bool rises; // whether the fit uses readings of the rise of the strain
     // means of the readings in the rise and in the hold; their times count from the end of the rise and are negative in
-    // the rise
+    // the rise. The arrays of `hold` follow those of `rise` in memory, so rise.value[rise.count] is hold.value[0].
     kn_time_bins rise, hold;
     double *fit_pa;   // fitted stress at the means of `rise`, followed by the means of `hold`
     double *residual; // residuals at the means of `rise`, followed by the means of `hold`

@@ -9,50 +9,43 @@ enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 // ---- stage 1: fit of equation 5 to the recovery
 
 typedef struct recovery {
-    int count;
-    const double *time_s, *strain, *weight;
-    const kn_two_stage *stages;
+    const kn_curve *curve;
+    kn_two_stage stages;
 } recovery;
 
-static double recovered(double release_pa, double k1, double c1, double since_s)
+double kn_two_stage_recovered(const kn_two_stage *s, double since_release_s)
 {
-    return release_pa / k1 * -expm1(-k1 / c1 * since_s);
+    const double k1 = s->material.k1_pa;
+    return s->release_pa / k1 * -expm1(-k1 / s->material.c1_pa_s * since_release_s);
 }
 
+// Compute the residuals of the readings after the release. The unknowns are k1 and c1.
 static bool recovery_misfit(void *of, const double *value, double *residual)
 {
-    const recovery *r = of;
-    for (int i = 0; i < r->count; i++)
-        residual[i] = sqrt(r->weight[i]) *
-                      (recovered(r->stages->release_pa, value[0], value[1], r->time_s[i] - r->stages->release_s) -
-                       (r->stages->release_strain - r->strain[i]));
+    recovery *r = of;
+    kn_two_stage *s = &r->stages;
+    s->material.k1_pa = value[0];
+    s->material.c1_pa_s = value[1];
+    for (int i = s->count; i < r->curve->count; i++)
+        *residual++ = sqrt(r->curve->weight[i]) * (kn_two_stage_recovered(s, r->curve->time_s[i] - s->release_s) -
+                                                   (s->release_strain - r->curve->value[i]));
     return true;
 }
 
 // Fit equation 5 to the readings after the release.
-static bool fit_recovery(kn_two_stage *s, const kn_curve *c, int from)
+static bool fit_recovery(kn_two_stage *s, const kn_curve *c)
 {
-    recovery r = {.count = c->count - from,
-                  .time_s = c->time_s + from,
-                  .strain = c->value + from,
-                  .weight = c->weight + from,
-                  .stages = s};
+    recovery r = {c, *s};
     double back = s->release_strain - c->value[c->count - 1], stiff = s->release_pa / fmax(back, 1e-6);
-    double span = c->time_s[c->count - 1] - s->release_s;
-    if (r.count < FEWEST || !(back > 0)) return false;
-    kn_fit fit = {.unknowns = 2, .readings = r.count, .misfit = recovery_misfit, .of = &r};
+    double span = c->time_s[c->count - 1] - s->release_s, c1 = stiff * span / 10;
+    kn_fit fit = {.unknowns = 2, .readings = c->count - s->count, .misfit = recovery_misfit, .of = &r};
+    if (fit.readings < FEWEST || !(back > 0)) return false;
     fit.unknown[0] = (kn_fit_unknown){.name = "k1", .value = stiff, .low = 1e-4 * stiff, .high = 1e4 * stiff};
-    double c1 = stiff * span / 10;
     fit.unknown[1] = (kn_fit_unknown){.name = "c1", .value = c1, .low = 1e-5 * c1, .high = 1e5 * c1};
     if (!kn_fit_run(&fit)) return false;
     s->material.k1_pa = fit.unknown[0].value;
     s->material.c1_pa_s = fit.unknown[1].value;
     return true;
-}
-
-double kn_two_stage_recovered(const kn_two_stage *s, double since_release_s)
-{
-    return recovered(s->release_pa, s->material.k1_pa, s->material.c1_pa_s, since_release_s);
 }
 
 // ---- stage 2: strain of the Voigt element under the measured stress, which is linear between two readings
@@ -162,11 +155,12 @@ bool kn_two_stage_fit(kn_two_stage *s, const kn_curve *c)
     s->c2_pa_s = s->damper + n;
     kn_creep_stress(c, s->stress_pa);
     at_release(s, c);
-    bool ok = fit_recovery(s, c, s->count);
-    if (ok) subtract_voigt(s, c);
-    ok = ok && fit_damper(s, c);
-    if (!ok) kn_two_stage_free(s);
-    return ok;
+    if (fit_recovery(s, c)) {
+        subtract_voigt(s, c);
+        if (fit_damper(s, c)) return true;
+    }
+    kn_two_stage_free(s);
+    return false;
 }
 
 void kn_two_stage_free(kn_two_stage *s)

@@ -58,10 +58,9 @@ static void creep(made *m, const kn_network *net, double load_pa, double noise)
 
 static kn_model_comparison compare(int curves, const kn_curve *curve)
 {
-    static const kn_model_comparison_options options = {0};
     char error[200] = "";
     kn_model_comparison m;
-    CHECK(kn_model_comparison_run(&m, curves, curve, &options, error, sizeof error));
+    CHECK(kn_model_comparison_run(&m, curves, curve, 0, error, sizeof error));
     CHECK_STR(error + (*error ? strlen(error) : 0), "");
     return m;
 }
@@ -69,7 +68,7 @@ static kn_model_comparison compare(int curves, const kn_curve *curve)
 static const kn_model_comparison_row *row_of(const kn_model_comparison *m, const char *name)
 {
     for (int i = 0; i < m->rows; i++)
-        if (!strcmp(m->row[i].law.name, name)) return &m->row[i];
+        if (!strcmp(m->row[i].model.name, name)) return &m->row[i];
     KN_TEST_FAIL("no model called %s", name);
     return &m->row[0];
 }
@@ -146,7 +145,7 @@ TEST("creeps of the papers' dough under three loads are its element's, and no ot
     CHECK_NEAR(number(row, "beta") / dough.beta_per_pa, 1, 0.03);
     CHECK(row->held < 0.01);
     for (int i = 0; i < m.rows; i++)
-        if (!strstr(m.row[i].law.name, "thinning"))
+        if (!strstr(m.row[i].model.name, "thinning"))
             CHECK(m.row[i].aicc > row->aicc + 100 && m.row[i].held > 2 * row->held);
     CHECK(strstr(verdict(&m), "thinning") && !strstr(verdict(&m), "yardstick"));
 }
@@ -202,7 +201,7 @@ TEST("under more changes of load than the superposition takes, only the yardstic
     data.curve.steps = KN_SUPERPOSITION_STEPS + 1;
     for (int k = 2; k < data.curve.steps; k++) data.curve.step[k] = (kn_curve_step){.time_s = 60 + k, .stress_pa = 0};
     AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &data.curve);
-    for (int i = 0; i < m.rows; i++) CHECK(m.row[i].fitted == !m.row[i].law.yardstick);
+    for (int i = 0; i < m.rows; i++) CHECK(m.row[i].fitted == !m.row[i].model.yardstick);
 }
 
 TEST("what no model makes is said to be none's")
@@ -219,19 +218,18 @@ TEST("too few readings, and stresses that are none, are refused in a sentence")
     static made data;
     kn_model_comparison m;
     char error[200];
-    const kn_model_comparison_options options = {0};
     const kn_network net = burgers();
     hold(&data, &net, 0);
     data.curve.count = 9;
-    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "too few"));
+    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, 0, error, sizeof error) && strstr(error, "too few"));
     kn_model_comparison_free(&m);
     hold(&data, &net, 0);
     for (int i = 100; i < 110; i++) data.value[i] = -1;
-    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, &options, error, sizeof error) && strstr(error, "falls to 0"));
+    CHECK(!kn_model_comparison_run(&m, 1, &data.curve, 0, error, sizeof error) && strstr(error, "falls to 0"));
     kn_model_comparison_free(&m);
     kn_curve many[7];
     for (int i = 0; i < 7; i++) many[i] = data.curve;
-    CHECK(!kn_model_comparison_run(&m, 7, many, &options, error, sizeof error) && strstr(error, "at most 6"));
+    CHECK(!kn_model_comparison_run(&m, 7, many, 0, error, sizeof error) && strstr(error, "at most 6"));
     kn_model_comparison_free(&m);
 }
 
