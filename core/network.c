@@ -1,9 +1,9 @@
 #include "core/network.h"
-
+#include "core/sdirk.h"
 #include <math.h>
 #include <string.h>
 
-enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = 5, NEWTON_MAX = 80 };
+enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = KN_SDIRK_STAGES, NEWTON_MAX = 80 };
 
 // ---- the parts
 
@@ -297,16 +297,6 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
 
 // ---- time
 
-// Coefficients of the Runge-Kutta method, see network.h.
-#define GAMMA 0.25
-static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
-static const double row[STAGES][STAGES] = {{0},
-                                           {1. / 2},
-                                           {17. / 50, -1. / 25},
-                                           {371. / 1360, -137. / 2720, 15. / 544},
-                                           {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
-static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 minus order 3
-
 // Return the local error of the integrated strains: those of the dampers, and the prescribed
 // one. Springs follow from them.
 static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
@@ -320,7 +310,7 @@ static double error_of(const kn_network *net, const kn_network_state *state, kn_
         if (e->node[n].kind >= KN_ELEMENT_SERIES) continue;
         next->largest = fmax(next->largest, fabs(next->part_strain[i]));
         if (e->node[n].kind == KN_ELEMENT_SPRING) continue;
-        for (int j = 0; j < STAGES; j++) difference += against[j] / GAMMA * taken[j][i];
+        for (int j = 0; j < STAGES; j++) difference += kn_sdirk_error[j] / KN_SDIRK_GAMMA * taken[j][i];
         error = fmax(error, fabs(difference));
     }
     if (drive->kind == KN_DRIVE_STRAIN) {
@@ -336,13 +326,13 @@ static double step(const kn_network *net, const kn_network_state *state, const k
                    kn_network_state *next)
 {
     double taken[STAGES][KN_ELEMENT_MAX] = {0}; // D of each stage: GAMMA h times the rate
-    stage g = stage_from(net, state, GAMMA * h);
+    stage g = stage_from(net, state, KN_SDIRK_GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         for (int i = 0; i < net->element.leaves; i++) {
             g.base[i] = state->part_strain[i];
-            for (int m = 0; m < j; m++) g.base[i] += row[j][m] / GAMMA * taken[m][i];
+            for (int m = 0; m < j; m++) g.base[i] += kn_sdirk_row[j][m] / KN_SDIRK_GAMMA * taken[m][i];
         }
-        demand want = demand_at(&g, drive, state->time_s + along[j] * h);
+        demand want = demand_at(&g, drive, state->time_s + kn_sdirk_time[j] * h);
         if (!solve(&g, &want, &next->stress_pa)) return INFINITY;
         memcpy(taken[j], g.taken, sizeof g.taken);
     }

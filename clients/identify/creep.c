@@ -1,9 +1,8 @@
 // The command `knead identify creep`: find the parameters of the papers' element from creep curves.
 #include "clients/identify/creep_figures.h"
 #include "clients/identify/creep_report.h"
-#include "clients/identify/joint.h"
+#include "clients/identify/creep_fit.h"
 #include "clients/identify/options.h"
-#include "clients/identify/stages.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -56,9 +55,9 @@ typedef struct work {
     kn_identify_options opt;
     kn_curve curve[KN_CURVES_MAX];
     int curves;
-    kn_joint joint;
+    kn_creep_fit joint;
     double took_s; // duration of the fit [s]
-    kn_models models;
+    kn_model_comparison models;
     bool compared, served; // served: a scene accepts the material
     int notes;
     char note[KN_CREEP_NOTES][400]; // notes on what is doubtful, as sentences
@@ -69,19 +68,19 @@ typedef struct work {
 static const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
 
 // Print a parameter in the units of the first paper, for a specimen of 1 cm.
-static void print_papers(const kn_identified *n, int which)
+static void print_papers(const kn_parameter_estimate *n, int which)
 {
     static const char *const unit[] = {"gf/cm^3", "gf s/cm^3", "gf s/cm^3", "cm^2/gf", "gf/cm^2", "gf/cm^2"};
-    double value = which == KN_JOINT_BETA ? n->value * gf_cm2 : n->value / gf_cm2;
+    double value = which == KN_ESTIMATE_BETA ? n->value * gf_cm2 : n->value / gf_cm2;
     if (n->known == KN_KNOWN) printf("   %.4g %s", value, unit[which]);
 }
 
-static void print_numbers(const kn_joint *j)
+static void print_numbers(const kn_creep_fit *j)
 {
     printf("\n%-7s %-44s   %s\n", "", "best value and 95 % interval", "in the first paper's units, for 1 cm");
-    for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
         char text[120];
-        kn_identified_print(&j->number[i], text, sizeof text);
+        kn_parameter_estimate_text(&j->number[i], text, sizeof text);
         printf("%-7s %-44s", j->number[i].name, text);
         print_papers(&j->number[i], i);
         printf("\n");
@@ -91,7 +90,7 @@ static void print_numbers(const kn_joint *j)
 
 static void print_curves(const work *w)
 {
-    const kn_joint *j = &w->joint;
+    const kn_creep_fit *j = &w->joint;
     printf("\n%-20s %9s %9s %10s %9s %9s\n", "curve", "load kPa", "readings", "misfit %", "/ noise", "runs");
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
@@ -102,7 +101,7 @@ static void print_curves(const work *w)
         printf("%-20s %9.4g %9d %10.2g %9.3g %9s", c->name, c->step[0].stress_pa / 1e3, c->count,
                100 * j->rms[k] / most, j->rms[k] / c->noise, runs);
         if (w->opt.late) printf("   applied %.3g s %s", fabs(j->late_s[k]), j->late_s[k] < 0 ? "early" : "late");
-        if (w->opt.late && isfinite(kn_joint_release(c)))
+        if (w->opt.late && isfinite(kn_creep_release(c)))
             printf(", held %.3g s %s", fabs(j->held_s[k]), j->held_s[k] < 0 ? "shorter" : "longer");
         printf("\n");
     }
@@ -118,8 +117,8 @@ static void print_stages(const work *w)
 {
     bool first = true;
     for (int k = 0; k < w->curves; k++) {
-        kn_stages s;
-        if (!kn_stages_fit(&s, &w->curve[k])) continue;
+        kn_two_stage s;
+        if (!kn_two_stage_fit(&s, &w->curve[k])) continue;
         if (first) printf("\nthe first paper's two-stage method, curve by curve: deviation from the joint fit\n");
         first = false;
         const kn_material *a = &s.material, *b = &w->joint.material;
@@ -132,7 +131,7 @@ static void print_stages(const work *w)
         kn_result_number(row, "c1_pa_s", a->c1_pa_s);
         kn_result_number(row, "alpha_pa_s", a->alpha_pa_s);
         kn_result_number(row, "beta_per_pa", a->beta_per_pa);
-        kn_stages_free(&s);
+        kn_two_stage_free(&s);
     }
 }
 
@@ -154,23 +153,23 @@ __attribute__((format(printf, 2, 3))) static void doubt(work *w, const char *for
 static int under_load(const kn_curve *c)
 {
     int n = 0;
-    for (int i = 0; i < c->count; i++) n += kn_joint_load(c, c->time_s[i]) > 0;
+    for (int i = 0; i < c->count; i++) n += kn_creep_load(c, c->time_s[i]) > 0;
     return n;
 }
 
 // Return whether the load changed within the two readings before this one.
 static bool follows_change(const kn_curve *c, int reading)
 {
-    return reading < 2 || kn_joint_load(c, c->time_s[reading - 2]) != kn_joint_load(c, c->time_s[reading]);
+    return reading < 2 || kn_creep_load(c, c->time_s[reading - 2]) != kn_creep_load(c, c->time_s[reading]);
 }
 
 static void doubt_curves(work *w)
 {
-    const kn_joint *j = &w->joint;
+    const kn_creep_fit *j = &w->joint;
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
         // Without a recovery after the load, k1 and c1 are determined by the creep alone.
-        if (!isfinite(kn_joint_release(c)))
+        if (!isfinite(kn_creep_release(c)))
             doubt(w,
                   "%s: the load was never taken off, or the file does not say when: k1 and c1 follow from the creep "
                   "alone, not from a recovery",
@@ -192,7 +191,7 @@ static void doubt_curves(work *w)
 
 static void doubt_all(work *w)
 {
-    const kn_joint *j = &w->joint;
+    const kn_creep_fit *j = &w->joint;
     char why[300];
     // The report writes the material only if a scene accepts it.
     w->served = kn_material_served(&j->material, why, sizeof why);
@@ -209,7 +208,7 @@ static void doubt_all(work *w)
               j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
         // An outlier just after a change of load may come from a wrong time of that change.
-        const kn_joint_outlier *o = &j->outlier[i];
+        const kn_creep_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
         doubt(w, "%s:%d:1: left out, %.3g standard deviations from the curve, unlike its neighbours%s", c->file,
               o->line, o->deviations,
@@ -222,10 +221,10 @@ static void doubt_all(work *w)
 // Write parameters and curves to --json.
 static void tell(const work *w)
 {
-    const kn_joint *j = &w->joint;
+    const kn_creep_fit *j = &w->joint;
     json_t *to = kn_result(), *numbers = to ? json_object() : NULL;
     if (to) json_object_set_new(to, "numbers", numbers);
-    for (int i = 0; i < KN_JOINT_NUMBERS; i++) kn_identified_tell(numbers, &j->number[i]);
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_parameter_estimate_tell(numbers, &j->number[i]);
     kn_result_number(to, "lowest_stress_pa", j->lowest_pa);
     kn_result_number(to, "highest_stress_pa", j->highest_pa);
     kn_result_number(to, "alpha_beta_correlation", j->alpha_beta);
@@ -257,8 +256,8 @@ static int write_csv(const work *w)
         const kn_curve *c = &w->curve[k];
         // Write every reading with the fitted strain, the stress and its weight.
         double *fit = calloc(2 * (size_t)c->count, sizeof *fit), *stress = fit ? fit + c->count : NULL;
-        ok = fit && kn_joint_predict(&w->joint.material, c, fit);
-        if (ok) kn_joint_stress(c, stress);
+        ok = fit && kn_creep_fit_predict(&w->joint.material, c, fit);
+        if (ok) kn_creep_stress(c, stress);
         for (int i = 0; ok && i < c->count; i++) {
             kn_table_text(c->name, f);
             fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->value[i], fit[i], stress[i], c->weight[i]);
@@ -277,7 +276,7 @@ static int write_material(const work *w, const char *path)
              kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s",
              w->joint.readings, w->joint.lowest_pa, w->joint.highest_pa);
     return kn_material_file_write(w->opt.subcommand, path, origin, &w->joint.material, w->opt.density_kg_m3,
-                                  KN_JOINT_NUMBERS, w->joint.number);
+                                  KN_ESTIMATE_NUMBERS, w->joint.number);
 }
 
 static int load(work *w)
@@ -301,15 +300,14 @@ static int try_outputs(const kn_identify_options *opt)
 static void compare(work *w)
 {
     char error[200];
-    const kn_models_options how = {.cut_s = w->opt.cut_s};
     if (w->opt.no_models) return;
-    w->compared = kn_models_compare(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, w->opt.cut_s, error, sizeof error);
     if (!w->compared) {
         doubt(w, "other models were not compared: %s", error);
         return;
     }
-    kn_models_print(&w->models);
-    kn_models_tell(&w->models);
+    kn_model_comparison_print(&w->models);
+    kn_model_comparison_tell(&w->models);
 }
 
 static int write_report(const work *w, kn_document *d)
@@ -343,20 +341,20 @@ static double seconds(void)
 static int identify(work *w, int argc, char **argv)
 {
     kn_document d = {0};
-    kn_joint_options how = {.confidence = 0.95, .late = w->opt.late};
+    kn_creep_fit_options how = {.confidence = 0.95, .late = w->opt.late};
     int code = try_outputs(&w->opt);
     if (code == KN_EXIT_OK)
         code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Material from creep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
     // Fit all curves at once, and shift the curves to the fitted times of their loads.
     const double began_s = seconds();
-    if (code == KN_EXIT_OK && !kn_joint_fit(&w->joint, w->curves, w->curve, &how))
+    if (code == KN_EXIT_OK && !kn_creep_fit_run(&w->joint, w->curves, w->curve, &how))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no parameters of the element fit these curves; expected creep under a load%s",
                            w->curve[0].file, how.late ? ", in more readings than --late has parameters to fit" : "");
     if (code != KN_EXIT_OK) return kn_document_close(&d, code);
     w->took_s = seconds() - began_s;
-    kn_joint_settle(&w->joint, w->curves, w->curve);
+    kn_creep_fit_settle(&w->joint, w->curves, w->curve);
     print_numbers(&w->joint);
     print_curves(w);
     print_stages(w);
@@ -376,7 +374,7 @@ int kn_identify_creep_main(int argc, char **argv)
     int code = kn_identify_options_parse(&w->opt, "identify creep", 'c', help, argc, argv);
     if (code == KN_OPTIONS_READ) code = identify(w, argc, argv);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
-    kn_models_free(&w->models);
+    kn_model_comparison_free(&w->models);
     kn_identify_options_free(&w->opt);
     free(w);
     return code;

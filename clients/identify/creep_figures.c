@@ -1,6 +1,6 @@
 #include "clients/identify/creep_figures.h"
 #include "clients/report/plot_panels.h"
-#include "clients/identify/stages.h"
+#include "clients/identify/creep_fit.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <math.h>
@@ -47,16 +47,16 @@ static void average(numbers *n, const kn_curve *c)
 }
 
 // Compute the fitted strain, both stresses and the residuals of a curve.
-static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint)
+static bool compute(numbers *n, const kn_curve *c, const kn_creep_fit *joint)
 {
     if (!allocate(n, c->count)) return false;
-    if (!kn_joint_predict(&joint->material, c, n->fitted)) {
+    if (!kn_creep_fit_predict(&joint->material, c, n->fitted)) {
         free(n->fitted);
         return false;
     }
-    kn_joint_stress(c, n->stress);
+    kn_creep_stress(c, n->stress);
     for (int i = 0; i < c->count; i++) {
-        n->fitted_stress[i] = kn_joint_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - n->fitted[i]);
+        n->fitted_stress[i] = kn_creep_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - n->fitted[i]);
         n->left[i] = (c->value[i] - n->fitted[i]) * sqrt(c->weight[i]) / c->noise;
     }
     average(n, c);
@@ -65,7 +65,7 @@ static bool compute(numbers *n, const kn_curve *c, const kn_joint *joint)
 
 // Compute the recovered strain since the release, by measurement, by the joint fit and by equation 5. All three are
 // counted from the strain of the joint fit at the release, so that they can be compared. Return the number of readings.
-static int recover(numbers *n, const kn_curve *c, const kn_stages *s)
+static int recover(numbers *n, const kn_curve *c, const kn_two_stage *s)
 {
     int begin = 0;
     while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
@@ -76,7 +76,7 @@ static int recover(numbers *n, const kn_curve *c, const kn_stages *s)
         n->since[i - begin] = c->time_s[i] - s->release_s;
         n->came_back[i - begin] = released - c->value[i];
         n->fitted_back[i - begin] = released - n->fitted[i];
-        n->equation5[i - begin] = released - s->release_strain + kn_stages_recovered(s, n->since[i - begin]);
+        n->equation5[i - begin] = released - s->release_strain + kn_two_stage_recovered(s, n->since[i - begin]);
     }
     return c->count - begin;
 }
@@ -114,8 +114,8 @@ static void add(kn_figure_panel *p, const char *name, int count, const double *x
     kn_figure_add(p, (kn_figure_series){name, count, x, y, 1, scale, look, hue});
 }
 
-static int draw_paper(const char *subcommand, const char *path, const kn_curve *c, const kn_joint *joint, numbers *n,
-                      const kn_stages *s)
+static int draw_paper(const char *subcommand, const char *path, const kn_curve *c, const kn_creep_fit *joint,
+                      numbers *n, const kn_two_stage *s)
 {
     static kn_figure_panel p[4];
     static law joint_law, stages_law;
@@ -150,15 +150,15 @@ static int draw_paper(const char *subcommand, const char *path, const kn_curve *
     return kn_figure_draw(subcommand, path, c->name, p, 4, 2);
 }
 
-int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_joint *joint)
+int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_curve *curve, const kn_creep_fit *joint)
 {
     numbers n;
-    kn_stages stages;
+    kn_two_stage stages;
     if (!compute(&n, curve, joint))
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
-    const bool staged = kn_stages_fit(&stages, curve);
+    const bool staged = kn_two_stage_fit(&stages, curve);
     int code = draw_paper(subcommand, path, curve, joint, &n, staged ? &stages : NULL);
-    if (staged) kn_stages_free(&stages);
+    if (staged) kn_two_stage_free(&stages);
     free(n.fitted);
     return code;
 }
@@ -167,7 +167,7 @@ int kn_creep_figures_paper(const char *subcommand, const char *path, const kn_cu
 
 typedef struct all { // too large for the stack
     numbers of[KN_CURVES_MAX];
-    kn_stages stages[KN_CURVES_MAX];
+    kn_two_stage stages[KN_CURVES_MAX];
     bool staged[KN_CURVES_MAX];
     kn_figure_panel panel[4];
     law law;
@@ -176,13 +176,13 @@ typedef struct all { // too large for the stack
 
 // Remove the values of c2 from the paper's two stages that differ from the fitted law by more than a factor of 10^1.5,
 // since such values are only noise.
-static void clip(kn_stages *s, const kn_material *m)
+static void clip(kn_two_stage *s, const kn_material *m)
 {
     for (int i = 0; i < s->count; i++)
         if (fabs(log10(s->c2_pa_s[i] / kn_material_c2(m, s->stress_pa[i]))) > 1.5) s->c2_pa_s[i] = NAN;
 }
 
-static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
+static void add_curve(all *a, int k, const kn_curve *c, const kn_creep_fit *joint)
 {
     const numbers *n = &a->of[k];
     // Only the first panel names the curves, since a curve has the same colour in all panels.
@@ -192,9 +192,9 @@ static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
     add(&a->panel[1], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, k + 1);
     add(&a->panel[2], NULL, n->means, n->mean_s, n->mean_left, 1, KN_FIGURE_LINE, k + 1);
     // Add the points of the two stages to the damper panel, if this curve has them.
-    a->staged[k] = kn_stages_fit(&a->stages[k], c);
+    a->staged[k] = kn_two_stage_fit(&a->stages[k], c);
     if (!a->staged[k]) return;
-    const kn_stages *s = &a->stages[k];
+    const kn_two_stage *s = &a->stages[k];
     clip(&a->stages[k], &joint->material);
     kn_figure_add(&a->panel[3],
                   (kn_figure_series){NULL, s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3, KN_FIGURE_POINTS, k + 1});
@@ -202,7 +202,7 @@ static void add_curve(all *a, int k, const kn_curve *c, const kn_joint *joint)
 
 // Compute and draw all curves in four panels.
 static int draw_all(all *a, const char *subcommand, const char *path, int curves, const kn_curve *curve,
-                    const kn_joint *joint)
+                    const kn_creep_fit *joint)
 {
     a->panel[0] =
         (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
@@ -226,13 +226,13 @@ static int draw_all(all *a, const char *subcommand, const char *path, int curves
 }
 
 int kn_creep_figures_fits(const char *subcommand, const char *path, int curves, const kn_curve *curve,
-                          const kn_joint *joint)
+                          const kn_creep_fit *joint)
 {
     all *a = calloc(1, sizeof *a);
     if (!a) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
     int code = draw_all(a, subcommand, path, curves, curve, joint);
     for (int k = 0; k < curves; k++)
-        if (a->staged[k]) kn_stages_free(&a->stages[k]);
+        if (a->staged[k]) kn_two_stage_free(&a->stages[k]);
     for (int k = 0; k < a->computed; k++) free(a->of[k].fitted);
     free(a);
     return code;

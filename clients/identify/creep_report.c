@@ -3,7 +3,7 @@
 #include "clients/report/plot_panels.h"
 #include "clients/identify/recreep.h"
 #include "clients/identify/squeeze.h"
-#include "clients/identify/stages.h"
+#include "clients/identify/creep_fit.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include <errno.h>
@@ -19,7 +19,7 @@ enum { PAPER_FIGURES = 8 }; // largest number of curves that are also plotted on
 
 static void curves(kn_document *d, const kn_creep_found *f)
 {
-    const kn_joint *j = f->joint;
+    const kn_creep_fit *j = f->joint;
     kn_document_section(d, "Measurements");
     kn_document_table(d, "Curves and their residuals", "lrrrrr",
                       "curve\tload, kPa\treadings\tlargest strain\tmisfit, % of the largest strain\tmisfit / noise");
@@ -42,10 +42,10 @@ static void numbers(kn_document *d, const kn_creep_found *f)
     kn_document_section(d, "The material");
     kn_document_table(d, "k1 parallel to c1, in series with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
                       "parameter\tbest value and 95 % interval\tremark");
-    for (int i = 0; i < KN_JOINT_NUMBERS; i++) {
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
         char text[120];
-        const kn_identified *n = &f->joint->number[i];
-        kn_identified_print(n, text, sizeof text);
+        const kn_parameter_estimate *n = &f->joint->number[i];
+        kn_parameter_estimate_text(n, text, sizeof text);
         kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
     }
     if (f->served) {
@@ -106,18 +106,18 @@ static void two_stages(kn_document *d, const kn_creep_found *f)
            "and c1 are 2.7 %% low even without noise, since the stress falls while a specimen creeps.");
     kn_document_table(d, "Two-stage method: deviation from the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
     for (int k = 0; k < f->curves; k++) {
-        kn_stages s;
-        if (!kn_stages_fit(&s, &f->curve[k])) continue;
+        kn_two_stage s;
+        if (!kn_two_stage_fit(&s, &f->curve[k])) continue;
         const kn_material *a = &s.material, *b = &f->joint->material;
         kn_document_row(d, "%s\t%+.3g %%\t%+.3g %%\t%+.3g %%\t%+.3g %%", f->curve[k].name,
                         100 * (a->k1_pa / b->k1_pa - 1), 100 * (a->c1_pa_s / b->c1_pa_s - 1),
                         100 * (a->alpha_pa_s / b->alpha_pa_s - 1), 100 * (a->beta_per_pa / b->beta_per_pa - 1));
-        kn_stages_free(&s);
+        kn_two_stage_free(&s);
     }
 }
 
 // Write the table of other models.
-static void models(kn_document *d, const kn_models *m)
+static void models(kn_document *d, const kn_model_comparison *m)
 {
     char text[1000];
     if (!m) return;
@@ -125,13 +125,13 @@ static void models(kn_document *d, const kn_models *m)
     kn_document_table(d, "Models, fitted to the early readings and tested on the later ones", "lrrrr",
                       "model (figure 2 of the paper)\tparameters\terror fitted, %\terror later, %\tAICc");
     for (int i = 0; i < m->rows; i++) {
-        const kn_models_row *r = &m->row[i];
+        const kn_model_comparison_row *r = &m->row[i];
         if (!r->fitted) continue;
-        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->law.name, *r->law.letters ? " (" : "", r->law.letters,
-                        *r->law.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
-                        r->aicc - m->row[kn_models_best(m)].aicc);
+        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->model.name, *r->model.letters ? " (" : "",
+                        r->model.letters, *r->model.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
+                        r->aicc - m->row[kn_model_comparison_best(m)].aicc);
     }
-    kn_models_verdict(m, text, sizeof text);
+    kn_model_comparison_verdict(m, text, sizeof text);
     kn_document_text(d, "Verdict: %s.", text);
 }
 

@@ -1,5 +1,5 @@
 #include "clients/identify/recreep.h"
-#include "clients/identify/joint.h"
+#include "clients/identify/creep_fit.h"
 #include "clients/knead/bench.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"

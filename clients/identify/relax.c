@@ -53,37 +53,37 @@ typedef struct work {
     kn_identify_options opt;
     kn_curve curve[KN_CURVES_MAX];
     int curves;
-    kn_relaxation fit;
-    kn_models models;
+    kn_relaxation_fit fit;
+    kn_model_comparison models;
     bool compared;
 } work;
 
 // ---- printed results
 
-static void print_number(const kn_identified *n)
+static void print_number(const kn_parameter_estimate *n)
 {
     char text[120];
-    kn_identified_print(n, text, sizeof text);
+    kn_parameter_estimate_text(n, text, sizeof text);
     printf("%-9s %s\n", n->name, text);
     if (*n->words) printf("          %s\n", n->words);
 }
 
 // Print the parameters that this experiment determines: in Pa after a rise, else the ratios to k1.
-static void print_numbers(const kn_relaxation *r)
+static void print_numbers(const kn_relaxation_fit *r)
 {
     printf("\n%-9s best value and 95 %% interval\n", "");
     if (r->scale != KN_RELAXATION_MODULUS) {
-        print_number(&r->number[KN_RELAXATION_K1]);
+        print_number(&r->number[KN_ESTIMATE_K1]);
         if (r->scale == KN_RELAXATION_RISE)
-            for (int i = KN_RELAXATION_C1; i <= KN_RELAXATION_ALPHA; i++) print_number(&r->number[i]);
+            for (int i = KN_ESTIMATE_C1; i <= KN_ESTIMATE_ALPHA; i++) print_number(&r->number[i]);
     }
     if (r->scale != KN_RELAXATION_RISE)
         for (int i = 0; i < 2; i++) print_number(&r->ratio[i]);
-    for (int i = KN_RELAXATION_BETA; i < KN_RELAXATION_NUMBERS; i++) print_number(&r->number[i]);
+    for (int i = KN_ESTIMATE_BETA; i < KN_ESTIMATE_NUMBERS; i++) print_number(&r->number[i]);
     printf("%s\n", kn_relax_scale(r));
 }
 
-static void print_curves(const kn_relaxation *r)
+static void print_curves(const kn_relaxation_fit *r)
 {
     printf("\n%-20s %9s %9s %9s %9s %9s %6s\n", "curve", "strain %", "readings", "rise", "hold", "misfit %", "runs");
     for (int c = 0; c < r->curves; c++) {
@@ -106,15 +106,15 @@ static void doubt(void *to, const char *words)
     kn_result_text(kn_result_add("notes"), "words", words);
 }
 
-static void tell(const kn_relaxation *r)
+static void tell(const kn_relaxation_fit *r)
 {
     static const char *const scale[] = {"rise", "bound", "modulus"};
     json_t *to = kn_result(), *numbers = to ? json_object() : NULL;
     if (!to) return;
     json_object_set_new(to, "numbers", numbers);
-    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) kn_identified_tell(numbers, &r->number[i]);
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_parameter_estimate_tell(numbers, &r->number[i]);
     if (r->scale != KN_RELAXATION_RISE)
-        for (int i = 0; i < 2; i++) kn_identified_tell(numbers, &r->ratio[i]);
+        for (int i = 0; i < 2; i++) kn_parameter_estimate_tell(numbers, &r->ratio[i]);
     kn_result_text(to, "scale", scale[r->scale]);
     kn_result_number(to, "lowest_stress_pa", r->lowest_pa);
     kn_result_number(to, "highest_stress_pa", r->highest_pa);
@@ -139,7 +139,7 @@ static int write_csv(const kn_relax_told *told, const char *path)
     for (int c = 0; c < told->fit->curves; c++) {
         const kn_relaxation_curve *k = &told->fit->curve[c];
         for (int i = 0; i < k->rise.count + k->hold.count; i++) {
-            const kn_bins *b = i < k->rise.count ? &k->rise : &k->hold;
+            const kn_time_bins *b = i < k->rise.count ? &k->rise : &k->hold;
             const int n = i < k->rise.count ? i : i - k->rise.count;
             kn_table_text(k->curve->name, f);
             fprintf(f, ",%.9g,%.9g,%.9g,%.9g\n", b->time_s[n], b->value[n], k->fit_pa[i], b->weight[n]);
@@ -152,13 +152,13 @@ static int write_csv(const kn_relax_told *told, const char *path)
 
 static int write_material(const kn_relax_told *told, const char *path)
 {
-    const kn_relaxation *r = told->fit;
+    const kn_relaxation_fit *r = told->fit;
     char origin[800], source[KN_SOURCE_MAX];
     snprintf(origin, sizeof origin, "relax from %s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s",
              kn_material_source(told->opt->file[0], told->opt->files, source), r->curves, r->curves > 1 ? "s" : "",
              r->lowest_pa, r->highest_pa, kn_relax_scale(r));
     return kn_material_file_write(told->opt->subcommand, path, origin, &r->material, told->opt->density_kg_m3,
-                                  KN_RELAXATION_NUMBERS, r->number);
+                                  KN_ESTIMATE_NUMBERS, r->number);
 }
 
 // ---- the command
@@ -183,8 +183,8 @@ static int load(work *w)
 static int fit(work *w)
 {
     char error[400];
-    const kn_relaxation_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
-    if (!kn_relaxation_fit(&w->fit, w->curves, w->curve, &how, error, sizeof error))
+    const kn_relaxation_fit_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
+    if (!kn_relaxation_fit_run(&w->fit, w->curves, w->curve, &how, error, sizeof error))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
     // A modulus without its strain makes no material.
     if (w->opt.out && w->fit.scale == KN_RELAXATION_MODULUS)
@@ -196,13 +196,12 @@ static int fit(work *w)
 
 static void compare(work *w)
 {
-    const kn_models_options how = {.cut_s = w->opt.cut_s};
     char error[400];
     if (w->opt.no_models) return;
-    w->compared = kn_models_compare(&w->models, w->curves, w->curve, &how, error, sizeof error);
+    w->compared = kn_model_comparison_run(&w->models, w->curves, w->curve, w->opt.cut_s, error, sizeof error);
     if (w->compared) {
-        kn_models_print(&w->models);
-        kn_models_tell(&w->models);
+        kn_model_comparison_print(&w->models);
+        kn_model_comparison_tell(&w->models);
     } else printf("\nmodels      not compared: %s\n", error);
 }
 
@@ -241,8 +240,8 @@ int kn_identify_relax_main(int argc, char **argv)
     if (!w) return kn_complain("identify relax", KN_EXIT_DEVICE, "out of memory");
     int code = kn_identify_options_parse(&w->opt, "identify relax", 'r', help, argc, argv);
     if (code == KN_OPTIONS_READ) code = identify(w, argc, argv);
-    kn_models_free(&w->models);
-    kn_relaxation_free(&w->fit);
+    kn_model_comparison_free(&w->models);
+    kn_relaxation_fit_free(&w->fit);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
     kn_identify_options_free(&w->opt);
     free(w);

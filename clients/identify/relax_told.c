@@ -9,7 +9,7 @@
 #define FAR 0.05
 #define NUMERICS 5e-4 // largest relative misfit that averages and finite differences leave even for a perfect curve
 
-const char *kn_relax_scale(const kn_relaxation *r)
+const char *kn_relax_scale(const kn_relaxation_fit *r)
 {
     switch (r->scale) {
     case KN_RELAXATION_RISE: return "The scale, k1, follows from the rise of the stress with the strain.";
@@ -23,12 +23,12 @@ const char *kn_relax_scale(const kn_relaxation *r)
 }
 
 // Return whether there is a material that no scene accepts.
-static bool is_refused(const kn_relaxation *r, char *why, size_t size)
+static bool is_refused(const kn_relaxation_fit *r, char *why, size_t size)
 {
     return r->scale != KN_RELAXATION_MODULUS && !kn_material_served(&r->material, why, size);
 }
 
-void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *words), void *to)
+void kn_relax_doubts(const kn_relaxation_fit *r, void (*say)(void *to, const char *words), void *to)
 {
     char text[400], why[300];
     for (int c = 0; c < r->curves; c++) {
@@ -68,7 +68,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
     if (r->scale != KN_RELAXATION_RISE && r->ratio[0].known != KN_KNOWN && r->ratio[1].known != KN_KNOWN) {
         // If beta P stays below 1, the fall is nearly exponential and determines only the sum of the two time
         // constants.
-        const double b = r->number[KN_RELAXATION_BETA].value * r->highest_pa;
+        const double b = r->number[KN_ESTIMATE_BETA].value * r->highest_pa;
         snprintf(text, sizeof text, "c1/k1 and alpha/k1 are not known separately%s",
                  b < 1 ? ": the stress falls exponentially, and their sum is its time constant" : "");
         say(to, text);
@@ -77,7 +77,7 @@ void kn_relax_doubts(const kn_relaxation *r, void (*say)(void *to, const char *w
         snprintf(text, sizeof text, "no scene accepts this material: %s", why);
         say(to, text);
     }
-    if (r->scale == KN_RELAXATION_RISE || r->number[KN_RELAXATION_C1].value > 0) return;
+    if (r->scale == KN_RELAXATION_RISE || r->number[KN_ESTIMATE_C1].value > 0) return;
     say(to, "c1 is 0: with any c1, reaching the strain at once would have taken an infinite stress; the virtual "
             "material has none, and answers at once with a spring");
 }
@@ -104,24 +104,25 @@ static void add_curve(kn_figure_panel p[2], const kn_relaxation_curve *k, double
 }
 
 // Add one model's prediction for the first curve.
-static void add_model(kn_figure_panel *p, drawing *d, kn_models *m, int row, int place)
+static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, int row, int place)
 {
-    const kn_models_row *r = &m->row[row];
+    const kn_model_comparison_row *r = &m->row[row];
     double value[KN_FIT_UNKNOWNS];
     for (int i = 0; i < r->unknowns; i++) value[i] = r->unknown[i].value;
-    if (!r->fitted || !kn_fit_law_predict(&r->law, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place])) return;
+    if (!r->fitted || !kn_constitutive_predict(&r->model, value, m->curve, 0, POINTS, d->time_s, d->model_pa[place]))
+        return;
     // Values far below the readings would flatten the plot.
     for (int i = 0; i < POINTS; i++)
         if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
-    kn_figure_add(p, (kn_figure_series){r->law.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
-                                        r->law.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
+    kn_figure_add(p, (kn_figure_series){r->model.name, POINTS, d->time_s, d->model_pa[place], 1, 1e-3,
+                                        r->model.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2});
 }
 
 // Add up to four different models: the best on the later part among all laws, the best among the elements, the next
 // best of all, and the best of the springs and dampers.
-static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
+static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
 {
-    const kn_fit_law_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
+    const kn_compared_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
     const double from = early->time_s[0], to = late->count ? late->time_s[late->count - 1] : m->cut_s;
     for (int i = 0; i < POINTS; i++) d->time_s[i] = from * pow(to / from, i / (POINTS - 1.0));
     kn_figure_add(
@@ -134,12 +135,12 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_models *m)
     d->cut_pa[1] = late->count ? late->value[late->count - 1] / 2 : early->value[0] / 10;
     kn_figure_add(p, (kn_figure_series){NULL, 2, d->cut_s, d->cut_pa, 1, 1e-3, KN_FIGURE_DASHES, 0});
     // Choose the models in this order, and draw each model only once.
-    bool taken[KN_MODELS_MAX] = {false};
+    bool taken[KN_COMPARISON_MAX] = {false};
     for (int place = 0; place < SHOWN; place++) {
         int best = -1;
         for (int i = 0; i < m->rows; i++) {
-            const bool wanted = place == 0 || (place == 1 && !m->row[i].law.yardstick) || place == 2 ||
-                                (place == 3 && m->row[i].law.kind == KN_FIT_LAW_UNITS);
+            const bool wanted = place == 0 || (place == 1 && !m->row[i].model.yardstick) || place == 2 ||
+                                (place == 3 && m->row[i].model.kind == KN_CONSTITUTIVE_UNITS);
             if (!taken[i] && wanted && m->row[i].fitted && (best < 0 || m->row[i].held < m->row[best].held)) best = i;
         }
         if (best < 0) continue;
@@ -181,34 +182,34 @@ int kn_relax_draw(const kn_relax_told *t, const char *path)
 
 static void say_doubt(void *to, const char *words) { kn_document_verdict(to, KN_DOCUMENT_BEWARE, "%s", words); }
 
-static void tell_number(kn_document *d, const kn_identified *n)
+static void tell_number(kn_document *d, const kn_parameter_estimate *n)
 {
     char text[120];
-    kn_identified_print(n, text, sizeof text);
+    kn_parameter_estimate_text(n, text, sizeof text);
     kn_document_row(d, "%s\t%s\t%s", n->name, text, n->words);
 }
 
 // Write the table of models.
-static void tell_models(kn_document *d, const kn_models *m)
+static void tell_models(kn_document *d, const kn_model_comparison *m)
 {
     char text[1000];
     kn_document_section(d, "Models that these data support");
-    kn_models_verdict(m, text, sizeof text);
+    kn_model_comparison_verdict(m, text, sizeof text);
     kn_document_text(d, "Fitted up to %.4g s of the hold, tested on the rest: %s.", m->cut_s, text);
     kn_document_table(
         d, "Models", "llrrrrl",
         "model\tfigure 2\tparameters\terror fitted, %\terror later, %\tAICc above the best\tfitted values");
     for (int i = 0; i < m->rows; i++) {
-        const kn_models_row *r = &m->row[i];
-        kn_models_numbers(r, text, sizeof text);
+        const kn_model_comparison_row *r = &m->row[i];
+        kn_model_comparison_numbers(r, text, sizeof text);
         if (r->fitted)
-            kn_document_row(d, "%s\t%s\t%d\t%.3g\t%.3g\t%.1f\t%s", r->law.name, r->law.letters, r->unknowns,
-                            100 * r->early, 100 * r->held, r->aicc - m->row[kn_models_best(m)].aicc, text);
+            kn_document_row(d, "%s\t%s\t%d\t%.3g\t%.3g\t%.1f\t%s", r->model.name, r->model.letters, r->unknowns,
+                            100 * r->early, 100 * r->held, r->aicc - m->row[kn_model_comparison_best(m)].aicc, text);
     }
 }
 
 // Write the tables of curves and parameters.
-static void tell_fit(kn_document *d, const kn_relaxation *r)
+static void tell_fit(kn_document *d, const kn_relaxation_fit *r)
 {
     kn_document_section(d, "Measurements");
     kn_document_table(d, "Curves", "lrrrr", "curve\tstrain, %\treadings\tmisfit, %\truns");
@@ -222,7 +223,7 @@ static void tell_fit(kn_document *d, const kn_relaxation *r)
     kn_document_section(d, "The material");
     kn_document_text(d, "%s", kn_relax_scale(r));
     kn_document_table(d, "The papers' element", "lrl", "parameter\tbest value and 95 % interval\tremark");
-    for (int i = 0; i < KN_RELAXATION_NUMBERS; i++) tell_number(d, &r->number[i]);
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) tell_number(d, &r->number[i]);
     for (int i = 0; i < 2 && r->scale != KN_RELAXATION_RISE; i++) tell_number(d, &r->ratio[i]);
     kn_relax_doubts(r, say_doubt, d);
 }

@@ -3,7 +3,7 @@
 #include "clients/identify/experiments.h"
 #include "clients/report/plot_panels.h"
 #include "clients/identify/options.h"
-#include "clients/identify/spectrum.h"
+#include "clients/identify/sweep_fit.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/output.h"
@@ -57,7 +57,7 @@ typedef struct work {
     kn_curve curve[KN_CURVES_MAX];
     int curves;
     double scale;
-    kn_spectrum found;
+    kn_sweep_fit found;
 } work;
 
 // ---- notes on what is doubtful
@@ -73,11 +73,11 @@ static double noise(const work *w)
 // |x| of normal deviates is 0.8 of their standard deviation, so a misfit of twice the noise is more than noise.
 static bool doubt(const work *w, char *text, size_t size)
 {
-    const kn_spectrum *s = &w->found;
+    const kn_sweep_fit *s = &w->found;
     if (s->material < 0) return false;
-    const kn_spectrum_row *m = &s->row[s->material], *best = &s->row[s->best];
+    const kn_sweep_fit_row *m = &s->row[s->material], *best = &s->row[s->best];
     // The element is rejected if another element is much better supported, or if its misfit exceeds the noise.
-    const bool rejected = m->error > FLOOR && m->aicc > best->aicc + KN_SPECTRUM_NEAR;
+    const bool rejected = m->error > FLOOR && m->aicc > best->aicc + KN_SWEEP_FIT_NEAR;
     const bool beyond_noise = m->error > FAR && m->error > 2 * noise(w);
     if (!rejected && !beyond_noise) return false;
     snprintf(text, size, "%s, which a scene can load, does not describe these data: it is %.3g %% off on average",
@@ -100,26 +100,26 @@ static bool is_served(const work *w, char *why, size_t size)
 
 // ---- printed results
 
-static void numbers_of(const kn_spectrum_row *row, char *text, size_t size)
+static void numbers_of(const kn_sweep_fit_row *row, char *text, size_t size)
 {
     *text = '\0';
     for (int i = 0; i < row->parts; i++) {
         char one[120];
         const size_t n = strlen(text);
-        kn_identified_print(&row->number[i], one, sizeof one);
+        kn_parameter_estimate_text(&row->number[i], one, sizeof one);
         snprintf(text + n, size - n, "%s%s %s", i ? ", " : "", row->number[i].name, one);
     }
 }
 
 // State which element the data support, which others are as well supported, and the nearest material of a scene.
-static void verdict(const kn_spectrum *s, char *text, size_t size)
+static void verdict(const kn_sweep_fit *s, char *text, size_t size)
 {
-    const kn_spectrum_row *best = &s->row[s->best];
+    const kn_sweep_fit_row *best = &s->row[s->best];
     snprintf(text, size, "the data support %s (%s), mean error %.3g %%", best->expression, best->letters,
              100 * best->error);
     for (int i = 0; i < s->rows; i++) {
         const size_t n = strlen(text);
-        if (i != s->best && s->row[i].fitted && s->row[i].aicc < best->aicc + KN_SPECTRUM_NEAR)
+        if (i != s->best && s->row[i].fitted && s->row[i].aicc < best->aicc + KN_SWEEP_FIT_NEAR)
             snprintf(text + n, size - n, "; equally %s (%s)", s->row[i].expression, s->row[i].letters);
     }
     size_t n = strlen(text);
@@ -141,7 +141,7 @@ static void note(const char *words)
 }
 
 // Return the runs as text, "-" if there are too few readings.
-static const char *runs_of(const kn_spectrum_row *row, char text[16])
+static const char *runs_of(const kn_sweep_fit_row *row, char text[16])
 {
     snprintf(text, 16, "-");
     if (!isnan(row->runs)) snprintf(text, 16, "%.2g", row->runs);
@@ -150,12 +150,12 @@ static const char *runs_of(const kn_spectrum_row *row, char text[16])
 
 static void print(const work *w)
 {
-    const kn_spectrum *s = &w->found;
+    const kn_sweep_fit *s = &w->found;
     char text[700], why[300], runs[16];
     printf("\n%-16s %-9s %2s %8s %9s %6s  %s\n", "element", "figure 2", "n", "misfit %", "AICc", "runs",
            "parameters with 95 % intervals");
     for (int i = 0; i < s->rows; i++) {
-        const kn_spectrum_row *r = &s->row[i];
+        const kn_sweep_fit_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
         printf("%-16s %-9s %2d %8.3g %9.1f %6s  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
                r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
@@ -175,12 +175,12 @@ static void print(const work *w)
 }
 
 // Write all elements to --json.
-static void tell(const kn_spectrum *s)
+static void tell(const kn_sweep_fit *s)
 {
     char text[700];
     if (!kn_result()) return;
     for (int i = 0; i < s->rows; i++) {
-        const kn_spectrum_row *r = &s->row[i];
+        const kn_sweep_fit_row *r = &s->row[i];
         json_t *to = kn_result_add("elements"), *numbers = json_object();
         kn_result_text(to, "expression", r->expression);
         kn_result_text(to, "letters", r->letters);
@@ -188,7 +188,7 @@ static void tell(const kn_spectrum *s)
         kn_result_number(to, "misfit", r->error);
         kn_result_number(to, "aicc", r->aicc);
         kn_result_number(to, "runs", r->runs);
-        for (int k = 0; r->fitted && k < r->parts; k++) kn_identified_tell(numbers, &r->number[k]);
+        for (int k = 0; r->fitted && k < r->parts; k++) kn_parameter_estimate_tell(numbers, &r->number[k]);
         json_object_set_new(to, "numbers", numbers);
     }
     verdict(s, text, sizeof text);
@@ -208,7 +208,7 @@ static int write_csv(const work *w, const char *path)
         const kn_curve *c = &w->curve[k];
         for (int i = 0; i < c->count; i++) {
             double storage, loss;
-            kn_spectrum_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
+            kn_sweep_fit_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
             kn_table_text(c->name, f);
             fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], w->scale * c->value[i], w->scale * c->other[i],
                     storage, loss);
@@ -222,7 +222,7 @@ static int write_csv(const work *w, const char *path)
 // Write the material. An element with a misfit above ABSURD is refused.
 static int write_material(const work *w, const char *path)
 {
-    const kn_spectrum_row *row = &w->found.row[w->found.material];
+    const kn_sweep_fit_row *row = &w->found.row[w->found.material];
     char origin[1200], source[KN_SOURCE_MAX], doubts[400];
     if (is_absurd(w))
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
@@ -248,9 +248,9 @@ typedef struct drawing {
 } drawing;
 
 // Add the moduli of one element as lines: the chosen one solid, the other one dashed.
-static void add_row(kn_figure_panel *p, drawing *d, const kn_spectrum_row *row, int k)
+static void add_row(kn_figure_panel *p, drawing *d, const kn_sweep_fit_row *row, int k)
 {
-    for (int i = 0; i < POINTS; i++) kn_spectrum_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
+    for (int i = 0; i < POINTS; i++) kn_sweep_fit_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
     const kn_figure_look look = k ? KN_FIGURE_DASHES : KN_FIGURE_LINE;
     kn_figure_add(p, (kn_figure_series){row->expression, POINTS, d->hz, d->storage[k], 1, 1, look, k ? 8 : 0});
     kn_figure_add(p, (kn_figure_series){NULL, POINTS, d->hz, d->loss[k], 1, 1, look, k ? 8 : 0});
@@ -262,7 +262,7 @@ static void add_curve(const work *w, kn_figure_panel p[2], const kn_curve *c, do
     double *other = left + w->found.readings;
     for (int i = 0; i < c->count; i++) {
         double storage, loss;
-        kn_spectrum_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
+        kn_sweep_fit_modulus(&w->found.row[w->found.best], c->time_s[i], &storage, &loss);
         left[i] = 100 * (w->scale * c->value[i] / storage - 1);
         other[i] = 100 * (w->scale * c->other[i] / loss - 1);
     }
@@ -306,14 +306,14 @@ static int draw(const work *w, const char *path)
 static int report(kn_document *d, const work *w)
 {
     char path[PATH_MAX], text[700], why[300], runs[16];
-    const kn_spectrum *s = &w->found;
+    const kn_sweep_fit *s = &w->found;
     kn_document_section(d, "Elements that these data support");
     verdict(s, text, sizeof text);
     kn_document_text(d, "%d frequencies: %s.", s->readings, text);
     kn_document_table(d, "Elements", "llrrrl",
                       "element\tfigure 2\tmisfit, %\tAICc above the chosen one\truns\tparameters with 95 % intervals");
     for (int i = 0; i < s->rows; i++) {
-        const kn_spectrum_row *r = &s->row[i];
+        const kn_sweep_fit_row *r = &s->row[i];
         numbers_of(r, text, sizeof text);
         kn_document_row(d, "%s\t%s\t%.3g\t%.1f\t%s\t%s", r->expression, r->letters, 100 * r->error,
                         r->aicc - s->row[s->best].aicc, runs_of(r, runs), text);
@@ -374,7 +374,7 @@ static int identify(work *w, int argc, char **argv)
         code = kn_document_open(&d, w->opt.subcommand, w->opt.report, "Frequency sweep", argc, argv);
     if (code == KN_EXIT_OK) code = load(w);
     w->scale = w->opt.shear ? 3 : 1;
-    if (code == KN_EXIT_OK && !kn_spectrum_fit(&w->found, w->curves, w->curve, w->scale, 0.95))
+    if (code == KN_EXIT_OK && !kn_sweep_fit_run(&w->found, w->curves, w->curve, w->scale, 0.95))
         code = kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no element fits; expected storage and loss moduli at 4 frequencies or more",
                            w->opt.file[0]);

@@ -22,7 +22,7 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
 }
 
 // Write a parameter as "1.03 [0.98 .. 1.08]", "< 0.05", or "-" if it is not an unknown.
-static const char *number(const kn_identified *k, bool sought, double unit, char text[48])
+static const char *number(const kn_parameter_estimate *k, bool sought, double unit, char text[48])
 {
     const kn_fit_interval *i = &k->interval;
     if (!sought) snprintf(text, 48, "-");
@@ -89,8 +89,8 @@ static void tell(const kn_measurement *m, const kn_candidate *c, double off, dou
     kn_result_text(row, "structure", c->name);
     if (!c->found) kn_result_text(row, "no_answer", c->why);
     if (!c->found) return;
-    if (c->gas) kn_identified_tell(row, &c->known[0]);
-    if (c->area) kn_identified_tell(row, &c->known[c->gas]);
+    if (c->gas) kn_parameter_estimate_tell(row, &c->known[0]);
+    if (c->area) kn_parameter_estimate_tell(row, &c->known[c->gas]);
     if (c->area) kn_result_number(row, "gamma_factor", c->area_factor);
     tell_surfaces(row, m, c);
     if (m->has_force) kn_result_number(row, "force_rms_share", c->force_share);

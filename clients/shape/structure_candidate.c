@@ -270,18 +270,18 @@ static void take(kn_candidate *c, const kn_trust_region *s)
     c->early = s->settled && s->early;
     if (c->gas) {
         c->pressure_pa = s->value[0];
-        kn_identified_take(&c->known[0], "inside_pressure", "Pa", s->value[0],
+        kn_parameter_estimate_set(&c->known[0], "inside_pressure", "Pa", s->value[0],
                            kn_trust_region_interval(s, 0, c->independent));
         // A pressure near 0 whose interval is open below means that the fit has removed the gas.
         c->no_gas_left = c->known[0].interval.open_low && c->pressure_pa < 0.05 * atm_pa;
     }
     if (!c->area) return;
-    kn_identified *k = &c->known[c->gas];
+    kn_parameter_estimate *k = &c->known[c->gas];
     c->area_factor = s->value[c->gas];
     kn_fit_interval i = kn_trust_region_interval(s, c->gas, c->independent);
     // The search has fitted the factor on gamma. The interval of gamma itself is reported, so multiply by gamma.
     i.low *= c->gamma, i.high *= c->gamma;
-    kn_identified_take(k, "gamma", "", c->gamma * c->area_factor, i);
+    kn_parameter_estimate_set(k, "gamma", "", c->gamma * c->area_factor, i);
 }
 
 // Return the rms difference of the force as a share of the largest force.

@@ -30,7 +30,7 @@
 // most KN_VERDICT_NEAR times the least `off` count as equally likely.
 //
 // A structure whose fitted gas pressure is near 0 is not counted: it equals the structure without gas.
-#include "clients/identify/identified.h"
+#include "clients/identify/parameter_estimate.h"
 #include "clients/shape/measurement.h"
 
 #define KN_CANDIDATES 5
@@ -48,7 +48,7 @@ typedef struct kn_candidate {
     char why[200]; // reason why the model has no solution; set if `found` is false
     double pressure_pa, area_factor, shift_m[2];
     double gamma;           // gamma of the model whose area_factor is 1
-    kn_identified known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
+    kn_parameter_estimate known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
     int unknowns;           // number of unknowns: P0, the factor on gamma, and the shift of the images along x and y
     // the fit removed the gas: the fitted P0 is below 0.05 atm, and the data give P0 no lower limit
     bool no_gas_left;

@@ -13,7 +13,7 @@
 // The slopes come from secants over 20 % of an unknown, not from kn_fit's own step of 1e-5 of a logarithm. The reason
 // is that a press is computed in single precision with a solver tolerance of 0.001, so its residuals are not smooth in
 // the last digits.
-#include "clients/identify/fit.h"
+#include "clients/identify/least_squares.h"
 
 #define KN_TRUST_UNKNOWNS 2
 #define KN_TRUST_EVALUATIONS 16
