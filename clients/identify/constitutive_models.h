@@ -18,7 +18,7 @@
 //
 // If the strain rises at a constant rate during the time `ramp_s` before the hold, every linear model predicts its
 // modulus averaged over that rise.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "clients/identify/least_squares.h"
 #include "core/oneport.h"
 

@@ -1,5 +1,5 @@
 #include "clients/identify/creep_fit.h"
-#include "clients/identify/onset.h"
+#include "clients/identify/measured_series.h"
 #include "core/algebra.h"
 #include <math.h>
 #include <stdlib.h>
@@ -406,7 +406,7 @@ static void leave_out(work *w)
 static lateness late_at_first(const kn_curve *c)
 {
     double least_s;
-    const double at_s = kn_onset(c->count, c->time_s, c->value, c->noise, &least_s);
+    const double at_s = kn_strain_onset(c->count, c->time_s, c->value, c->noise, &least_s);
     if (!(least_s > 0)) return (lateness){0, 0};
     const double release_s = kn_creep_release(c);
     int peak = 0;

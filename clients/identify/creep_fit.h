@@ -17,8 +17,8 @@
 // one shift of all loads, up to the whole duration of the curve, since a recording may have been started too soon or
 // too late. The second is the duration of the last load, from a tenth of the file's value to twice that value, since a
 // load may have been applied late and yet removed at the noted time. The search for the shift begins at the time at
-// which the strain begins to rise (onset.h). The search for the duration begins with the noted duration or with the
-// noted removal, whichever puts the removal nearer to the largest strain.
+// which the strain begins to rise (kn_strain_onset). The search for the duration begins with the noted duration or with
+// the noted removal, whichever puts the removal nearer to the largest strain.
 //
 // Curves under a single stress (a constant area, a small strain, or a compliance) determine only one parameter of the
 // damper. The damper is then taken as constant, with damping c2.
@@ -26,7 +26,7 @@
 // An outlier is a reading more than five standard deviations away from the fitted curve. Up to three neighbouring
 // outliers are left out of the fit and listed. A longer series of neighbouring outliers is kept in the fit, since in
 // that case the model is wrong, not the readings.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "clients/identify/element_response.h"
 #include "clients/identify/parameter_estimate.h"
 

@@ -2,7 +2,7 @@
 #define KN_CLIENTS_IDENTIFY_OPTIONS_H
 // Options of `knead identify creep`, `relax` and `sweep`. One table holds the options of all three experiments. Each
 // option lists the experiments that accept it.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "server/option_table.h"
 
 typedef struct kn_identify_options {

@@ -27,7 +27,7 @@
 // at the corner the stress changes within one sampling period. The residuals are differences of ln(stress) with equal
 // weights. If the noise is constant, the residuals are differences of the stress, and a mean of w readings counts w
 // times.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "clients/identify/element_response.h"
 #include "clients/identify/parameter_estimate.h"
 

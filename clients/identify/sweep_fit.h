@@ -7,7 +7,7 @@
 // The residuals are differences of ln G' and ln G'' with equal weights, so that all decades of the modulus count the
 // same. The oscillations are small, so the experiment shows the papers' force-dependent damper only near zero stress,
 // where its damping c2 is c_max.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "clients/identify/parameter_estimate.h"
 #include "core/network.h"
 

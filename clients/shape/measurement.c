@@ -1,5 +1,5 @@
 #include "clients/shape/measurement.h"
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "core/algebra.h"
 #include <math.h>
 #include <stdio.h>

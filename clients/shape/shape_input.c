@@ -1,6 +1,5 @@
 // Read the measurements of `knead identify shape` from files.
-#include "clients/identify/curve_parts.h"
-#include "clients/identify/sheet.h"
+#include "clients/identify/measured_series.h"
 #include "clients/knead/commands.h"
 #include "clients/knead/complain.h"
 #include "clients/knead/foot.h"
@@ -78,27 +77,29 @@ static int take_image(kn_measurement *m, const kn_shape_options *o, const kn_can
 }
 
 // Return the column of this name and dimension. On an error print the error and return -1.
-static int named(const kn_sheet *s, const char *name, const char *unit)
+static int named(const kn_table_reader *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
         const kn_heading *h = &s->column[i].heading;
         if (strcmp(h->word, name) != 0) continue;
-        if (h->has_unit && kn_measure_is(&h->unit, unit)) return i;
-        kn_sheet_complain(s, s->header_line, s->column[i].at, "column '%s' has %s, expected a length like %s [mm]",
-                          h->name, h->has_unit ? "another unit" : "no unit", name);
+        if (h->has_unit && kn_column_unit_is(&h->unit, unit)) return i;
+        kn_table_reader_complain(s, s->header_line, s->column[i].at,
+                                 "column '%s' has %s, expected a length like %s [mm]", h->name,
+                                 h->has_unit ? "another unit" : "no unit", name);
         return -1;
     }
-    kn_sheet_complain(s, s->header_line, 1, "no column %s, expected x, y and z with their units", name);
+    kn_table_reader_complain(s, s->header_line, 1, "no column %s, expected x, y and z with their units", name);
     return -1;
 }
 
 // Read the points of a file. missing: number of points without all three coordinates, which are left out.
-static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int *count, int *missing, int *first_line)
+static int read_points(kn_table_reader *s, const char *file, double (**point_m)[3], int *count, int *missing,
+                       int *first_line)
 {
-    int wanted[3], code = kn_sheet_open(s, file, NULL, me);
+    int wanted[3], code = kn_table_reader_open(s, file, NULL, me);
     for (int k = 0; code == KN_EXIT_OK && k < 3; k++)
         if ((wanted[k] = named(s, (const char *const[]){"x", "y", "z"}[k], "m")) < 0) code = KN_EXIT_USAGE;
-    if (code == KN_EXIT_OK) code = kn_sheet_read(s, 3, wanted);
+    if (code == KN_EXIT_OK) code = kn_table_reader_read(s, 3, wanted);
     if (code == KN_EXIT_OK && !(*point_m = calloc((size_t)s->rows + 1, sizeof **point_m)))
         code = kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
     for (int i = 0; code == KN_EXIT_OK && i < s->rows; i++) {
@@ -117,10 +118,10 @@ static int read_points(kn_sheet *s, const char *file, double (**point_m)[3], int
 static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
-    kn_sheet s;
+    kn_table_reader s;
     double(*point_m)[3] = NULL;
     int rows = 0, missing = 0, line = 0, code = read_points(&s, o->points, &point_m, &rows, &missing, &line);
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
     if (code != KN_EXIT_OK) {
         free(point_m);
         return code;
@@ -146,7 +147,7 @@ static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_ca
 // called force or load, then a name that contains either word.
 static int rank_of(const kn_heading *h)
 {
-    if (!h->has_unit || !kn_measure_is(&h->unit, "N")) return 0;
+    if (!h->has_unit || !kn_column_unit_is(&h->unit, "N")) return 0;
     if (strstr(h->word, "contact") && strstr(h->word, "fz")) return 4;
     if (!strcmp(h->word, "force") || !strcmp(h->word, "contact force") || !strcmp(h->word, "load")) return 3;
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
@@ -154,7 +155,7 @@ static int rank_of(const kn_heading *h)
 
 // Return the column of the force. On an error print the error and return -1. If several columns have the same rank, the
 // intended one is unknown, since the z axis of a sensor may have any direction.
-static int force_of(const kn_sheet *s)
+static int force_of(const kn_table_reader *s)
 {
     char names[300] = "";
     int best = -1, most = 0, several = 0;
@@ -166,24 +167,25 @@ static int force_of(const kn_sheet *s)
         snprintf(names + n, sizeof names - n, "%s'%.60s'", several++ ? ", " : "", s->column[i].heading.name);
     }
     if (best < 0)
-        kn_sheet_complain(s, s->header_line, 1, "no column of force with its unit, expected e.g. time [s], force [N]");
+        kn_table_reader_complain(s, s->header_line, 1,
+                                 "no column of force with its unit, expected e.g. time [s], force [N]");
     if (several < 2) return best;
-    kn_sheet_complain(s, s->header_line, s->column[best].at,
-                      "%s: %d columns of a force, expected one: the contact force along z, or a column named force",
-                      names, several);
+    kn_table_reader_complain(
+        s, s->header_line, s->column[best].at,
+        "%s: %d columns of a force, expected one: the contact force along z, or a column named force", names, several);
     return -1;
 }
 
 // Return the first column in a unit of time, or -1.
-static int time_of(const kn_sheet *s)
+static int time_of(const kn_table_reader *s)
 {
     for (int i = 0; i < s->columns; i++)
-        if (s->column[i].heading.has_unit && kn_measure_is(&s->column[i].heading.unit, "s")) return i;
+        if (s->column[i].heading.has_unit && kn_column_unit_is(&s->column[i].heading.unit, "s")) return i;
     return -1;
 }
 
 // Read only the rows of this probe, if the table has rows of several probes, as Knead's own tables do.
-static void choose_rows(kn_sheet *s, const char *probe)
+static void choose_rows(kn_table_reader *s, const char *probe)
 {
     for (int i = 0; i < s->columns; i++)
         if (!strcmp(s->column[i].heading.word, "probe")) s->only.text = probe, s->only.column = i;
@@ -199,23 +201,23 @@ static bool make_room(kn_force_residual *f, int64_t readings)
 
 // Read time and force from a file, and sort them by time. `told` receives the names of the columns and of the probe, for
 // the report.
-static int read_force(kn_sheet *s, kn_force_residual *f, const char *file, const char *probe,
+static int read_force(kn_table_reader *s, kn_force_residual *f, const char *file, const char *probe,
                       char told[2 * KN_HEADING_NAME + 100])
 {
-    int code = kn_sheet_open(s, file, NULL, me);
+    int code = kn_table_reader_open(s, file, NULL, me);
     if (code != KN_EXIT_OK) return code;
     const int wanted[2] = {time_of(s), force_of(s)};
     if (wanted[1] < 0) return KN_EXIT_USAGE;
     if (wanted[0] < 0)
-        return kn_sheet_complain(s, s->header_line, 1,
-                                 "no column of time with its unit, expected e.g. time [s], force [N]");
+        return kn_table_reader_complain(s, s->header_line, 1,
+                                        "no column of time with its unit, expected e.g. time [s], force [N]");
     choose_rows(s, probe);
-    if ((code = kn_sheet_read(s, 2, wanted)) != KN_EXIT_OK) return code;
+    if ((code = kn_table_reader_read(s, 2, wanted)) != KN_EXIT_OK) return code;
     // A second table in the file would be another press.
     const int end = kn_curve_range_end(s, wanted[0], 0);
     if (end < s->rows)
-        return kn_sheet_complain(s, s->line[end], kn_sheet_at(s, s->line[end], wanted[0]),
-                                 "time restarts, expected one press per file");
+        return kn_table_reader_complain(s, s->line[end], kn_table_reader_at(s, s->line[end], wanted[0]),
+                                        "time restarts, expected one press per file");
     snprintf(told, 2 * KN_HEADING_NAME + 100, ", '%s' over '%s'%s%.40s", s->column[wanted[1]].heading.name,
              s->column[wanted[0]].heading.name, s->only.text ? " of " : "", s->only.text ? s->only.text : "");
     if (!make_room(f, s->rows)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
@@ -226,8 +228,8 @@ static int read_force(kn_sheet *s, kn_force_residual *f, const char *file, const
         s->line[f->count] = s->line[i];
         f->force_n[f->count++] = force_n;
     }
-    kn_readings r = {.count = f->count, .time_s = f->time_s, .value = f->force_n, .line = s->line};
-    const int moved = kn_readings_sort(&r);
+    kn_curve r = {.count = f->count, .time_s = f->time_s, .value = f->force_n, .line = s->line};
+    const int moved = kn_curve_sort(&r);
     if (moved > 0) printf("           %s: the rows are not in the order of time: %d moved\n", file, moved);
     return moved >= 0 ? KN_EXIT_OK : kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
 }
@@ -261,9 +263,9 @@ static int take_force(kn_measurement *m, const kn_shape_options *o, const kn_can
     kn_force_residual *f = &m->force;
     int code;
     if (o->force) {
-        kn_sheet s;
+        kn_table_reader s;
         code = read_force(&s, f, file, c->scene->model.probe[m->press.probe].name, told);
-        kn_sheet_close(&s);
+        kn_table_reader_close(&s);
         for (int i = 0; i < f->count; i++) f->time_s[i] -= o->force_begin_s;
     } else code = logged_force(f, &m->press);
     if (code != KN_EXIT_OK || (f->count == 0 && !o->force)) { // the log has no forces, so only its poses are used

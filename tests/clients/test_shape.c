@@ -9,7 +9,7 @@
 // By default one case is run, at night two, held for 1 s. KN_CASES=10 runs that many, held for 30 s. KN_HOLD sets
 // another time, KN_SCENE another scene, KN_NOISE another noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/identify/experiments.h"
+#include "clients/identify/identify.h"
 #include "clients/knead/commands.h"
 #include "clients/shape/shape_command.h"
 #include "clients/viewer/image.h"

@@ -1,5 +1,5 @@
 // Measured curves: converted to SI, sorted by time, thinned, with messages about each correction.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
 #include "tests/clients/heard.h"

@@ -1,6 +1,6 @@
-#ifndef KN_CLIENTS_IDENTIFY_CURVE_H
-#define KN_CLIENTS_IDENTIFY_CURVE_H
-// Measured curves from CSV files of rheometers, texture analysers and spreadsheets (sheet.h reads the text). The values
+#ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
+#define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
+// Measured curves from CSV files of rheometers, texture analysers and spreadsheets (table_reader.h reads the text). The values
 // are converted to SI, sorted by time, and thinned to as many readings as a fit needs. Every change to the readings is
 // printed on stdout.
 //
@@ -61,6 +61,7 @@ typedef struct kn_curve {
     double *time_s;
     double *value;  // [count] measured values; kn_curve_kind says which quantity
     double *other;  // [count] sweep: loss modulus; relax: strain, or NULL if the file has no strain
+    double *load;   // [count] creep, while the file is read: recorded load or stress; NULL in a finished curve
     double *weight; // [count] number of readings that were averaged into each entry, >= 1
     int *line;      // [count] line number in the file of the first reading of each entry
     // Standard deviation of one reading of value[], > 0, from second differences of neighbours (kn_curve_noise). A fit
@@ -102,5 +103,19 @@ void kn_curve_free(kn_curve *curve);
 // coarse, and the noise is one step of the gauge over sqrt(12). The result is at least 1e-6 of the largest value, and
 // never 0.
 double kn_curve_noise(int count, const double *time_s, const double *value);
+
+double kn_curve_largest(const kn_curve *curve); // return the largest entry of value[], or 0 if all are negative
+
+// Find the time at which a load was applied from the strain that it causes. Under a constant load the strain rises ever
+// more slowly. The straight line through its first readings therefore meets the initial level at the time of the load
+// or before, never later. This holds for any material, with or without flat readings before the load. The result is
+// thus a lower limit of the time of the load.
+//
+// Return the time at which the straight line through the first rising strains meets the initial level of the strain.
+// The initial level is the mean of the first three readings if these are flat, or else 0. Set *least_s to the earliest
+// possible time, four standard deviations before the returned time. Return -INFINITY if the noise hides the rise of the
+// strain, or if the first reading is more than four standard deviations of the noise below the initial level. There
+// must be at least 3 readings, and the times must rise.
+double kn_strain_onset(int count, const double *time_s, const double *strain, double noise, double *least_s);
 
 #endif

@@ -1,21 +1,21 @@
 // Tables in the formats of instruments and spreadsheets.
-#include "clients/identify/sheet.h"
+#include "clients/identify/table_reader.h"
 #include "clients/knead/commands.h"
 #include "tests/check.h"
 #include "tests/clients/heard.h"
 #include <sys/stat.h>
 
-static kn_sheet s;
+static kn_table_reader s;
 
 // Open a text and read its first `columns` columns.
 static int read_bytes(const void *text, size_t size, const char *units, int columns)
 {
     int wanted[8] = {0, 1, 2, 3, 4, 5, 6, 7};
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
     kn_hear();
-    int code = kn_sheet_open(&s, kn_write(text, size), units, "identify creep");
+    int code = kn_table_reader_open(&s, kn_write(text, size), units, "identify creep");
     if (code == KN_EXIT_OK && s.columns < columns) code = KN_EXIT_INTERNAL;
-    if (code == KN_EXIT_OK) code = kn_sheet_read(&s, columns, wanted);
+    if (code == KN_EXIT_OK) code = kn_table_reader_read(&s, columns, wanted);
     kn_hear_end();
     return code;
 }
@@ -39,7 +39,7 @@ static void heading(const char *text, const char *word, const char *unit, double
     kn_heading_read(&h, text);
     CHECK_STR(h.word, word);
     CHECK_STR(h.unit_text, unit);
-    if (*unit) CHECK(h.has_unit && kn_measure_si(&h.unit, 5) == si_of_5);
+    if (*unit) CHECK(h.has_unit && kn_column_unit_si(&h.unit, 5) == si_of_5);
 }
 
 // ---- headings
@@ -110,11 +110,11 @@ TEST("units are written in many ways and mean the same")
                {"kN", 1e3},
                {"GPa", 1e9}};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
-        kn_measure m;
-        CHECK(kn_measure_parse(&m, all[i].text, NULL, 0));
-        CHECK_NEAR(kn_measure_si(&m, 1) / all[i].si, 1, 1e-15);
+        kn_column_unit m;
+        CHECK(kn_column_unit_parse(&m, all[i].text, NULL, 0));
+        CHECK_NEAR(kn_column_unit_si(&m, 1) / all[i].si, 1, 1e-15);
     }
-    CHECK(!kn_measure_parse(&(kn_measure){0}, "furlong", NULL, 0));
+    CHECK(!kn_column_unit_parse(&(kn_column_unit){0}, "furlong", NULL, 0));
 }
 
 TEST("a quantity of a note has a unit, and a mass is a weight")
@@ -317,10 +317,10 @@ TEST("notes are read above, within and below the table, and others left alone")
               "# load: 50 gf\n# Height = 1 cm\n# measured by: somebody: else\n# this is a sentence that says: nothing\n"
               "time_s,strain\n0,0\n# release: 1 min;;\n1,0.1\n",
               2) == KN_EXIT_OK);
-    CHECK(kn_sheet_note_take(&s, "load", "N", &load) == KN_EXIT_OK && fabs(load - 0.4903325) < 1e-12);
-    CHECK(kn_sheet_note_take(&s, "height", "m", &height) == KN_EXIT_OK && height == 0.01);
-    CHECK(kn_sheet_note_take(&s, "release", "s", &release) == KN_EXIT_OK && release == 60);
-    CHECK(kn_sheet_note_take(&s, "area", "m^2", &load) == KN_EXIT_OK && fabs(load - 0.4903325) < 1e-12);
+    CHECK(kn_table_reader_note(&s, "load", "N", &load) == KN_EXIT_OK && fabs(load - 0.4903325) < 1e-12);
+    CHECK(kn_table_reader_note(&s, "height", "m", &height) == KN_EXIT_OK && height == 0.01);
+    CHECK(kn_table_reader_note(&s, "release", "s", &release) == KN_EXIT_OK && release == 60);
+    CHECK(kn_table_reader_note(&s, "area", "m^2", &load) == KN_EXIT_OK && fabs(load - 0.4903325) < 1e-12);
     CHECK(s.rows == 2);
 }
 
@@ -329,7 +329,7 @@ TEST("a note that cannot be is complained of where it stands")
     double load;
     CHECK(read_text("# load: 50 mm\ntime_s,strain\n0,0\n", 2) == KN_EXIT_OK);
     kn_hear();
-    int code = kn_sheet_note_take(&s, "load", "N", &load);
+    int code = kn_table_reader_note(&s, "load", "N", &load);
     kn_hear_end();
     CHECK(code == KN_EXIT_USAGE && complained(":1:9: load: ", ""));
 }
@@ -377,17 +377,17 @@ TEST("a long line, a byte 0 and more columns than there can be are told where th
 
 TEST("files that cannot be read are told in one line")
 {
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
     kn_hear();
-    int code = kn_sheet_open(&s, "/nowhere/at/all.csv", NULL, "identify creep");
+    int code = kn_table_reader_open(&s, "/nowhere/at/all.csv", NULL, "identify creep");
     CHECK(!strcmp(kn_hear_end(), "knead identify creep: /nowhere/at/all.csv: No such file or directory\n") &&
           code == KN_EXIT_USAGE);
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
     kn_hear();
-    code = kn_sheet_open(&s, "/tmp", NULL, "identify creep");
+    code = kn_table_reader_open(&s, "/tmp", NULL, "identify creep");
     CHECK(!strcmp(kn_hear_end(), "knead identify creep: /tmp: is a folder, expected a file\n") &&
           code == KN_EXIT_USAGE);
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
 }
 
 TEST("a file larger than the buffer keeps its lines' numbers")
@@ -399,7 +399,7 @@ TEST("a file larger than the buffer keeps its lines' numbers")
     bool same = true;
     for (int i = 0; i < s.rows; i++) same &= at(0, i) == i && at(1, i) == (i % 100 + 0.5) / 1000 && s.line[i] == i + 2;
     CHECK(same);
-    kn_sheet_close(&s);
+    kn_table_reader_close(&s);
 }
 
 TESTS_MAIN
