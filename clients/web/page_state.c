@@ -300,24 +300,19 @@ static json_t *rounded(double x)
 static json_t *material(const kn_material *m)
 {
     static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
+    enum { CONSTANT = 1 << KN_DAMPER_CONSTANT, EXPONENTIAL = 1 << KN_DAMPER_EXPONENTIAL, RAMP = 1 << KN_DAMPER_RAMP };
+    const struct {
+        const char *name;
+        int dampers; // those that use the parameter
+        double value;
+    } all[] = {{"c2", CONSTANT, m->c2_pa_s},          {"alpha", EXPONENTIAL, m->alpha_pa_s},
+               {"beta", EXPONENTIAL, m->beta_per_pa}, {"c_max", RAMP, m->c_max_pa_s},
+               {"c_min", RAMP, m->c_min_pa_s},        {"p0", EXPONENTIAL | RAMP, m->p0_pa},
+               {"p1", EXPONENTIAL | RAMP, m->p1_pa}};
     json_t *o =
         json_pack("{s:s, s:o, s:o}", "damper", dampers[m->damper], "k1", rounded(m->k1_pa), "c1", rounded(m->c1_pa_s));
-    switch (m->damper) {
-    case KN_DAMPER_NONE: break;
-    case KN_DAMPER_CONSTANT: json_object_set_new(o, "c2", rounded(m->c2_pa_s)); break;
-    case KN_DAMPER_EXPONENTIAL:
-        json_object_set_new(o, "alpha", rounded(m->alpha_pa_s));
-        json_object_set_new(o, "beta", rounded(m->beta_per_pa));
-        break;
-    case KN_DAMPER_RAMP:
-        json_object_set_new(o, "c_max", rounded(m->c_max_pa_s));
-        json_object_set_new(o, "c_min", rounded(m->c_min_pa_s));
-        break;
-    }
-    if (m->damper == KN_DAMPER_EXPONENTIAL || m->damper == KN_DAMPER_RAMP) {
-        json_object_set_new(o, "p0", rounded(m->p0_pa));
-        json_object_set_new(o, "p1", rounded(m->p1_pa));
-    }
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        if (all[i].dampers >> m->damper & 1) json_object_set_new(o, all[i].name, rounded(all[i].value));
     return o;
 }
 
