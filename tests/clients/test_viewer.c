@@ -1,5 +1,6 @@
 // Pictures of a block: 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
 // gate in release: arithmetic, ten times slower with the sanitizers
+#include "clients/viewer/beside.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/offscreen.h"
 #include "clients/viewer/renderer.h"
@@ -9,6 +10,7 @@
 #include "core/shape.h"
 #include "tests/clients/pictured.h"
 #include "tests/core/surface_of.h"
+#include <errno.h>
 #include <png.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -90,6 +92,49 @@ TEST("a PNG holds the pixels it was given, appears at once, and says why it cann
     CHECK(!kn_image_write_png("/dev/null/a.png", WIDTH, HEIGHT, rgba, error, sizeof error));
     unlink(path);
     rmdir(folder);
+}
+
+// Write a text with kn_beside_write, and keep or drop it. Return the text that `path` then holds.
+static const char *written(const char *path, const char *text, bool kept)
+{
+    static char held[40];
+    char error[300];
+    kn_beside out;
+    CHECK(kn_beside_write(&out, path));
+    fputs(text, out.file);
+    if (kept) CHECK(kn_beside_keep(&out, error, sizeof error));
+    else kn_beside_drop(&out);
+    FILE *in = fopen(path, "r");
+    held[in ? fread(held, 1, sizeof held - 1, in) : 0] = '\0';
+    if (in) fclose(in);
+    return held;
+}
+
+TEST("a file of results is replaced as a whole; links, second names and devices are written where they are")
+{
+    char folder[] = "beside.XXXXXX", error[300];
+    kn_beside out;
+    struct stat is;
+    CHECK(mkdtemp(folder) != NULL && chdir(folder) == 0);
+    CHECK_STR(written("a", "one", true), "one");
+    CHECK(chmod("a", 0640) == 0 && stat("a", &is) == 0);
+    const ino_t first = is.st_ino;
+    CHECK_STR(written("a", "two", false), "one");
+    CHECK_STR(written("a", "three", true), "three");
+    CHECK(stat("a", &is) == 0 && is.st_ino != first && (is.st_mode & 07777) == 0640);
+    CHECK(symlink("a", "link") == 0 && link("a", "name") == 0);
+    CHECK_STR(written("link", "four", true), "four");
+    CHECK_STR(written("a", "five", true), "five");
+    CHECK(lstat("link", &is) == 0 && S_ISLNK(is.st_mode) && stat("name", &is) == 0 && is.st_size == 4 &&
+          is.st_nlink == 2);
+    if (access("/dev/full", W_OK) == 0) {
+        CHECK(kn_beside_write(&out, "/dev/full"));
+        fputs("six", out.file);
+        CHECK(!kn_beside_keep(&out, error, sizeof error) && strstr(error, "/dev/full: No space left"));
+    }
+    CHECK(!kn_beside_write(&out, "missing/a") && errno == ENOENT);
+    unlink("a"), unlink("link"), unlink("name");
+    CHECK(chdir("..") == 0 && rmdir(folder) == 0); // no other file is left
 }
 
 TEST("the block fills a good part of the picture and stands clear of its border")
