@@ -5,6 +5,7 @@
 #include "clients/knead/plot.h"
 #include "clients/knead/progress.h"
 #include "clients/knead/result.h"
+#include "server/clock.h"
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
@@ -132,16 +133,14 @@ int kn_atlas_survey(kn_atlas *a, bool quick, const char *family, int jobs)
     // Mark every cell as died first. A trial that completes overwrites this verdict.
     for (int c = 0; c < cells_of(a); c++)
         for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_TRIAL_DIED;
-    struct timespec begin, end;
-    clock_gettime(CLOCK_MONOTONIC, &begin);
+    const int64_t begin_ns = kn_now_ns();
     int failed = share_out(a, p, jobs);
-    clock_gettime(CLOCK_MONOTONIC, &end);
+    a->seconds = 1e-9 * (double)(kn_now_ns() - begin_ns);
     munmap(p, sizeof *p);
     if (failed) {
         kn_atlas_free(a);
         return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
     }
-    a->seconds = (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);
     return KN_EXIT_OK;
 }
 

@@ -49,10 +49,9 @@ static extent measure(const kn_figure_panel *p)
 
 // Return the corner in which the legend hides the fewest points. Set *hidden to the sum over all series of the share of
 // points in that corner, so that each series counts equally, however dense its readings are.
-static const char *key_corner(const kn_figure_panel *p, double *hidden)
+static const char *key_corner(const kn_figure_panel *p, const extent *e, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
-    const extent e = measure(p);
     // small extra weights, so that among empty corners the usual one is chosen
     double weight[2][2] = {{0, 1e-3}, {1e-3, 0}};
     for (int s = 0; s < p->series; s++)
@@ -61,8 +60,8 @@ static const char *key_corner(const kn_figure_panel *p, double *hidden)
             if (!point(p, &p->of[s], i, at)) continue;
             on_axes(p, at);
             // Count the points in each quarter of the panel, except near its middle lines.
-            const double x = (at[0] - e.low[0]) / (e.high[0] - e.low[0]),
-                         y = (at[1] - e.low[1]) / (e.high[1] - e.low[1]);
+            const double x = (at[0] - e->low[0]) / (e->high[0] - e->low[0]),
+                         y = (at[1] - e->low[1]) / (e->high[1] - e->low[1]);
             if (fabs(x - 0.5) > 0.12 && fabs(y - 0.5) > 0.12) weight[y > 0.5][x > 0.5] += 1.0 / p->of[s].count;
         }
     int best = 3;
@@ -115,15 +114,6 @@ static void put_series(FILE *f, int number, int index, const kn_figure_series *s
     fputs(", ", f);
 }
 
-static bool any_point(const kn_figure_panel *p)
-{
-    double at[2];
-    for (int s = 0; s < p->series; s++)
-        for (int i = 0; i < p->of[s].count; i++)
-            if (point(p, &p->of[s], i, at)) return true;
-    return false;
-}
-
 static void put_panel(FILE *f, int number, const kn_figure_panel *p)
 {
     fprintf(f, "unset logscale\nset format '%%g'\nset xrange [*:*]\nset yrange [*%s:*]\nunset object\n",
@@ -137,7 +127,8 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     kn_plot_label(f, "xlabel", p->x_label);
     kn_plot_label(f, "ylabel", p->y_label);
     double hidden;
-    const char *corner = key_corner(p, &hidden);
+    const extent e = measure(p);
+    const char *corner = key_corner(p, &e, &hidden);
     const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
     if (rows > 0 && hidden > 0.01) { // points are in all corners, so make room for the names above the points
         fprintf(f, "set offsets 0, 0, graph %g, 0\n", 0.06 + 0.075 * rows);
@@ -146,7 +137,8 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
         fprintf(f, "set offsets 0, 0, 0, 0\n");
     }
     fprintf(f, "set key %s opaque\nset key font 'sans,10'\nplot ", corner);
-    if (!any_point(p)) fprintf(f, "[1:10] [1:10] "); // a panel without points needs a range, otherwise gnuplot fails
+    // a panel without points needs a range, otherwise gnuplot fails
+    if (e.low[0] > e.high[0]) fprintf(f, "[1:10] [1:10] ");
     for (int s = 0; s < p->series; s++) put_series(f, number, s, &p->of[s], names(p) <= IN_A_CORNER);
     fprintf(f, "NaN notitle\n");
 }

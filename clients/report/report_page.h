@@ -36,7 +36,7 @@ typedef struct kn_document {
     char title[200], command[1000], columns[24]; // columns: alignment of each column of the table in work
     int sections;
     char heading[24][80];
-    bool in_table, failed;
+    bool in_table;
 } kn_document;
 
 // Open a report. If `folder` is NULL, no report is requested, and the document stays closed. The report states the

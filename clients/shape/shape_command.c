@@ -37,45 +37,32 @@ static bool is_output(const char *folder, int folder_length, const char *word, c
     return stat(path, &there) == 0 && S_ISREG(there.st_mode) && kn_output_same(path, output);
 }
 
-// Return whether the YAML text names this output, as far as it can be parsed.
-static bool parser_names(yaml_parser_t *parser, const char *folder, int folder_length, const char *output)
+// Return whether YAML names this output, as far as it can be parsed. The YAML is a file, or else a text.
+static bool names(FILE *file, const char *text, const char *folder, int folder_length, const char *output)
 {
+    yaml_parser_t parser;
     yaml_event_t e;
     bool found = false;
-    for (bool done = false; !done && yaml_parser_parse(parser, &e); yaml_event_delete(&e)) {
+    if (!yaml_parser_initialize(&parser)) return false;
+    if (file) yaml_parser_set_input_file(&parser, file);
+    else yaml_parser_set_input_string(&parser, (const unsigned char *)text, strlen(text));
+    for (bool done = false; !done && yaml_parser_parse(&parser, &e); yaml_event_delete(&e)) {
         done = e.type == YAML_STREAM_END_EVENT;
         if (e.type == YAML_SCALAR_EVENT)
             found |= is_output(folder, folder_length, (const char *)e.data.scalar.value, output);
     }
+    yaml_parser_delete(&parser);
     return found;
 }
 
 // Return whether the scene file names this output.
 static bool scene_names(const char *scene, const char *output)
 {
-    yaml_parser_t parser;
     const char *slash = strrchr(scene, '/');
     FILE *f = fopen(scene, "rb");
     if (!f) return false; // kn_scene_load complains about the file later
-    bool found = false;
-    if (yaml_parser_initialize(&parser)) {
-        yaml_parser_set_input_file(&parser, f);
-        found = parser_names(&parser, scene, slash ? (int)(slash - scene) + 1 : 0, output);
-        yaml_parser_delete(&parser);
-    }
+    const bool found = names(f, NULL, scene, slash ? (int)(slash - scene) + 1 : 0, output);
     fclose(f);
-    return found;
-}
-
-// Return whether the value of a --set names this output.
-static bool set_names(const char *set, const char *output)
-{
-    yaml_parser_t parser;
-    const char *value = strchr(set, '=');
-    if (!value || !yaml_parser_initialize(&parser)) return false;
-    yaml_parser_set_input_string(&parser, (const unsigned char *)value + 1, strlen(value + 1));
-    const bool found = parser_names(&parser, "", 0, output);
-    yaml_parser_delete(&parser);
     return found;
 }
 
@@ -98,11 +85,13 @@ static int try_output(const kn_shape_options *o, const named *out)
     if (scene_names(o->scene.scene_path, out->path))
         return kn_complain(me, KN_EXIT_USAGE, "%s %s: is being read, %s names it, expected another file to write",
                            out->option, out->path, o->scene.scene_path);
-    for (int i = 0; i < o->scene.set_count; i++)
-        if (set_names(o->scene.sets[i], out->path))
+    for (int i = 0; i < o->scene.set_count; i++) {
+        const char *value = strchr(o->scene.sets[i], '=');
+        if (value && names(NULL, value + 1, "", 0, out->path))
             return kn_complain(me, KN_EXIT_USAGE,
                                "%s %s: is being read, --set %s names it, expected another file to write", out->option,
                                out->path, o->scene.sets[i]);
+    }
     return KN_EXIT_OK;
 }
 
