@@ -54,12 +54,6 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-static const char *take_quality(void *to, const char *name)
-{
-    options *o = to;
-    return (o->sets[o->def.object.set_count++] = kn_quality_set(name)) ? NULL : kn_quality_names;
-}
-
 static const char *take_backend(void *to, const char *text)
 {
     options *o = to;
@@ -100,7 +94,8 @@ static int run(int argc, char **argv, const char **sets)
                   .expected = "--realtime auto, require or off"),
         KN_OPTION("backend", SPECIAL, .take = take_backend),
         KN_OPTION("control", SPECIAL, AT(def.control), .take = take_control),
-        KN_OPTION("quality", SPECIAL, .take = take_quality),
+        KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = kn_quality_set,
+                  .expected = kn_quality_names),
         KN_OPTION("phase", EITHER, AT(def.free), .unit = "lock|free", .expected = "--phase lock or free"),
         KN_OPTION("trace", TEXT, AT(def.trace)),
         KN_OPTION("state-dir", TEXT, AT(def.object.state_dir)),

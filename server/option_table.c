@@ -1,6 +1,7 @@
 #include "server/option_table.h"
 #include "core/scene/keys.h"
 #include "core/scene/units.h"
+#include <assert.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -58,10 +59,11 @@ static bool take_integer(const kn_option *o, const char *text, int *value)
     return end != text && !*end && (double)number >= o->least && (double)number <= o->most;
 }
 
-// Append a text to a list of texts. Return false if the list is full.
+// Append a text to a list of texts. Return false if the list is full, or if the text is bad.
 static bool take_text(const kn_option *o, const char *text, void *field, int *count)
 {
     if (o->most > 0 && *count == (int)o->most) return false;
+    if (o->map && !(text = o->map(text))) return false;
     (o->most > 0 ? (const char **)field : *(const char ***)field)[(*count)++] = text;
     return true;
 }
@@ -139,6 +141,7 @@ static const char *take_items(const kn_option *o, char *to, const char *text, ch
 static void describe(const kn_option_table *t, struct option *list, char *letters)
 {
     int n = 0;
+    assert(t->options <= KN_OPTIONS_MAX);
     letters += sprintf(letters, "%s%s%s", t->options_first ? "+" : "", t->unknown ? ":" : "", t->short_help ? "h" : "");
     for (int i = 0; i < t->options; i++) {
         const kn_option *o = &t->option[i];

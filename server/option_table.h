@@ -53,10 +53,11 @@ typedef struct kn_option {
     void (*call)(void);
     int items; // not 0: the value is a list of at most that many values of this kind, separated by commas. The field is
                // an array of int for INTEGER and CHOICE, else of double
-    size_t count;        // LIST, or with `items`: offset of an int with the number of values [bytes]
-    size_t given;        // offset of a bool that becomes true; 0: none
-    const char *belongs; // experiments that know the option, see kn_option_table; NULL: all
-    char letter;         // short form of the option; 0: none
+    size_t count;                         // LIST, or with `items`: offset of an int with the number of values [bytes]
+    const char *(*map)(const char *text); // LIST: text that is stored instead; it returns NULL if the value is bad
+    size_t given;                         // offset of a bool that becomes true; 0: none
+    const char *belongs;                  // experiments that know the option, see kn_option_table; NULL: all
+    char letter;                          // short form of the option; 0: none
 } kn_option;
 
 typedef struct kn_option_table {

@@ -542,12 +542,6 @@ typedef struct options {
     bool text, json;
 } options;
 
-static const char *take_quality(void *to, const char *name)
-{
-    options *o = to;
-    return (o->sets[o->count++] = kn_quality_set(name)) ? NULL : kn_quality_names;
-}
-
 static void print_keys(void)
 {
     for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
@@ -560,7 +554,8 @@ static int run(options *o, int argc, char **argv)
         KN_OPTION("keys", ANSWER, .call = print_keys),
         KN_OPTION("text", FLAG, AT(text)),
         KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, count)),
-        KN_OPTION("quality", SPECIAL, .take = take_quality),
+        KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, count), .map = kn_quality_set,
+                  .expected = kn_quality_names),
         KN_OPTION("log", TEXT, AT(log)),
         KN_OPTION("json", FLAG, AT(json)),
     };
