@@ -293,7 +293,8 @@ static int start_units_relax(const kn_constitutive_model *model, const look *l, 
     return model->units ? 4 : 1;
 }
 
-// Late in (1) of element_response.h, t is alpha/k1 exp(-beta P)/(beta P), so P falls by 1/beta in each factor e of time.
+// Late in (1) of element_response.h, t is alpha/k1 exp(-beta P)/(beta P), so P falls by 1/beta in each factor e of
+// time.
 static int start_papers_relax(const kn_constitutive_model *model, const look *l, int curves,
                               const kn_compared_curve *curve, places start)
 {

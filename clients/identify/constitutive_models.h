@@ -114,7 +114,8 @@ typedef struct kn_constitutive_model {
     // damper (creep only)
     bool spring, damper;
     int units; // number of Maxwell elements in relaxation, of Voigt elements in creep
-    // The next fields are for the kind KN_CONSTITUTIVE_PAPERS: which parameters the model has beside k1, alpha and beta.
+    // The next fields are for the kind KN_CONSTITUTIVE_PAPERS: which parameters the model has beside k1, alpha and
+    // beta.
     bool c1, p0, p1;
 } kn_constitutive_model;
 

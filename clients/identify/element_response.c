@@ -181,8 +181,7 @@ static double step(const kn_voigt_chain *chain, const drive *d, const state *fro
 typedef struct readings {
     int count, next;
     const double *time_s;
-    double *out;
-    bool strain;
+    double *out; // strains under a load, else stresses
 } readings;
 
 static double hermite(double a, double slope_a, double b, double slope_b, double h, double s)
@@ -198,8 +197,8 @@ static bool read_between(const kn_voigt_chain *chain, const drive *d, const stat
         state at = *b;
         double h = b->time_s - a->time_s, s = h > 0 ? (r->time_s[r->next] - a->time_s) / h : 1;
         for (int i = 0; i < UNITS; i++) at.x[i] = hermite(a->x[i], a->rate[i], b->x[i], b->rate[i], h, s);
-        if (!r->strain && s < 1 && !observe(chain, d, &at)) return false;
-        r->out[r->next] = r->strain ? total(at.x) : at.stress_pa;
+        if (!d->load && s < 1 && !observe(chain, d, &at)) return false;
+        r->out[r->next] = d->load ? total(at.x) : at.stress_pa;
     }
     return true;
 }
@@ -263,7 +262,7 @@ bool kn_voigt_chain_creep(const kn_voigt_chain *chain, bool constant_area, int s
                           int count, const double *time_s, double *strain)
 {
     state s = {.time_s = at[0].time_s};
-    readings r = {.count = count, .time_s = time_s, .out = strain, .strain = true};
+    readings r = {.count = count, .time_s = time_s, .out = strain};
     for (; r.next < count && time_s[r.next] <= s.time_s; r.next++) strain[r.next] = 0;
     for (int i = 0; i < steps && r.next < count; i++) {
         drive d = {.load = true, .nominal_pa = at[i].value, .constant_area = constant_area};

@@ -13,9 +13,9 @@
 // area S times height h is constant, S h = S0 h0 (first paper, equation 4). If the area is taken as constant,
 // P = W/S0.
 //
-// The time integrator is the method of core/sdirk.h. Its embedded error estimate sets the time steps. Each stage has one
-// unknown, P. Cubic Hermite polynomials interpolate between time steps. Without a load the solution has a closed form.
-// Five creep curves of 433 readings take about 0.2 ms.
+// The time integrator is the method of core/sdirk.h. Its embedded error estimate sets the time steps. Each stage has
+// one unknown, P. Cubic Hermite polynomials interpolate between time steps. Without a load the solution has a closed
+// form. Five creep curves of 433 readings take about 0.2 ms.
 #include "core/material.h"
 #include <stdbool.h>
 

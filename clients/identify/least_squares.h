@@ -87,8 +87,8 @@ kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confid
 // Return NAN if the model has no solution.
 double kn_fit_held(const kn_fit *fit, int unknown, double value);
 
-// Fit a straight line x(t) by weighted least squares. Return its slope, or 0 if all times are equal, and set the weighted
-// means, through which the line passes. `weight` NULL: all weights are 1.
+// Fit a straight line x(t) by weighted least squares. Return its slope, or 0 if all times are equal, and set the
+// weighted means, through which the line passes. `weight` NULL: all weights are 1.
 double kn_line_slope(int count, const double *t, const double *x, const double *weight, double *mean_t, double *mean_x);
 
 // Apply Wald and Wolfowitz's runs test to residuals in the order of time. A run is a series of successive residuals of

@@ -151,8 +151,8 @@ static bool is_loose(const kn_fit *fit, int unknown)
     return u->at_bound || !(off < (u->linear ? fabs(u->value) : 1));
 }
 
-// Return the AICc of a fit. Misfits below KN_COMPARISON_FINE count as equal, so that numerical errors do not decide between
-// models.
+// Return the AICc of a fit. Misfits below KN_COMPARISON_FINE count as equal, so that numerical errors do not decide
+// between models.
 static double aicc_of(const kn_model_comparison *m, const kn_fit *fit)
 {
     // residual of size KN_COMPARISON_FINE, in the units of the fit

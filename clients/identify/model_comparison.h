@@ -1,15 +1,15 @@
 #ifndef KN_CLIENTS_IDENTIFY_MODEL_COMPARISON_H
 #define KN_CLIENTS_IDENTIFY_MODEL_COMPARISON_H
-// A comparison of material models: each model of constitutive_models.h is fitted to the early part of the curves, and is judged by its
-// prediction of the late part, which the fit does not use.
+// A comparison of material models: each model of constitutive_models.h is fitted to the early part of the curves, and
+// is judged by its prediction of the late part, which the fit does not use.
 //
 // clang-format off
-//     relaxation   A residual is a difference of ln(stress), for the means of log(time) bins, so every decade of time counts
-//                  the same. The early part ends at a tenth of the last time if the readings span two decades of
+//     relaxation   A residual is a difference of ln(stress), for the means of bins of ln(time), so every decade of time
+//                  counts the same. The early part ends at a tenth of the last time if the readings span two decades of
 //                  time, or else at half of the last time.
-//     creep        A residual is a difference of strain, divided by the curve's noise or by KN_COMPARISON_COARSE times the
-//                  curve's largest strain, whichever is larger. The early part is the first half of each span between
-//                  two changes of load, with or without load.
+//     creep        A residual is a difference of strain, divided by the curve's noise or by KN_COMPARISON_COARSE times
+//                  the curve's largest strain, whichever is larger. The early part is the first half of each span
+//                  between two changes of load, with or without load.
 // clang-format on
 //
 // The result is a table with one row for each model. The papers' damper has several rows: in relaxation, a row without
@@ -21,9 +21,9 @@
 #include "clients/identify/constitutive_models.h"
 #include <jansson.h>
 
-// KN_COMPARISON_COARSE: least divisor of a creep residual, as a share of the curve's largest strain. KN_COMPARISON_FINE:
-// averages and finite differences leave misfits up to this limit even for a perfect curve, so misfits below it count as
-// equal. KN_COMPARISON_SAME: errors of the late part below this limit count as equal.
+// KN_COMPARISON_COARSE: least divisor of a creep residual, as a share of the curve's largest strain.
+// KN_COMPARISON_FINE: averages and finite differences leave misfits up to this limit even for a perfect curve, so
+// misfits below it count as equal. KN_COMPARISON_SAME: errors of the late part below this limit count as equal.
 #define KN_COMPARISON_COARSE 0.003
 #define KN_COMPARISON_FINE 1e-4
 #define KN_COMPARISON_SAME 1e-3
@@ -53,10 +53,10 @@ typedef struct kn_model_comparison {
     double cut_s;                           // end of the early part of the first curve [s]
 } kn_model_comparison;
 
-// Run the comparison. The early part ends at `cut_s`, counted from the time at which the strain was reached (relaxation)
-// or from each change of load (creep); 0: chosen as described at the top of this file. Return false with one sentence in
-// `error` if the early or the late part has too few readings, or if memory runs out. Call kn_model_comparison_free in any
-// case.
+// Run the comparison. The early part ends at `cut_s`, counted from the time at which the strain was reached
+// (relaxation) or from each change of load (creep); 0: chosen as described at the top of this file. Return false with
+// one sentence in `error` if the early or the late part has too few readings, or if memory runs out. Call
+// kn_model_comparison_free in any case.
 bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s, char *error,
                              size_t error_size);
 void kn_model_comparison_free(kn_model_comparison *models); // a zeroed struct is allowed

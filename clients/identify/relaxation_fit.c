@@ -234,31 +234,16 @@ static void measured(work *w)
     }
 }
 
-// Find the lowest and highest stress of the fit at the readings.
-static void visited(kn_relaxation_fit *r)
-{
-    r->lowest_pa = INFINITY;
-    for (int c = 0; c < r->curves; c++)
-        for (int i = 0; i < means(&r->curve[c]); i++) {
-            if (i >= r->curve[c].rise.count) r->lowest_pa = fmin(r->lowest_pa, r->curve[c].fit_pa[i]);
-            r->highest_pa = fmax(r->highest_pa, r->curve[c].fit_pa[i]);
-        }
-}
-
-// Return whether P0 and P1, if they are unknowns, are well within the measured stresses. At the end of the range they
-// have no effect.
-static bool is_inside(const work *w)
-{
-    const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
-    return (p0->fixed || p0->value > INSIDE * w->lowest) && (p1->fixed || p1->value < w->highest / INSIDE);
-}
-
 // Keep w->fit as the best if its AICc is lower than the best so far by more than 2. A fit with more parameters must
-// achieve that.
+// achieve that. P0 and P1, if they are unknowns, must be well within the measured stresses: at the end of the range they
+// have no effect.
 static void consider(work *w, bool ok, kn_fit *best, double *least)
 {
-    if (!ok || !is_inside(w) || !(aicc_of(&w->fit) < *least - (*least < INFINITY ? 2 : 0))) return;
-    *least = aicc_of(&w->fit);
+    const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
+    const bool inside = (p0->fixed || p0->value > INSIDE * w->lowest) && (p1->fixed || p1->value < w->highest / INSIDE);
+    const double aicc = ok && inside ? aicc_of(&w->fit) : INFINITY;
+    if (!(aicc < *least - (*least < INFINITY ? 2 : 0))) return;
+    *least = aicc;
     *best = w->fit;
 }
 
@@ -406,21 +391,24 @@ static void know_all(work *w)
     know_clamp(w, P1);
 }
 
-// Compute fit, residuals and misfit of every curve.
+// Compute fit, residuals and misfit of every curve, and the lowest and highest stress of the fit at the readings.
 static void judge(work *w)
 {
     kn_relaxation_fit *r = w->r;
     double value[KN_FIT_UNKNOWNS];
     kn_fit_values(&w->fit, value);
+    r->lowest_pa = INFINITY;
     for (int c = 0; c < r->curves; c++) {
         kn_relaxation_curve *k = &r->curve[c];
-        const int count = means(k);
         predict(value, k, c, k->fit_pa);
         difference(w, k, k->fit_pa, k->residual);
-        k->runs = kn_fit_runs(count, k->residual);
-        for (int i = 0; i < count; i++) k->misfit += fabs(k->fit_pa[i] / k->rise.value[i] - 1) / count;
+        k->runs = kn_fit_runs(means(k), k->residual);
+        for (int i = 0; i < means(k); i++) {
+            k->misfit += fabs(k->fit_pa[i] / k->rise.value[i] - 1) / means(k);
+            if (i >= k->rise.count) r->lowest_pa = fmin(r->lowest_pa, k->fit_pa[i]);
+            r->highest_pa = fmax(r->highest_pa, k->fit_pa[i]);
+        }
     }
-    visited(r);
 }
 
 // Make the material from the parameters, unless the strain is unknown.

@@ -22,11 +22,11 @@
 // of c1 reaches 0, c1 is set to 0.
 //
 // The readings of a hold are the means of bins of ln(time), 20 for each decade, so that every decade of time counts the
-// same. An instrument that samples at a constant rate takes nine tenths of its readings in the last decade. The readings
-// of a rise are 40 means over equal spans of time. Readings beside the corner between rise and hold are left out, since
-// at the corner the stress changes within one sampling period. The residuals are differences of ln(stress) with equal
-// weights. If the noise is constant, the residuals are differences of the stress, and a mean of w readings counts w
-// times.
+// same. An instrument that samples at a constant rate takes nine tenths of its readings in the last decade. The
+// readings of a rise are 40 means over equal spans of time. Readings beside the corner between rise and hold are left
+// out, since at the corner the stress changes within one sampling period. The residuals are differences of ln(stress)
+// with equal weights. If the noise is constant, the residuals are differences of the stress, and a mean of w readings
+// counts w times.
 #include "clients/identify/measured_curve.h"
 #include "clients/identify/element_response.h"
 #include "clients/identify/parameter_estimate.h"
@@ -114,15 +114,15 @@ typedef struct kn_relaxation_fit_options {
 } kn_relaxation_fit_options;
 
 // Run the fit. Return false with one sentence in `error` if there are too many curves or too few readings, if a stress
-// is not positive, or if memory runs out. Call kn_relaxation_fit_free in any case. `r` keeps pointers to the curves, which
-// must stay valid as long as `r` is used.
+// is not positive, or if memory runs out. Call kn_relaxation_fit_free in any case. `r` keeps pointers to the curves,
+// which must stay valid as long as `r` is used.
 bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *curve,
                            const kn_relaxation_fit_options *options, char *error, size_t error_size);
 void kn_relaxation_fit_free(kn_relaxation_fit *r);
 
 // For kn_relaxation_fit_run: fill the fields `scale`, `curve` and `readings` of `r`, and check that the stress relaxes.
-// Return false with one sentence in `error` if there are too few readings, if a stress is not positive or does not fall,
-// if only some of the files have a strain, or if memory runs out.
+// Return false with one sentence in `error` if there are too few readings, if a stress is not positive or does not
+// fall, if only some of the files have a strain, or if memory runs out.
 bool kn_relaxation_take(kn_relaxation_fit *r, int curves, const kn_curve *curve, bool constant_noise, char *error,
                         size_t error_size);
 

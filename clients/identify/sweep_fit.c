@@ -93,7 +93,6 @@ static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
 // Set the bounds of every spring and damper (part) far beyond the measured moduli and frequencies.
 static void bounds(const work *w, kn_fit *fit)
 {
-    static const char *const name[KN_SWEEP_FIT_PARTS] = {"1", "2", "3", "4"};
     double least = INFINITY, most = 0, slow = INFINITY, fast = 0;
     for (int c = 0; c < w->curves; c++)
         for (int i = 0; i < w->curve[c].count; i++) {
@@ -104,8 +103,7 @@ static void bounds(const work *w, kn_fit *fit)
         }
     for (int leaf = 0; leaf < fit->unknowns; leaf++) {
         const bool spring = is_spring(w->element, leaf);
-        fit->unknown[leaf] = (kn_fit_unknown){.name = name[leaf],
-                                              .low = (spring ? least : least / fast) / NONE,
+        fit->unknown[leaf] = (kn_fit_unknown){.low = (spring ? least : least / fast) / NONE,
                                               .high = (spring ? most : most / slow) * NONE};
     }
 }
@@ -174,7 +172,8 @@ static void judge(kn_sweep_fit_row *row, kn_fit *fit, double confidence)
 {
     static const char *const names[] = {"k1", "c1", "c2", "s1", "s2", "s3", "s4", "d1", "d2", "d3", "d4"};
     double value[KN_FIT_UNKNOWNS], *residual = calloc((size_t)fit->readings, sizeof *residual);
-    for (int i = 0; i < fit->unknowns; i++) value[i] = row->net.part[i].modulus = fit->unknown[i].value;
+    kn_fit_values(fit, value);
+    for (int i = 0; i < fit->unknowns; i++) row->net.part[i].modulus = value[i];
     row->is_material = kn_network_material(&row->net, &row->material);
     row->aicc = kn_fit_aicc(fit->readings, fit->unknowns, fit->sum + fit->readings * EXACT * EXACT);
     row->runs = NAN;
