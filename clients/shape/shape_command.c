@@ -45,7 +45,7 @@ static bool names(FILE *file, const char *text, const char *folder, int folder_l
     bool found = false;
     if (!yaml_parser_initialize(&parser)) return false;
     if (file) yaml_parser_set_input_file(&parser, file);
-    else yaml_parser_set_input_string(&parser, (const unsigned char *)text, strlen(text));
+    else yaml_parser_set_input_string(&parser, (const unsigned char *)text, text ? strlen(text) : 0);
     for (bool done = false; !done && yaml_parser_parse(&parser, &e); yaml_event_delete(&e)) {
         done = e.type == YAML_STREAM_END_EVENT;
         if (e.type == YAML_SCALAR_EVENT)
