@@ -256,8 +256,8 @@ static int write_material(const kn_identification *w, const char *path)
     snprintf(origin, sizeof origin, "creep from %s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
              kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s",
              j->readings, j->lowest_pa, j->highest_pa);
-    return kn_material_file_write(w->opt.subcommand, path, origin, &j->material, w->opt.density_kg_m3, KN_ESTIMATE_NUMBERS,
-                                  j->number);
+    return kn_material_file_write(w->opt.subcommand, path, origin, &j->material, w->opt.density_kg_m3,
+                                  KN_ESTIMATE_NUMBERS, j->number);
 }
 
 static int report(kn_identification *w, kn_document *d)

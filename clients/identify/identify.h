@@ -20,14 +20,14 @@ typedef struct kn_identification {
     kn_identify_options opt;
     kn_curve curve[KN_CURVES_MAX];
     int curves;
-    kn_creep_fit creep;       // creep: the fit
-    kn_relaxation_fit relax;  // relax: the fit
-    kn_sweep_fit sweep;    // sweep: the fits of all elements
-    double modulus_scale; // sweep: factor on the measured moduli
-    double took_s;        // creep: duration of the fit [s]
-    bool served;          // creep: a scene accepts the material
-    kn_model_comparison models;     // comparison with other material models
-    bool compared;        // whether the comparison was made
+    kn_creep_fit creep;         // creep: the fit
+    kn_relaxation_fit relax;    // relax: the fit
+    kn_sweep_fit sweep;         // sweep: the fits of all elements
+    double modulus_scale;       // sweep: factor on the measured moduli
+    double took_s;              // creep: duration of the fit [s]
+    bool served;                // creep: a scene accepts the material
+    kn_model_comparison models; // comparison with other material models
+    bool compared;              // whether the comparison was made
     int notes;
     char note[KN_IDENTIFY_NOTES][400]; // notes on what is doubtful, as sentences
 } kn_identification;

@@ -468,7 +468,8 @@ static int fill(const options *o, const kn_shell *shell)
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
                            1e3 * o->size_m, count, KN_SIMPLICES_ELEMENTS_MAX);
     if (isatty(STDERR_FILENO)) fprintf(stderr, "about %.2g tetrahedra\n", fmax(count, 1));
-    int code = run_mesher(o->tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, &s, error, sizeof error);
+    int code =
+        run_mesher(o->tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, &s, error, sizeof error);
     if (code != KN_EXIT_OK) return kn_complain(mesh, code, "%s: %s", o->in, error);
     code = save_mesh(o, s);
     kn_simplices_destroy(s);

@@ -271,7 +271,7 @@ static void take(kn_candidate *c, const kn_trust_region *s)
     if (c->gas) {
         c->pressure_pa = s->value[0];
         kn_parameter_estimate_set(&c->known[0], "inside_pressure", "Pa", s->value[0],
-                           kn_trust_region_interval(s, 0, c->independent));
+                                  kn_trust_region_interval(s, 0, c->independent));
         // A pressure near 0 whose interval is open below means that the fit has removed the gas.
         c->no_gas_left = c->known[0].interval.open_low && c->pressure_pa < 0.05 * atm_pa;
     }

@@ -47,9 +47,9 @@ typedef struct kn_candidate {
     bool found;    // false: the model of this structure has no solution at any start of the search
     char why[200]; // reason why the model has no solution; set if `found` is false
     double pressure_pa, area_factor, shift_m[2];
-    double gamma;           // gamma of the model whose area_factor is 1
+    double gamma;                   // gamma of the model whose area_factor is 1
     kn_parameter_estimate known[2]; // P0, if P0 is an unknown; then gamma, if the factor on gamma is an unknown
-    int unknowns;           // number of unknowns: P0, the factor on gamma, and the shift of the images along x and y
+    int unknowns; // number of unknowns: P0, the factor on gamma, and the shift of the images along x and y
     // the fit removed the gas: the fitted P0 is below 0.05 atm, and the data give P0 no lower limit
     bool no_gas_left;
     double sum, independent; // sum of squared residuals S; number of independent readings in the residuals

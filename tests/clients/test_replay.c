@@ -1,7 +1,7 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
 #include "clients/knead/commands.h"
-#include "server/replay.h"
 #include "server/operator_orders.h"
+#include "server/replay.h"
 #include "server/store.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -126,7 +126,7 @@ static void slurp(const char *path, char *text, size_t size)
 
 static int replay(const char *const *arguments)
 {
-    char *argv[16] = {"replay"};
+    char *argv[16] = {"knead replay"};
     int argc = 1;
     for (; arguments[argc - 1]; argc++) argv[argc] = (char *)arguments[argc - 1];
     fflush(NULL);
