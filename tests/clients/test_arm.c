@@ -11,7 +11,7 @@ static void run(kn_arm *arm, int ticks, const double force_n[3], const double pa
     for (int i = 0; i < ticks; i++) kn_arm_tick(arm, force_n, path_m, origin);
 }
 
-TEST("a free mass under a held force goes by F t^2 / 2 m")
+TEST("a free mass under a constant force moves by F t^2 / (2 m)")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -22,7 +22,7 @@ TEST("a free mass under a held force goes by F t^2 / 2 m")
     CHECK_NEAR(arm.v_m_s[2], -0.4, 1e-12);
 }
 
-TEST("viscous friction lets it reach F / b")
+TEST("under viscous friction a constant force brings the arm to the speed F / b")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -32,7 +32,7 @@ TEST("viscous friction lets it reach F / b")
     CHECK_NEAR(arm.v_m_s[0], 0.25, 1e-6);
 }
 
-TEST("dry friction holds what is weaker and takes its share of what is stronger, whichever way it points")
+TEST("dry friction holds the arm against a weaker force and subtracts its limit from a stronger one, in any direction")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -45,7 +45,7 @@ TEST("dry friction holds what is weaker and takes its share of what is stronger,
     CHECK_NEAR(arm.v_m_s[1], 0.8 * 0.5 / 0.1 * 0.1, 1e-9);
 }
 
-TEST("a force beyond the limit is the limit in the same direction")
+TEST("a force above the limit is cut to the limit and keeps its direction")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -56,7 +56,7 @@ TEST("a force beyond the limit is the limit in the same direction")
     CHECK_NEAR(arm.force_n[2], -0.8 * 3.3, 1e-12);
 }
 
-TEST("positions come in whole encoder steps, never further than half a step from the truth")
+TEST("measured positions are whole encoder steps and at most half a step from the true position")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -75,7 +75,7 @@ TEST("positions come in whole encoder steps, never further than half a step from
     CHECK(worst > 10e-6);
 }
 
-TEST("the measured velocity follows a step within the filter's time constant")
+TEST("the measured velocity reaches 63 % of a step after one time constant of its filter")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -88,7 +88,7 @@ TEST("the measured velocity follows a step within the filter's time constant")
     CHECK_NEAR(arm.velocity_m_s[0], 1.0, 1e-4);
 }
 
-TEST("a hand takes the device along its path and gives way by the springs in series")
+TEST("a hand moves the device along its path, and its springs in series yield to a force")
 {
     const double stiffness[KN_GRIPS] = {0, 1 / (1 / 300.0 + 1 / 100.0), 1 / (1 / 800.0 + 1 / 300.0),
                                         1 / (1 / 2500.0 + 1 / 800.0)};
@@ -103,7 +103,7 @@ TEST("a hand takes the device along its path and gives way by the springs in ser
     }
 }
 
-TEST("a device of one axis moves along z, and along x and y goes where the path goes")
+TEST("a device of one axis moves freely along z and follows the path exactly along x and y")
 {
     kn_arm arm;
     kn_arm_def def = plain();
@@ -116,7 +116,7 @@ TEST("a device of one axis moves along z, and along x and y goes where the path 
     CHECK(arm.x_m[2] > 4e-3);
 }
 
-TEST("the hands are found by their names and no other")
+TEST("each grip is found by its name, and an unknown name is refused")
 {
     kn_grip grip;
     for (int g = 0; g < KN_GRIPS; g++) {
@@ -126,7 +126,7 @@ TEST("the hands are found by their names and no other")
     CHECK(!kn_grip_find("tight", &grip));
 }
 
-TEST("buzz is what lies above 10 Hz: all of 100 Hz, 0.71 of 10 Hz, nearly nothing of 1 Hz, nothing of a constant")
+TEST("the buzz filter passes all of 100 Hz, 0.71 of 10 Hz, 0.01 of 1 Hz and nothing of a constant")
 {
     const double hz[4] = {100.0, 10.0, 1.0, 0.0}, expected[4] = {1.0, sqrt(0.5), 0.01, 0.0};
     for (int i = 0; i < 4; i++) {
@@ -140,7 +140,7 @@ TEST("buzz is what lies above 10 Hz: all of 100 Hz, 0.71 of 10 Hz, nearly nothin
     }
 }
 
-TEST("a signal turns where it comes back by more than the hysteresis, and only there")
+TEST("a signal's turn is counted only when the signal comes back by more than the hysteresis")
 {
     const double values[] = {0.0, 0.5, 2.0, 1.5, 3.0, 1.0, 1.4, 0.5, 2.0};
     const int turns[] = {0, 0, 0, 0, 0, 1, 1, 1, 2};

@@ -37,7 +37,7 @@ static void forget(void)
     free(top);
 }
 
-TEST("the top face is the vertices at the block's height, 6 x 6 of the default block")
+TEST("the top face of the default block is its 6 x 6 vertices at the block's height")
 {
     make(0);
     int count = 0;
@@ -49,7 +49,7 @@ TEST("the top face is the vertices at the block's height, 6 x 6 of the default b
     forget();
 }
 
-TEST("a block at rest is as high as it is, and nothing stands beside it")
+TEST("the surface of a block at rest is at its height everywhere, and no surface is found beside it")
 {
     double z;
     make(0);
@@ -63,7 +63,7 @@ TEST("a block at rest is as high as it is, and nothing stands beside it")
     forget();
 }
 
-TEST("the bottom of a dent is found, and half of it half way up its side")
+TEST("the bottom of a dent has the full depth, and a point halfway up its side has half the depth")
 {
     double z;
     make(0.008);
@@ -74,7 +74,7 @@ TEST("the bottom of a dent is found, and half of it half way up its side")
     forget();
 }
 
-TEST("a plate in a dent touches the lowest it covers last and the highest first")
+TEST("a plate over a dent touches the highest covered vertex first and the lowest last")
 {
     double first, last;
     kn_probe_def narrow = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.01}};
@@ -91,7 +91,7 @@ TEST("a plate in a dent touches the lowest it covers last and the highest first"
     forget();
 }
 
-TEST("a plate looks at the top alone: a vertex of a side that stands higher is not touched")
+TEST("a plate touches only vertices of the top face, even if vertices of a side stand higher")
 {
     double first, last;
     kn_probe_def plate = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}};
@@ -103,7 +103,7 @@ TEST("a plate looks at the top alone: a vertex of a side that stands higher is n
     forget();
 }
 
-TEST("a sphere over a dent rests on its rim")
+TEST("a sphere over a dent rests on the rim of the dent")
 {
     double first, last, r = 0.02;
     kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = r};
@@ -127,7 +127,7 @@ static const kn_probe_def tools[] = {
     {.name = "t", .shape = KN_PROBE_CROSS, .size_m = {0.04, 0.012, 0.01}},
 };
 
-TEST("a tool of any shape is found to touch where the model's clearance ends")
+TEST("a tool of any shape touches at the height where the model's clearance ends")
 {
     static const double level[4] = {1};
     make(0);
@@ -149,7 +149,7 @@ TEST("a tool of any shape is found to touch where the model's clearance ends")
     forget();
 }
 
-TEST("a foot covers what its shape covers: a cross has no corners, a finger rises to its sides")
+TEST("a foot covers its shape: a cross has no corners, and a capsule rises towards its sides")
 {
     const kn_probe_def *finger = &tools[2], *cylinder = &tools[3], *box = &tools[4], *cross = &tools[5];
     CHECK(kn_foot_below(cross, 0.019, -0.005) == 0 && kn_foot_below(cross, -0.005, 0.019) == 0);

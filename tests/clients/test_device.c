@@ -112,7 +112,7 @@ static kn_path *way(void)
     return kn_path_through(POINTS, time_s, point);
 }
 
-TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays calm and the hand gets nothing back")
+TEST("pressing, sliding and tapping jelly with 0 to 30 ms delay, the local model is calm and returns under 1 mJ")
 {
     static const char *const jelly[] = {"material={variant: viscoelastic, k1: 21.7 kPa, c1: 225 Pa s, damper: none}",
                                         "density=1.02 g/cm^3", "device=omega", "probes.finger.coupling=800 N/m",
@@ -139,7 +139,7 @@ TEST("pressing, sliding, tapping jelly 0 to 30 ms away the local model stays cal
         CHECK(p.grasp.news.acted > 100 + 3 * acted); // calm only because of the controller's damping
 }
 
-TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away are refused, and held they shake it")
+TEST("without delay a device on dough is calm; 20 ms away its forces are refused, and held forces shake it")
 {
     static const char *const touch[] = {"device=touch"};
     OWN(kn_path) *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2}),
@@ -160,7 +160,7 @@ TEST("a device on dough is calm near kneadd, in any hand; its forces 20 ms away 
     CHECK(p.player[0].hand.mode == KN_HAND_GAVE_UP || p.grasp.news.acted > 100);
 }
 
-TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away, also with one axis")
+TEST("a light grip on jelly is calm, also with 5 ms delay and 20 % loss, and also with one axis")
 {
     static const char *const scaled[] = {"device={profile: touch, force_scale: 0.25}"};
     static const kn_grasp_def hands[] = {{.grip = KN_GRIP_LIGHT},
@@ -174,7 +174,7 @@ TEST("a light hand on jelly is calm, also 5 ms and a fifth of the messages away,
     }
 }
 
-TEST("a wild force in kneadd's name trips the guard of a device in a hand, which lifts it and tries again")
+TEST("a forged force of 60 N trips the reflex guard of a held device; the hand lifts and tries again")
 {
     static const char *const device[] = {"device=unknown"};
     OWN(kn_path) *poke = kn_path_poke(&(kn_path_def){.touch_z_m = 0.045});
@@ -186,7 +186,7 @@ TEST("a wild force in kneadd's name trips the guard of a device in a hand, which
     CHECK_STR(h->trip[0].refusal, kn_render_why(KN_RENDER_REFLEX));
 }
 
-TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the hand a quarter, and no limit acts")
+TEST("in the paper's press with force scale 0.25 the device gives a quarter of the contact force and stays below 3.3 N")
 {
     static const char *const scaled[] = {"device={profile: touch, force_scale: 0.25}"};
     OWN(kn_path) *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 0.01, .hold_s = 1});
@@ -199,7 +199,7 @@ TEST("the paper's press on a device of 3.3 N: the object gives what it gave, the
     CHECK_NEAR(given_n, 0.25 * p.contact_n, 1e-9);
 }
 
-TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms later another may take it")
+TEST("a hand that ends during a press leaves no fault, and another hand takes the tool after 100 ms")
 {
     const double time_s[] = {0, 0.8, 1.2};
     kn_path_point point[] = {{{0, 0, 0.06}, {0}, {1}}, {{0, 0, 0.045}, {0}, {1}}, {{0, 0, 0.042}, {0}, {1}}};
@@ -216,7 +216,7 @@ TEST("a hand that ends in a press leaves its tool without a fault, and 100 ms la
     CHECK(p.player[1].hand.mode == KN_HAND_DONE && p.player[1].hand.trips == 0);
 }
 
-TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the last force, its local model after 300")
+TEST("after a kill of kneadd in a press a device gives 0 N by 20 ms, and by 300 ms with the local model")
 {
     static const char *const touch[] = {"device=touch"};
     kn_path *press = kn_path_press(&(kn_path_def){.touch_z_m = 0.045, .depth_m = 0.01, .hold_s = 2});
@@ -246,7 +246,7 @@ TEST("kneadd killed in a press: a device in a hand gives 0 N 20 ms after the las
     kn_path_destroy(press);
 }
 
-TEST("two fingers lift a piece of dough off the table and carry it, half of it each, squeezing it equally")
+TEST("two fingers lift a piece of dough and carry half of its weight each, with equal squeezing forces")
 {
     char error[256];
     OWN(kn_path) *thumb = kn_path_load(KN_SOURCE_DIR "/clients/examples/thumb.csv", error, sizeof error);

@@ -59,7 +59,7 @@ static double furthest(const kn_voigt_chain *c, const char *expression, int step
     return worst / largest;
 }
 
-TEST("dough creeps and recovers as the network does, under every load of the paper")
+TEST("the chain of dough creeps and recovers like the network under loads of 10 to 90 gf/cm2")
 {
     const kn_voigt_chain chain = kn_voigt_chain_of(&dough);
     for (int load = 10; load <= 90; load += 20) {
@@ -68,7 +68,7 @@ TEST("dough creeps and recovers as the network does, under every load of the pap
     }
 }
 
-TEST("loads that come one upon the other, and an area that stays")
+TEST("the chain follows the network through a sequence of loads, at constant load and at constant stress")
 {
     const kn_voigt_chain chain = kn_voigt_chain_of(&dough);
     kn_voigt_chain_step step[4] = {{0, 20 * GF_CM2}, {20, 45 * GF_CM2}, {40, 10 * GF_CM2}, {80, 0}};
@@ -76,7 +76,7 @@ TEST("loads that come one upon the other, and an area that stays")
     CHECK_NEAR(furthest(&chain, "d-(s|d)", 4, step, true), 0, 1e-6);
 }
 
-TEST("Burgers and rows of two Voigt units, fast ones, too")
+TEST("a Burgers chain and a spring with two Voigt elements, one of them fast, creep like the network")
 {
     kn_voigt_chain burgers = {.spring_pa = 3e5, .voigts = 1, .k_pa = {1e5}, .c_pa_s = {2e5}, .alpha_pa_s = 4e6};
     kn_voigt_chain row = {.spring_pa = 3e5, .voigts = 2, .k_pa = {1e5, 4e4}, .c_pa_s = {2e2, 2e5}};
@@ -85,7 +85,7 @@ TEST("Burgers and rows of two Voigt units, fast ones, too")
     CHECK_NEAR(furthest(&row, "s-(s|d)-(s|d)", 2, step, false), 0, 1e-6);
 }
 
-TEST("the stress of a ramp and a hold is the network's")
+TEST("the stress of the chain in a ramp and a hold is the stress of the network")
 {
     const kn_voigt_chain chain = kn_voigt_chain_of(&dough);
     static double time_s[600], stress[600];
@@ -108,7 +108,7 @@ TEST("the stress of a ramp and a hold is the network's")
     }
 }
 
-TEST("a jump of strain: Maxwell's stress falls exponentially, and a dashpot refuses it")
+TEST("after a strain jump a Maxwell chain's stress decays exponentially; a chain without a series spring is refused")
 {
     const kn_voigt_chain chain = kn_voigt_chain_of(&dough);
     kn_voigt_chain maxwell = {.spring_pa = 2e4, .alpha_pa_s = 1e5};
@@ -152,7 +152,7 @@ static double apart_held(const kn_material *m, double rate, double *begin_pa)
     return worst;
 }
 
-TEST("the exponential integral is what the tables say, on both sides of where its two forms meet")
+TEST("the exponential integral agrees with the tables and is smooth where its two forms meet")
 {
     // Abramowitz and Stegun, table 5.1; the series and the continued fraction in 30 digits.
     static const double known[][2] = {{0.01, 4.037929576538114},  {0.5, 0.5597735947761608},
@@ -164,7 +164,7 @@ TEST("the exponential integral is what the tables say, on both sides of where it
           kn_exponential_integral(1e4) == 0);
 }
 
-TEST("a held element relaxes as the network does, above P1, between P1 and P0, and below P0")
+TEST("a held element relaxes like the network above P1, between P1 and P0, and below P0")
 {
     double begin;
     CHECK_NEAR(apart_held(&dough, 0.02, &begin), 0, 1e-8);
@@ -175,7 +175,7 @@ TEST("a held element relaxes as the network does, above P1, between P1 and P0, a
     CHECK(begin > 1.1 * soft.p1_pa);
 }
 
-TEST("without c1, without thinning, and under stresses below P0 it relaxes as the network does")
+TEST("an element without c1, without thinning or with stresses below P0 relaxes like the network")
 {
     double begin;
     kn_material bare = dough, plain = dough, still = dough;
@@ -193,7 +193,7 @@ TEST("without c1, without thinning, and under stresses below P0 it relaxes as th
     CHECK_NEAR(p, 1000 * exp(-2.0), 1e-10);
 }
 
-TEST("from 55 gf/cm2 the papers' dough needs 20 s to 28.57; without its dashpot it would need 5.1 s")
+TEST("the papers' dough relaxes from 55 to 28.57 gf/cm2 in 20 s, and without its dashpot c1 in 5.1 s")
 {
     const double gf_cm2 = 98.0665;
     kn_held_element hold = kn_held_element_of(&dough, 55 * gf_cm2);
@@ -202,7 +202,7 @@ TEST("from 55 gf/cm2 the papers' dough needs 20 s to 28.57; without its dashpot 
     CHECK_NEAR(kn_held_element_until(&hold, 28.57 * gf_cm2), 5.1, 0.05);
 }
 
-TEST("the time to a stress and the stress at a time are each other's inverse, wherever a march begins")
+TEST("the time until a stress is the inverse of the stress at a time")
 {
     const kn_held_element hold = kn_held_element_of(&dough, 12000);
     for (double t = 1e-4; t < 1e5; t *= 3) {
@@ -216,7 +216,7 @@ TEST("the time to a stress and the stress at a time are each other's inverse, wh
     }
 }
 
-TEST("numbers at the end of what a search may try give a stress that falls, and no NaN")
+TEST("extreme parameters give a finite stress that never rises")
 {
     const double t[] = {0, 1e-3, 1, 1e3, 1e6};
     const kn_held_element odd[] = {

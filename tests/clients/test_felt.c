@@ -42,7 +42,7 @@ static kn_trace block(int cells)
     return t;
 }
 
-TEST("a force that comes 3 ms later lags by 3 ms, and one that comes earlier leads")
+TEST("a force 3 ms late has a lag of 3 ms, and an early force has a negative lag")
 {
     AT_END(kn_trace_free) kn_trace now = press(0, 10), late = press(0.003, 10), early = press(-0.0005, 8);
     CHECK_NEAR(kn_felt_lag(&late, &now), 0.003, 2e-5);
@@ -50,7 +50,7 @@ TEST("a force that comes 3 ms later lags by 3 ms, and one that comes earlier lea
     CHECK_NEAR(kn_felt_lag(&now, &now), 0, 1e-12);
 }
 
-TEST("where nothing moves at 10 Hz there is no lag to tell")
+TEST("the lag is NaN if the force has no content near 10 Hz")
 {
     AT_END(kn_trace_free) kn_trace slow = empty(), none = empty();
     for (int i = 0; i < TICKS; i++) slow.force_n[2 * i][0] = pow(sin(M_PI * i / TICKS), 8); // one slow push
@@ -58,7 +58,7 @@ TEST("where nothing moves at 10 Hz there is no lag to tell")
     CHECK(isnan(kn_felt_lag(&none, &none)));
 }
 
-TEST("a tenth more force is an error of a tenth, whichever tool feels it")
+TEST("a force that is 10 % larger has a relative error of 0.1")
 {
     AT_END(kn_trace_free) kn_trace a = press(0, 11), b = press(0, 10), none = empty();
     CHECK_NEAR(kn_felt_force(&a, &b), 0.1, 1e-12);
@@ -67,14 +67,14 @@ TEST("a tenth more force is an error of a tenth, whichever tool feels it")
     CHECK(isnan(kn_felt_force(&a, &none)));
 }
 
-TEST("a force that jumps once has that jump, though its peak is elsewhere")
+TEST("the largest jump of a force is found even if its peak is elsewhere")
 {
     AT_END(kn_trace_free) kn_trace t = empty();
     for (int i = 0; i < TICKS; i++) t.force_n[2 * i][2] = 0.01 * i + (i >= 500 ? 2.5 : 0);
     CHECK_NEAR(kn_felt_jump(&t), 2.51, 1e-9);
 }
 
-TEST("lattices of different spacing with one displacement have one shape")
+TEST("lattices of different spacing with the same displacement field have the same shape")
 {
     AT_END(kn_trace_free) kn_trace coarse = block(4), fine = block(6), finest = block(12);
     CHECK_NEAR(kn_felt_shape(&coarse, &fine), 0, 1e-12);
@@ -86,7 +86,7 @@ TEST("lattices of different spacing with one displacement have one shape")
     CHECK(kn_felt_shape(&coarse, &fine) > 0.01);
 }
 
-TEST("the deepest node tells the depth")
+TEST("the depth is the displacement of the deepest node")
 {
     AT_END(kn_trace_free) kn_trace t = block(4);
     t.shape_m[7][2] = -0.0096;

@@ -13,27 +13,27 @@ static void grafts(const char *text, const char *block, const char *expected)
 
 #define NEW "quality:\n  fast: {passes: 1}\n"
 
-TEST("a block is exchanged where it stands, and nothing else is touched")
+TEST("a block is replaced in its place, and the rest of the text stays unchanged")
 {
     grafts(
         "a: 1 # one\n\nquality:\n  fast:\n    passes: 2\n  # of it\n  balanced: {passes: 3}\n\n# of b\nb: [1,\n  2]\n",
         NEW, "a: 1 # one\n\n" NEW "\n# of b\nb: [1,\n  2]\n");
 }
 
-TEST("at the end of the text, too, with or without a last line end")
+TEST("a block at the end of the text is replaced, with or without a final line end")
 {
     grafts("a: 1\nquality:\n  fast: {passes: 2}\n", NEW, "a: 1\n" NEW);
     grafts("a: 1\nquality:\n  fast: {passes: 2}", NEW, "a: 1\n" NEW);
 }
 
-TEST("what is not there is appended, on a line of its own")
+TEST("a missing block is appended on a line of its own")
 {
     grafts("a: 1\n", NEW, "a: 1\n" NEW);
     grafts("a: 1", NEW, "a: 1\n" NEW);
     grafts("a:\n  quality: 5\n", NEW, "a:\n  quality: 5\n" NEW); // a key of another name
 }
 
-TEST("short forms, quoted keys, braces over several lines and literals are blocks as well")
+TEST("short forms, quoted keys, braces over several lines, literals and lists are replaced as blocks")
 {
     grafts("quality: fast\nb: 1\n", NEW, NEW "b: 1\n");
     grafts("'quality': fast # as chosen\nb: 1\n", NEW, NEW "b: 1\n");
@@ -43,18 +43,18 @@ TEST("short forms, quoted keys, braces over several lines and literals are block
     grafts("quality:\n- 1\n- 2\nb: 1\n", NEW, NEW "b: 1\n");
 }
 
-TEST("an empty block removes it")
+TEST("an empty block removes the existing block")
 {
     grafts("a: 1\nquality: fast\nb: 1\n", "", "a: 1\nb: 1\n");
     grafts("a: 1\n", "", "a: 1\n");
 }
 
-TEST("lines end as the text's do")
+TEST("the new block uses the line ends of the text")
 {
     grafts("a: 1\r\nquality: fast\r\nb: 1\r\n", NEW, "a: 1\r\nquality:\r\n  fast: {passes: 1}\r\nb: 1\r\n");
 }
 
-TEST("a text that is no YAML, or has all of it in braces, is refused")
+TEST("a text that is not YAML, or is one map in braces, is refused")
 {
     CHECK(!kn_graft("a: [1\n", "quality", NEW, error, sizeof error));
     CHECK(strstr(error, "in line 2"));

@@ -83,7 +83,7 @@ static void play(run *r, int ms)
 
 static const double step_limit_m = KN_PATH_AIR_M_S * 1e-3 * 1.001;
 
-TEST("a press engages in air, plays its path once and is done")
+TEST("a hand engages above the object, plays its path once and is done")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -97,7 +97,7 @@ TEST("a press engages in air, plays its path once and is done")
     CHECK_NEAR((double)(r.hand.attempt[0].sent - r.hand.attempt[0].play_seq), path->duration_s * 1e3, 1.5);
 }
 
-TEST("without a server it gives up and has not moved")
+TEST("without a server the hand gives up within 4 s and does not move")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -106,7 +106,7 @@ TEST("without a server it gives up and has not moved")
     CHECK(r.hand.trouble == KN_HAND_NO_ANSWER && r.lowest_m == 0.05 && r.ms < 4000);
 }
 
-TEST("a server that answers and never engages is told apart from one that is not there")
+TEST("a server that answers but never engages is reported differently from a missing server")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -115,7 +115,7 @@ TEST("a server that answers and never engages is told apart from one that is not
     CHECK(r.hand.trouble == KN_HAND_NOT_ENGAGED && r.lowest_m == 0.05);
 }
 
-TEST("when the server dies the own watchdog holds 3 ms, is at zero by 20 ms, and the hand gets out")
+TEST("if the server dies, the watchdog holds the force 3 ms, reaches 0 N by 20 ms, and the hand retreats")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -139,7 +139,7 @@ TEST("when the server dies the own watchdog holds 3 ms, is at zero by 20 ms, and
     CHECK(r.hand.point.position_m[2] == 0.05 && r.largest_step_m <= step_limit_m);
 }
 
-TEST("a server that is started again, at tick 0, feeds no watchdog: the hand lifts and presses once more")
+TEST("a server restarted at tick 0 does not feed the watchdog; the hand lifts and presses again")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -153,7 +153,7 @@ TEST("a server that is started again, at tick 0, feeds no watchdog: the hand lif
     CHECK(r.largest_step_m < step_limit_m);
 }
 
-TEST("lost poses latch a fault that lifting clears; the press is repeated in a new session")
+TEST("lost poses latch a fault that lifting clears, and the press is repeated in a new session")
 {
     run r;
     begin(&r, &(kn_hand_def){.drop_at_ms = 1500, .drop_ms = 30});
@@ -166,7 +166,7 @@ TEST("lost poses latch a fault that lifting clears; the press is repeated in a n
     CHECK(r.largest_step_m <= step_limit_m);
 }
 
-TEST("a fault that lifting does not clear is left behind with the session")
+TEST("a fault that lifting does not clear ends with the session, and the next try succeeds")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -176,7 +176,7 @@ TEST("a fault that lifting does not clear is left behind with the session")
     CHECK(r.hand.trip[0].fault == KN_FAULT_IMPULSE && !r.hand.trip[0].cleared);
 }
 
-TEST("three spoilt tries are enough")
+TEST("the hand gives up after three spoilt tries")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -189,7 +189,7 @@ TEST("three spoilt tries are enough")
     CHECK(r.hand.point.position_m[2] == 0.05);
 }
 
-TEST("a stall of this process makes no jump, and a long one is named as its own")
+TEST("a stall of 15 ms makes no jump of the pose, and a stall of 40 ms trips the hand's own watchdog")
 {
     run r;
     begin(&r, &(kn_hand_def){0});
@@ -202,7 +202,7 @@ TEST("a stall of this process makes no jump, and a long one is named as its own"
     CHECK(r.hand.mode == KN_HAND_RETREAT && r.hand.trip[0].own && r.hand.trip[0].stalled_ms == 39);
 }
 
-TEST("forces of somebody else's session are not felt")
+TEST("forces of another session are ignored")
 {
     run r;
     begin(&r, &(kn_hand_def){0});

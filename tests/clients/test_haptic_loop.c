@@ -47,10 +47,10 @@ static void grid(int trip_ms)
     }
 }
 
-TEST("no default coupling buzzes when the force is of this period, and none gives a stroke a millijoule") { grid(0); }
-TEST("nor when it is of the next one, which is what a server does") { grid(1); }
+TEST("no default coupling buzzes or returns 1 mJ in a stroke at a round trip of 0 ms") { grid(0); }
+TEST("no default coupling buzzes or returns 1 mJ in a stroke at a round trip of 1 ms") { grid(1); }
 
-TEST("nor at the longer round trips for which the default is lowered")
+TEST("no default coupling buzzes without a hand at round trips of 2 to 20 ms")
 {
     const int trips[] = {2, 5, 10, 20};
     for (int i = 0; i < 4; i++)
@@ -81,7 +81,7 @@ static kn_haptic_loop_result on_lattice(const char *class, const char *material,
     return r;
 }
 
-TEST("nor on the lattice itself, under a ball: nobody's hand, and the lightest, as a server closes the loop")
+TEST("no default coupling buzzes or returns 1 mJ on the lattice under a ball, without a hand or in a light grip")
 {
     static const char *const materials[] = {"dough", "clay", "jelly"};
     for (int c = 0; c < 4; c += 2) // touch, omega; bench/loop runs all of them
@@ -96,7 +96,8 @@ TEST("nor on the lattice itself, under a ball: nobody's hand, and the lightest, 
             }
 }
 
-TEST("twice the bound of stability buzzes, and the controller takes most of the energy out of it, not the buzz")
+TEST("a coupling far above the stability bound buzzes, and the passivity controller more than halves the returned "
+     "energy")
 {
     kn_haptic_loop_result off = run("touch", 10, KN_GRIP_LIGHT, KN_HAPTIC_LOOP_TAP, &kn_pads[0], 5.0, false);
     kn_haptic_loop_result on = run("touch", 10, KN_GRIP_LIGHT, KN_HAPTIC_LOOP_TAP, &kn_pads[0], 5.0, true);
@@ -107,7 +108,7 @@ TEST("twice the bound of stability buzzes, and the controller takes most of the 
     CHECK(on.acted > 0);
 }
 
-TEST("at a round trip of one period the controller has nothing to do: it is a guard")
+TEST("at a round trip of 1 ms the passivity controller never acts")
 {
     int64_t acted = 0;
     for (int p = 0; p < KN_PADS; p++)
@@ -116,7 +117,7 @@ TEST("at a round trip of one period the controller has nothing to do: it is a gu
     CHECK(acted == 0);
 }
 
-TEST("under a held force the pad's springs and dampers are those of its definition")
+TEST("under a constant force the pad creeps and recovers by the springs and dampers of its definition")
 {
     kn_pad_def def = {
         .name = "x", .k1_n_m = 200.0, .c1_n_s_m = 20.0, .c2_n_s_m = 5000.0, .c2_least_n_s_m = 5000.0, .to_n = 1.0};
@@ -142,7 +143,7 @@ TEST("under a held force the pad's springs and dampers are those of its definiti
     CHECK_NEAR(pad.flow_m, 2e-4, 1e-7); // the plastic part stays
 }
 
-TEST("a pad pushes and never pulls, and a wall does not give way")
+TEST("a pad never pulls, and a wall never yields")
 {
     kn_coupling coupling = {600.0, 1.5};
     for (int p = 0; p < KN_PADS; p++) {

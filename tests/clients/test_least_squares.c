@@ -38,7 +38,7 @@ static void fill(decay *d, double noise)
     for (int i = 0; i < READINGS; i++) d->y[i] = 2 * exp(-1.3 * at(i)) + 0.5 + noise * kn_dice_normal(&seed);
 }
 
-TEST("without noise the minimum is where the numbers came from")
+TEST("without noise the fit returns the true parameters")
 {
     decay d;
     fill(&d, 0);
@@ -50,7 +50,7 @@ TEST("without noise the minimum is where the numbers came from")
     CHECK(!fit.singular);
 }
 
-TEST("curvature and profile agree where the curve is known well")
+TEST("intervals by curvature and by profile agree if the curve determines the parameters well")
 {
     decay d;
     fill(&d, 0.01);
@@ -66,7 +66,7 @@ TEST("curvature and profile agree where the curve is known well")
     }
 }
 
-TEST("an unknown that nothing depends on is open at both ends, and the others are as known as without it")
+TEST("a parameter without effect has an interval open at both ends, and the others keep their covariance")
 {
     decay d;
     fill(&d, 0.01);
@@ -78,7 +78,7 @@ TEST("an unknown that nothing depends on is open at both ends, and the others ar
     for (int i = 0; i < 3; i++) CHECK_NEAR(with.covariance[i][i] / without.covariance[i][i], 1, 1e-6);
 }
 
-TEST("95 in 100 intervals hold the truth")
+TEST("95 % intervals contain the true value in 95 % of the data sets, within the tolerance for their number")
 {
     int held[3] = {0}, runs = 400;
     static const double truth[3] = {2, 1.3, 0.5};
@@ -95,7 +95,7 @@ TEST("95 in 100 intervals hold the truth")
     for (int i = 0; i < 3; i++) CHECK(held[i] >= 0.92 * runs && held[i] <= 0.98 * runs);
 }
 
-TEST("a bound holds, and is told")
+TEST("a parameter stays within its bound and is flagged at the bound")
 {
     decay d;
     fill(&d, 0.01);
@@ -113,7 +113,7 @@ static bool two_valleys(void *of, const double *v, double *residual)
     return true;
 }
 
-TEST("of several starts the deepest valley is kept")
+TEST("the fit from several starts keeps the deepest minimum")
 {
     kn_fit fit = {.unknowns = 1,
                   .readings = 4,
@@ -131,14 +131,14 @@ static bool nowhere(void *of, const double *v, double *residual)
     return false;
 }
 
-TEST("a model without an answer is no fit")
+TEST("a model that returns no result makes the fit fail")
 {
     kn_fit fit = {
         .unknowns = 1, .readings = 2, .misfit = nowhere, .unknown = {{.name = "x", .value = 1, .low = 0.1, .high = 9}}};
     CHECK(!kn_fit_run(&fit));
 }
 
-TEST("runs: noise passes, a bend does not")
+TEST("the runs statistic accepts noise, rejects a bend and is NaN for 10 readings")
 {
     double residual[200];
     for (int i = 0; i < 200; i++) residual[i] = kn_dice_normal(&seed);
@@ -148,7 +148,7 @@ TEST("runs: noise passes, a bend does not")
     CHECK(isnan(kn_fit_runs(10, residual)));
 }
 
-TEST("Student's quantiles are those of the tables")
+TEST("Student's quantiles agree with the tables")
 {
     CHECK_NEAR(kn_fit_student(0.95, 1), 12.706, 1e-3);
     CHECK_NEAR(kn_fit_student(0.95, 10), 2.22814, 1e-5);
@@ -156,7 +156,7 @@ TEST("Student's quantiles are those of the tables")
     CHECK_NEAR(kn_fit_student(0.95, 1e6), 1.95996, 1e-5);
 }
 
-TEST("AICc asks 2 and more for every unknown")
+TEST("AICc adds more than 2 for each further parameter")
 {
     CHECK(kn_fit_aicc(50, 4, 10) > kn_fit_aicc(50, 3, 10) + 2);
     CHECK(!isfinite(kn_fit_aicc(5, 4, 10)));

@@ -32,7 +32,7 @@ static double most(const kn_still *first, const kn_still *second, kn_match *m)
     return most_m;
 }
 
-TEST("of the same mesh the same vertices are compared: an object is nowhere from itself")
+TEST("two states of one mesh are compared vertex by vertex, and equal states have distance 0")
 {
     kn_match m;
     AT_END(kn_still_free) kn_still a = sheet(11, 0, 0.002f), b = sheet(11, 0, 0.002f), flat = sheet(11, 0, 0);
@@ -44,7 +44,7 @@ TEST("of the same mesh the same vertices are compared: an object is nowhere from
     kn_match_free(&m);
 }
 
-TEST("of another mesh the nearest at rest: the same shape differs by what is between vertices, a bent one by its bend")
+TEST("different meshes are compared by nearest vertices: equal shapes differ by under 0.4 mm, a bend by its depth")
 {
     kn_match m;
     AT_END(kn_still_free) kn_still coarse = sheet(21, 0, 0.002f), fine = sheet(44, 0, 0.002f), flat = sheet(44, 0, 0);
@@ -56,7 +56,7 @@ TEST("of another mesh the nearest at rest: the same shape differs by what is bet
     kn_match_free(&m);
 }
 
-TEST("the nearest is the nearest")
+TEST("each vertex is matched to the nearest vertex at rest")
 {
     AT_END(kn_match_free) kn_match m = {0};
     char error[300];
@@ -71,7 +71,7 @@ TEST("the nearest is the nearest")
     }
 }
 
-TEST("objects of different shapes are refused, by how much they differ")
+TEST("objects with rest shapes 3 mm apart are refused, and the message states the distance")
 {
     kn_match m;
     char error[300];

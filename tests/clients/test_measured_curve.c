@@ -67,7 +67,7 @@ static const char notes[] = "# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\n# re
 
 // --- creep
 
-TEST("a displacement over the height is a strain, a load over the area a stress")
+TEST("displacement divided by height becomes strain, and load divided by area becomes stress")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -82,7 +82,7 @@ TEST("a displacement over the height is a strain, a load over the area a stress"
     CHECK(said("81 readings of displacement, 4.903 kPa of nominal stress, taken off at 20 s"));
 }
 
-TEST("a height and a load that was recorded: time and height count from the load, the release is found")
+TEST("with a recorded load, time and height count from the load, and the release is found")
 {
     begin("# area: 1 cm^2\ntime_s;height_mm;load_gf\n");
     for (int i = 0; i <= 100; i++) {
@@ -100,7 +100,7 @@ TEST("a height and a load that was recorded: time and height count from the load
     CHECK_NEAR(curve->height_m, 0.012, 1e-12);
 }
 
-TEST("where noise hides when the load came it is the middle between two readings")
+TEST("if noise hides when the load was taken off, the release time is midway between two readings")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
     for (int i = 0; i <= 80; i++)
@@ -109,7 +109,7 @@ TEST("where noise hides when the load came it is the middle between two readings
     CHECK(curve->step[0].time_s == 0 && curve->step[1].time_s == 20.25);
 }
 
-TEST("a load that is only near its value, and some time on its way, makes one step")
+TEST("a noisy load becomes one step, and readings while the load changes are left out")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
     for (int i = 0; i <= 80; i++) {
@@ -123,7 +123,7 @@ TEST("a load that is only near its value, and some time on its way, makes one st
     CHECK_NEAR(curve->step[0].stress_pa, 4903, 20);
 }
 
-TEST("a staircase of loads is one curve with its steps")
+TEST("loads that rise in stairs make one curve with one step per load")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\ntime_s;displacement_mm;load_gf\n");
     for (int i = 0; i < 90; i++) row("%d;%.9g;%d\n", i, 0.01 * i, i < 30 ? 10 : i < 60 ? 20 : 30);
@@ -132,7 +132,7 @@ TEST("a staircase of loads is one curve with its steps")
     CHECK(curve->step[2].time_s >= 59 && curve->step[2].time_s <= 60 && said("in steps"));
 }
 
-TEST("columns with loads in their names are curves of their own, of different lengths")
+TEST("each column with a load in its name is a curve of its own, and the lengths may differ")
 {
     begin("# height: 1 cm\n# area: 1 cm^2\ntime_s\tdisplacement_mm 10 gf\t50 gf [mm]\tx (0.1 N) [mm]\n");
     for (int i = 0; i < 20; i++) {
@@ -147,7 +147,7 @@ TEST("columns with loads in their names are curves of their own, of different le
     CHECK_NEAR(curve[1].value[11], 0.11, 1e-12);
 }
 
-TEST("time that begins anew with another load begins another curve")
+TEST("a restart of the time with another load begins a new curve")
 {
     begin("# area: 1 cm^2\nload_gf,time_s,height_mm\n");
     for (int k = 1; k <= 3; k++)
@@ -159,7 +159,7 @@ TEST("time that begins anew with another load begins another curve")
     CHECK(curve[1].line[0] == 23 && curve[1].step[0].time_s == 0);
 }
 
-TEST("time that begins anew under the same load is refused where it does")
+TEST("a restart of the time under the same load is refused with the line of the restart")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -168,7 +168,7 @@ TEST("time that begins anew under the same load is refused where it does")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "time restarts"));
 }
 
-TEST("a row in a wrong place is sorted in, and one has moved, not all behind it")
+TEST("a misplaced row is sorted into its place and counted as one moved row")
 {
     for (int at = 30; at <= 80; at += 50) { // moved to the middle, to the end
         begin(notes);
@@ -182,7 +182,7 @@ TEST("a row in a wrong place is sorted in, and one has moved, not all behind it"
     }
 }
 
-TEST("a second table is refused where it begins, with a row in a wrong place before it, too, and one of larger steps")
+TEST("a second table with larger steps is refused at its first line, even behind a misplaced row")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -191,7 +191,7 @@ TEST("a second table is refused where it begins, with a row in a wrong place bef
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(46, "time restarts, as in a second table"));
 }
 
-TEST("an interval whose steps are larger is another one, wherever they meet the last time of the one before")
+TEST("an interval with larger steps is recognised as a second one, wherever its times meet those of the first")
 {
     for (int k = 2; k <= 30; k++) {
         begin(notes); // the same load
@@ -207,7 +207,7 @@ TEST("an interval whose steps are larger is another one, wherever they meet the 
     }
 }
 
-TEST("five loads of eight readings each are five curves, and a second table is seen behind rows in a wrong place, too")
+TEST("five loads of eight readings make five curves, and a second table is found behind misplaced rows")
 {
     begin("# area: 1 cm^2\n# height: 1 cm\nload_gf,time_s,displacement_mm\n");
     for (int k = 1; k <= 5; k++)
@@ -230,7 +230,7 @@ TEST("five loads of eight readings each are five curves, and a second table is s
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(18, "time restarts"));
 }
 
-TEST("of readings that lie equally dense on a logarithm one in a wrong place is sorted in, too")
+TEST("a misplaced reading among readings evenly spaced in log time is sorted into its place")
 {
     for (int each = 4; each <= 20; each++)
         for (int row_s = 0; row_s < each; row_s++) {
@@ -244,7 +244,7 @@ TEST("of readings that lie equally dense on a logarithm one in a wrong place is 
         }
 }
 
-TEST("rows in any order are sorted")
+TEST("rows in any order are sorted by time")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -256,7 +256,7 @@ TEST("rows in any order are sorted")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curves == 1 && curve->count == 397);
 }
 
-TEST("time that begins anew at a thousand, in a file of decimal commas, is told as that")
+TEST("a time that jumps to 1,000 in a file with decimal commas is refused, with a hint at thousands separators")
 {
     begin(notes);
     row("time [s];displacement [um]\n");
@@ -265,7 +265,7 @@ TEST("time that begins anew at a thousand, in a file of decimal commas, is told 
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(26, "without thousands separators"));
 }
 
-TEST("an interval without load whose time begins anew is the recovery of the one before")
+TEST("an interval without load whose time restarts is read as the recovery of the interval before it")
 {
     begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // in the format of RheoCompass
     for (int k = 0; k < 2; k++) {
@@ -282,7 +282,7 @@ TEST("an interval without load whose time begins anew is the recovery of the one
     CHECK(curve->step[1].time_s >= 20 && curve->step[1].time_s <= 21);
 }
 
-TEST("a rheometer's many columns: the time of the whole test, the strain, the stress; in shear it may be large")
+TEST("a rheometer file yields the time, shear strain and shear stress, and the strain may exceed 1")
 {
     begin("Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear rate(s-\xc2\xb9);Shear strain(%);"
           "Normal force(N);Frequency(Hz);Gap(mm)\n"); // in the format of rSpace
@@ -293,14 +293,14 @@ TEST("a rheometer's many columns: the time of the whole test, the strain, the st
     CHECK(curve->time_s[20] == 20 && said("time does not begin near 0"));
 }
 
-TEST("a name of a load above an empty column is none")
+TEST("a stress column without values is ignored, and the stress of the note is used")
 {
     begin("# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n"); // in the format of RepTate's files
     for (int i = 0; i <= 20; i++) row("%d\t%g\n", i, 1e-4 * i);
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->count == 21 && curve->step[0].stress_pa == 10);
 }
 
-TEST("a stress that falls as the section grows is the weight's; one that is held is held")
+TEST("a stress that falls as the section grows means constant load; an unchanging stress means constant stress")
 {
     begin("time_s,strain,stress_pa\n");
     for (int i = 0; i <= 40; i++) row("%d,%.9g,%.9g\n", i, 0.01 * i, 5000 * (1 - 0.01 * i));
@@ -311,7 +311,7 @@ TEST("a stress that falls as the section grows is the weight's; one that is held
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && curve->constant_area && curve->step[0].stress_pa == 5000);
 }
 
-TEST("a bare x gives way to a column with a unit, whatever stands in it; where it is alone it is a strain")
+TEST("a column x without a unit is used as the strain only if no strain or displacement column has a unit")
 {
     static const char *const bare[] = {"x", "compression", "deformation"};
     for (int k = 0; k < 3; k++) {
@@ -343,7 +343,7 @@ TEST("a bare x gives way to a column with a unit, whatever stands in it; where i
     CHECK_NEAR(curve->strain, 0.01, 1e-9);
 }
 
-TEST("a strain rate is no strain, nor a second column of one, and a strain with a unit has no twin without")
+TEST("a strain rate is not taken for a strain, and a strain column with a unit is preferred to one without")
 {
     static const char *const heads[] = {"time_s,gamma,strain rate\n", "time_s,x [%],x\n", "time_s,x,x [%]\n"};
     for (int k = 0; k < 3; k++) {
@@ -358,7 +358,7 @@ TEST("a strain rate is no strain, nor a second column of one, and a strain with 
     }
 }
 
-TEST("a compliance is a strain under 1 Pa, or under the stress that is known")
+TEST("a compliance becomes a strain under the known stress, or under 1 Pa if the stress is unknown")
 {
     begin("Time [min]\tCreep Compliance [1/kPa]\n");
     for (int i = 0; i < 10; i++) row("%d\t%g\n", i, 0.002 * i);
@@ -372,7 +372,7 @@ TEST("a compliance is a strain under 1 Pa, or under the stress that is known")
     CHECK_NEAR(curve->value[9], 0.036, 1e-15);
 }
 
-TEST("compression below 0 changes its sign, and that is said")
+TEST("a negative compression changes its sign, and a message says so")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -380,7 +380,7 @@ TEST("compression below 0 changes its sign, and that is said")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("its sign is changed") && curve->value[10] > 0);
 }
 
-TEST("a file's notes go before the options, the options before nothing")
+TEST("notes in the file override the command-line options, and options replace missing notes")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -397,7 +397,7 @@ TEST("a file's notes go before the options, the options before nothing")
     CHECK_NEAR(curve->value[20], crept_mm(20) / 20, 1e-9);
 }
 
-TEST("a note knows the release better than the readings around it, where they agree")
+TEST("a noted release time overrides the readings if both agree; otherwise a message reports the conflict")
 {
     for (int k = 0; k < 2; k++) {
         begin(k ? "# release: 20.1 s\n" : "# release: 25 s\n");
@@ -409,7 +409,7 @@ TEST("a note knows the release better than the readings around it, where they ag
     }
 }
 
-TEST("gaps, disorder and readings of one time are mended, counted and said")
+TEST("missing, unsorted and simultaneous readings are repaired, and messages count them")
 {
     begin(notes);
     row("time_s,displacement_mm\n");
@@ -422,14 +422,14 @@ TEST("gaps, disorder and readings of one time are mended, counted and said")
     CHECK_NEAR(curve->value[7], crept_mm(7) / 10, 1e-9);
 }
 
-TEST("a clock that counts from long before is told, and counts from the first reading")
+TEST("a clock that starts far from 0 is reported, and time counts from the first reading")
 {
     begin("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm\n");
     for (int i = 0; i <= 40; i++) row("%d,%.9g\n", 100000 + i, crept_mm(i));
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && said("time does not begin near 0") && curve->time_s[40] == 40);
 }
 
-TEST("a strain that begins long after the load is said to have come is told, be there readings before it or none")
+TEST("a strain that begins long after the noted load is reported, with or without readings before it")
 {
     for (int k = 0; k < 6; k++) {
         const double noise = k & 1 ? 0.01 : 0;
@@ -442,14 +442,14 @@ TEST("a strain that begins long after the load is said to have come is told, be 
     }
 }
 
-TEST("a height that counts from the first reading does not begin late by that")
+TEST("a height measured from the first reading is not reported as a late strain")
 {
     begin("# load: 50 gf\n# area: 1 cm^2\ntime_s,height_mm\n");
     for (int i = 1; i <= 80; i++) row("%g,%.9g\n", 0.5 * i, 10 - crept_mm(0.5 * i));
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_OK && !said("the strain begins at"));
 }
 
-TEST("what is lacking is told in one line that says how to give it")
+TEST("each missing or unusable quantity is reported in one line with the remedy")
 {
     const char rows[] = "0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,7.5\n8,8\n";
     static const struct {
@@ -474,7 +474,7 @@ TEST("what is lacking is told in one line that says how to give it")
     }
 }
 
-TEST("what cannot be is told by its line")
+TEST("each impossible strain, height or load is refused with its line")
 {
     begin(notes);
     row("time_s,displacement_mm\n0,0\n1,1\n2,2\n3,3\n4,4\n5,12\n6,5\n7,6\n30,6\n");
@@ -499,7 +499,7 @@ TEST("what cannot be is told by its line")
     CHECK(load(KN_CURVE_CREEP) == KN_EXIT_USAGE && refused(4, "released at 20 s"));
 }
 
-TEST("more curves than there is room for are refused, and those before stay")
+TEST("a file beyond the 32nd curve is refused, and the curves before stay")
 {
     while (curves > 0) kn_curve_free(&curve[--curves]);
     begin(notes);
@@ -516,7 +516,7 @@ TEST("more curves than there is room for are refused, and those before stay")
 
 // --- thinning
 
-TEST("many readings become some six hundred means that lie on the curve, none across a release")
+TEST("100 000 readings are thinned to 400 to 600 means that lie on the curve, and no mean crosses the release")
 {
     enum { MANY = 100000 };
     begin(notes);
@@ -536,7 +536,7 @@ TEST("many readings become some six hundred means that lie on the curve, none ac
     CHECK(worst < 2e-7); // plain means of 5 % wide bins are off by 1.5e-5
 }
 
-TEST("a mean is as much better than a reading as its weight says")
+TEST("the error of a mean agrees with its weight")
 {
     enum { MANY = 50000 };
     begin("# load: 50 gf\n# area: 1 cm^2\n# height: 1 cm\ntime_s,displacement_mm\n");
@@ -556,7 +556,7 @@ TEST("a mean is as much better than a reading as its weight says")
 
 // --- noise
 
-TEST("the noise on a smooth curve is found, whatever the curve, and jumps do not count")
+TEST("the noise of a smooth curve is estimated within 7 %, despite jumps, outliers and two sampling rates")
 {
     enum { N = 3000 };
     static double t[N], y[N];
@@ -567,7 +567,7 @@ TEST("the noise on a smooth curve is found, whatever the curve, and jumps do not
     CHECK_NEAR(kn_curve_noise(N, t, y), 0.01, 0.0007);
 }
 
-TEST("of a coarse gauge the noise is its step over the root of 12, and it is never 0")
+TEST("the noise of a coarse gauge is its step divided by the square root of 12, and never 0")
 {
     enum { N = 1000 };
     static double t[N], y[N];
@@ -580,7 +580,7 @@ TEST("of a coarse gauge the noise is its step over the root of 12, and it is nev
 
 // --- relaxation
 
-TEST("a modulus without a strain stays one, with a strain it is a stress")
+TEST("a modulus stays a modulus if the strain is unknown and becomes a stress if the strain is noted")
 {
     for (int k = 0; k < 2; k++) {
         begin(k ? "# strain: 10 %\n" : "");
@@ -593,7 +593,7 @@ TEST("a modulus without a strain stays one, with a strain it is a stress")
     }
 }
 
-TEST("a force is a stress by the area that the specimen has at that strain")
+TEST("a force is divided by the section at the strain, or by the initial area if the section is constant")
 {
     for (int k = 0; k < 3; k++) {
         begin("# area: 2 cm^2\n");
@@ -609,7 +609,7 @@ TEST("a force is a stress by the area that the specimen has at that strain")
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_USAGE && refused(2, "--strain"));
 }
 
-TEST("a ramp that was recorded ends where its line reaches the strain, and stays in the curve")
+TEST("a recorded ramp ends where its line reaches the held strain, and its readings stay in the curve")
 {
     begin("# height: 1 cm\ntime_s,displacement_mm,stress_kPa\n");
     for (int i = -10; i <= 300; i++) {
@@ -623,21 +623,21 @@ TEST("a ramp that was recorded ends where its line reaches the strain, and stays
     CHECK_NEAR(curve->other[10], 0.05, 1e-6);
 }
 
-TEST("a stress that rises at first is held from its peak on")
+TEST("a stress that rises at first counts as held from its peak on")
 {
     begin("# strain: 10 %\ntime_s,stress_kPa\n");
     for (int i = 0; i <= 100; i++) row("%d,%g\n", i, i < 10 ? i : 10 * exp(-(i - 10) / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_OK && curve->begin_s == 10 && curve->count == 91 && said("rises until 10 s"));
 }
 
-TEST("two relaxations in one file are refused where the second begins")
+TEST("a second relaxation in one file is refused at its first line")
 {
     begin("# strain: 10 %\ntime_s,stress_kPa\n");
     for (int i = 0; i < 40; i++) row("%d,%g\n", i % 20, exp(-(i % 20) / 20.0));
     CHECK(load(KN_CURVE_RELAX) == KN_EXIT_USAGE && refused(23, "time restarts"));
 }
 
-TEST("both sides of a jump that are written down at one time are kept")
+TEST("both readings of a jump at one time are kept")
 {
     begin("# strain: 10 %\ntime_s,stress_kPa\n0,100\n0,40\n");
     for (int i = 1; i <= 20; i++) row("%d,%g\n", i, 40 * exp(-i / 20.0));
@@ -647,7 +647,7 @@ TEST("both sides of a jump that are written down at one time are kept")
 
 // --- sweeps
 
-TEST("frequencies in Hz or rad/s, moduli by parts, by tan delta or by an angle are the same sweep")
+TEST("frequency in Hz or rad/s and modulus as parts, tan delta or phase angle give the same sweep")
 {
     static const char *const heads[] = {"frequency_hz,storage_pa,loss_pa\n", "omega [rad/s],G' (kPa),G\" [Pa]\n",
                                         "f [Hz],|G*| [Pa],tan delta\n",
@@ -668,7 +668,7 @@ TEST("frequencies in Hz or rad/s, moduli by parts, by tan delta or by an angle a
     }
 }
 
-TEST("the noise of a sweep is relative, and a frequency that was measured again counts twice")
+TEST("the noise of a sweep is relative, and a repeated frequency has weight 2")
 {
     begin("f_hz,storage_pa,loss_pa\n");
     for (int k = 0; k < 2; k++)
@@ -681,7 +681,7 @@ TEST("the noise of a sweep is relative, and a frequency that was measured again 
     CHECK_NEAR(curve->noise, 0.02, 0.002); // noise of one reading
 }
 
-TEST("a frequency or a modulus of 0 is refused by its line, a single modulus by its names'")
+TEST("a frequency of 0, a modulus below 0 and a missing loss modulus are refused with their line")
 {
     begin("f_hz,storage_pa,loss_pa\n0,1,1\n");
     for (int i = 1; i <= 10; i++) row("%d,%d,1\n", i, i);

@@ -87,7 +87,7 @@ static const char *verdict(const kn_model_comparison *m)
     return text;
 }
 
-TEST("in a hold and in creep every element of the catalogue has a row, and those no experiment parts share one")
+TEST("every element of the catalogue has a row in relaxation and in creep, and indistinguishable elements share one")
 {
     static const char *const held[] = {"a", "b d f", "c e i", "g h j k"};
     static const char *const creeping[] = {"a", "b", "c e", "d f", "g h j k", "i"};
@@ -99,7 +99,7 @@ TEST("in a hold and in creep every element of the catalogue has a row, and those
     CHECK_STR(law[4].name, "(s|d)-s-d");
 }
 
-TEST("the hold of a Burgers element is two Maxwell units, and its numbers are found")
+TEST("the relaxation of a Burgers element is identified as two Maxwell units, with the right sum of springs")
 {
     static made data;
     const kn_network net = burgers();
@@ -113,7 +113,7 @@ TEST("the hold of a Burgers element is two Maxwell units, and its numbers are fo
     CHECK(row_of(&m, "Maxwell unit")->held > 0.1 && row_of(&m, "a - b ln t")->held > 0.1);
 }
 
-TEST("the creep of a Burgers element is its own, four numbers within 5 %")
+TEST("the creep of a Burgers element is identified, with its four parameters within 5 %")
 {
     static made data;
     const kn_network net = burgers();
@@ -128,7 +128,7 @@ TEST("the creep of a Burgers element is its own, four numbers within 5 %")
     CHECK(row->held < 0.005);
 }
 
-TEST("creeps of the papers' dough under three loads are its element's, and no other's")
+TEST("creep of the papers' dough under three loads is identified as the thinning element alone")
 {
     static made data[3];
     kn_curve curve[3];
@@ -164,7 +164,7 @@ static void muscle(made *m, double noise)
     }
 }
 
-TEST("where a yardstick is the truth the verdict says so, and the papers' damper foretells it best of the elements")
+TEST("the verdict names a yardstick that fits best, and the thinning element predicts better than the Maxwell units")
 {
     static made data;
     muscle(&data, 0.003);
@@ -180,7 +180,7 @@ TEST("where a yardstick is the truth the verdict says so, and the papers' damper
     CHECK(row_of(&m, "two Maxwell units")->held > 2 * thins->held);
 }
 
-TEST("of a curve without noise, errors that averages leave choose no model")
+TEST("without noise, rounding errors of the means do not decide between the models")
 {
     static made data;
     const kn_network net = burgers();
@@ -204,7 +204,7 @@ TEST("under more changes of load than the superposition takes, only the yardstic
     for (int i = 0; i < m.rows; i++) CHECK(m.row[i].fitted == !m.row[i].model.yardstick);
 }
 
-TEST("what no model makes is said to be none's")
+TEST("the verdict says so if no model explains the curve")
 {
     static made data;
     muscle(&data, 0.0005);
@@ -213,7 +213,7 @@ TEST("what no model makes is said to be none's")
     CHECK(strstr(verdict(&m), "none of them is the material"));
 }
 
-TEST("too few readings, and stresses that are none, are refused in a sentence")
+TEST("too few readings, a stress of 0 or below, and more than six curves are refused with a message")
 {
     static made data;
     kn_model_comparison m;

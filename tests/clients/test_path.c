@@ -41,7 +41,7 @@ static const kn_piece *named(const kn_path *path, const char *name)
     return NULL;
 }
 
-TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and ends clear of the object")
+TEST("a press stops on the surface, goes 1 cm deep at 1 cm/s, holds, and ends clear of the object")
 {
     OWN(kn_path) *path = kn_path_press(&dough);
     kn_path_point p;
@@ -69,7 +69,7 @@ TEST("a press comes to rest on the surface, goes 1 cm deep at 1 cm/s, holds, and
     CHECK_NEAR(named(path, "rest")->duration_s, 1, 1e-12);
 }
 
-TEST("a landing is slower than 0.1 mm/s in the last micrometre above the surface")
+TEST("the approach is slower than 0.1 mm/s in the last half micrometre above the surface")
 {
     OWN(kn_path) *path = kn_path_press(&dough);
     kn_path_point p;
@@ -82,7 +82,7 @@ TEST("a landing is slower than 0.1 mm/s in the last micrometre above the surface
     CHECK(fastest_m_s > 0 && fastest_m_s < 1e-4);
 }
 
-TEST("depth, speed and clearance are what was asked, and the default hold is 4 s")
+TEST("a press has the requested depth, speed and clearance, and its default hold is 4 s")
 {
     OWN(kn_path) *path = kn_path_press(
         &(kn_path_def){.touch_z_m = 0.1, .clear_m = 0.01, .depth_m = 0.005, .speed_m_s = 0.02, .hold_s = -1});
@@ -95,7 +95,7 @@ TEST("depth, speed and clearance are what was asked, and the default hold is 4 s
     CHECK_NEAR(p.velocity_m_s[2], -0.02, 1e-12);
 }
 
-TEST("a way shorter than the ramps is slower, not steeper")
+TEST("a distance shorter than the speed ramps is travelled slower, not with more acceleration")
 {
     OWN(kn_path) *path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .depth_m = 1e-4, .speed_m_s = 0.02});
     kn_path_point p;
@@ -104,7 +104,7 @@ TEST("a way shorter than the ramps is slower, not steeper")
     CHECK_NEAR(p.velocity_m_s[2], -0.002, 1e-9);
 }
 
-TEST("a poke is a press without a hold, and fast")
+TEST("a poke is a fast press without a hold")
 {
     OWN(kn_path) *path = kn_path_poke(&dough);
     check_smooth(path, 0.05, 0.05 / KN_PATH_RAMP_S);
@@ -130,7 +130,7 @@ TEST("a sine swings whole periods between the surface and its depth")
     CHECK_NEAR(highest, 0.03, 1e-7);
 }
 
-TEST("a retreat stops, lifts straight up and ends where it was sent, from any motion")
+TEST("a retreat from a moving tool stops, lifts straight up and ends at its target")
 {
     kn_path path;
     kn_piece piece[4];
@@ -148,7 +148,7 @@ TEST("a retreat stops, lifts straight up and ends where it was sent, from any mo
     for (int i = 0; i < 3; i++) CHECK_NEAR(p.position_m[i], home.position_m[i], 1e-12);
 }
 
-TEST("a retreat of a tool that is already there is no motion")
+TEST("a retreat of a tool at its target does not move the tool")
 {
     kn_path path;
     kn_piece piece[4];
@@ -175,7 +175,7 @@ static kn_path *load(const char *text, char error[256])
     return path;
 }
 
-TEST("a CSV path goes smoothly through every row, at rest at both ends")
+TEST("a CSV path passes smoothly through every row and is at rest at both ends")
 {
     char error[256];
     OWN(kn_path) *path = load("time_s,x_m,y_m,z_m\n"
@@ -192,7 +192,7 @@ TEST("a CSV path goes smoothly through every row, at rest at both ends")
     CHECK_NEAR(p.position_m[2], 0.03, 1e-12);
 }
 
-TEST("orientations of a CSV path stay of length 1 and turn the short way")
+TEST("the orientation of a CSV path keeps length 1 and turns the short way")
 {
     char error[256];
     OWN(kn_path) *path = load("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n"

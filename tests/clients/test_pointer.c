@@ -141,7 +141,7 @@ static double dent(const bench *b) // depth in the middle below the rest height,
     return b->model->def.spacing_m * (b->model->def.nodes[2] - 1) - z_m;
 }
 
-TEST("a press goes to the depth that is asked, is felt, and leaves its dent when let go")
+TEST("a press reaches the requested depth, gives a force, and leaves a dent after release")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
@@ -161,7 +161,7 @@ TEST("a press goes to the depth that is asked, is felt, and leaves its dent when
     teardown(&b);
 }
 
-TEST("dragged in a press the tool strokes: there at the depth that it had, at press speed, and leaves a furrow")
+TEST("a tool dragged during a press keeps its depth, moves at press speed and leaves a furrow")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
@@ -183,7 +183,7 @@ TEST("dragged in a press the tool strokes: there at the depth that it had, at pr
     teardown(&b);
 }
 
-TEST("a button that came up and went down again between two ticks lifts the tool, and presses anew elsewhere")
+TEST("a button released and pressed again between two ticks lifts the tool before it presses elsewhere")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
@@ -203,7 +203,7 @@ TEST("a button that came up and went down again between two ticks lifts the tool
     teardown(&b);
 }
 
-TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay: the pose never jumps, no guard trips")
+TEST("random mouse input with any tool on dough, jelly and clay makes no pose jump and trips no guard")
 {
     static const char *const scenes[] = {"dough.yaml", "jelly.yaml", "clay.yaml"};
     const int presses = KN_LENGTH(8, 8, 16);
@@ -245,7 +245,7 @@ TEST("whatever a mouse does, ball or plate, down to half of dough, jelly or clay
         }
 }
 
-TEST("without a page it lifts, and then kneadd hears no more of it; the next page finds the same hand")
+TEST("when the page closes the tool lifts and stops sending poses, and the next page starts a new session")
 {
     bench b;
     setup(&b, "dough-small.yaml", 0);
@@ -266,8 +266,7 @@ TEST("without a page it lifts, and then kneadd hears no more of it; the next pag
     teardown(&b);
 }
 
-TEST(
-    "a silent kneadd: force to zero in 20 ms, lifted, and pressed again only after the button was up, in a new session")
+TEST("if kneadd falls silent the force is 0 N within 21 ms, and the next press needs a button release")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
@@ -292,7 +291,7 @@ TEST(
     teardown(&b);
 }
 
-TEST("wishes that nobody renews let go, and a button that was never up presses no more")
+TEST("a stale wish releases the tool, and it presses again only after the button is released")
 {
     bench b;
     setup(&b, "dough.yaml", FINGER);
@@ -311,7 +310,7 @@ TEST("wishes that nobody renews let go, and a button that was never up presses n
     teardown(&b);
 }
 
-TEST("a force that is no number is no force")
+TEST("a NaN force counts as 0 N, and repeated NaN forces release the tool")
 {
     bench b;
     setup(&b, "dough-small.yaml", 0);
@@ -324,7 +323,7 @@ TEST("a force that is no number is no force")
     teardown(&b);
 }
 
-TEST("the newest wish that kneadd has answered is told with the tick that did")
+TEST("the newest answered event is reported with the tick that answered it")
 {
     bench b;
     setup(&b, "dough-small.yaml", 0);

@@ -5,7 +5,7 @@
 #include "tests/check.h"
 #include "tests/clients/recorded_press.h"
 
-TEST("the hold ends when the tool begins to rise: dough still presses then, at any speed, in a log, and without a hold")
+TEST("the hold ends when the tool begins to rise, at any speed, without a hold, and in a log")
 {
     char error[400];
     kn_candidate c[KN_CANDIDATES];
@@ -34,7 +34,7 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     kn_candidate_free(c);
 }
 
-TEST("a log's press keeps the log's clock where its server missed cycles: times, forces, surfaces as in its replay")
+TEST("a press from a log keeps the log's clock across missed cycles and repeats the replay's forces and surfaces")
 {
     char error[400];
     kn_candidate c[KN_CANDIDATES];

@@ -12,7 +12,7 @@ static char *line(double done, double elapsed_s)
     return text;
 }
 
-TEST("the bar is as long as the share that is done, and what is left is told once it can be known")
+TEST("the bar shows the share that is done, and the remaining time appears once it can be estimated")
 {
     CHECK_STR(line(0, 0), "film  [                    ]   0 %");
     CHECK_STR(line(3, 1), "film  [                    ]   1 %");
@@ -51,7 +51,7 @@ static size_t shown(int fd, int from, char *text, size_t size)
     return hear(from, text, size);
 }
 
-TEST("a terminal sees a few of many steps and is left with an empty line; a pipe sees nothing")
+TEST("a terminal shows a few of a thousand steps and a cleared line at the end, and a pipe shows nothing")
 {
     int master, slave, pipes[2];
     static char text[4000];

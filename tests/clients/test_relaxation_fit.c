@@ -72,7 +72,7 @@ static bool holds(const kn_parameter_estimate *n, double truth)
     return n->known == KN_KNOWN && n->interval.low <= truth && truth <= n->interval.high;
 }
 
-TEST("a slow rise and a hold without noise give every number back but P1, of which they say at least what they saw")
+TEST("a slow ramp and a hold without noise give k1, c1, alpha, beta and P0 within 0.5 %, and bound P1 from below")
 {
     static made m;
     ramp_and_hold(&m, &dough, 0.02, 0.1);
@@ -94,7 +94,7 @@ TEST("a slow rise and a hold without noise give every number back but P1, of whi
 
 // The profile likelihood of noise-free data at that noise gives these intervals: 458 .. 483, 2468 .. 2533, 7.7e4 ..
 // 8.6e4, .0799 .. .0831, 8.77 .. 9.23 in the first paper's units. No seed may give values outside of twice that.
-TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their likelihood says")
+TEST("with noise of 1 % of the peak the errors of 20 data sets agree with the likelihood intervals")
 {
     static const double half[] = {0.027, 0.013, 0.057, 0.02, 0.026};
     const double truth[] = {dough.k1_pa, dough.c1_pa_s, dough.alpha_pa_s, dough.beta_per_pa, dough.p0_pa};
@@ -123,7 +123,7 @@ TEST("with noise of 1 % of the peak the numbers of 20 sets are as near as their 
     }
 }
 
-TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 sets, in 7 of 10 at least")
+TEST("95 % intervals of a hold contain the true value in 180 to 198 of 200 sets, or in at least 7 of 10")
 {
     const double truth[] = {dough.c1_pa_s / dough.k1_pa, dough.alpha_pa_s / dough.k1_pa, dough.beta_per_pa,
                             dough.p0_pa};
@@ -149,7 +149,7 @@ TEST("95 % intervals of a hold's numbers hold the truth in 180 to 198 of 200 set
     for (int i = 0; i < 4; i++) CHECK(sets < 200 ? inside[i] >= 7 : inside[i] >= 180 && inside[i] <= 198);
 }
 
-TEST("a hold alone bounds k1 from below, and by how much had flowed it is too low")
+TEST("a hold alone gives the ratio c1/k1 and a lower bound of k1, and no k1 without a strain")
 {
     static made m;
     hold(&m, &dough);
@@ -163,7 +163,7 @@ TEST("a hold alone bounds k1 from below, and by how much had flowed it is too lo
     CHECK_NEAR(none.ratio[0].value / r.ratio[0].value, 1, 1e-6);
 }
 
-TEST("two holds of one material share its numbers and know them better than one")
+TEST("two holds of one material give a narrower interval than one")
 {
     static made a, b;
     hold(&a, &dough);
@@ -189,7 +189,7 @@ TEST("two holds of one material share its numbers and know them better than one"
     CHECK_NEAR(two.number[KN_ESTIMATE_BETA].value / dough.beta_per_pa, 1, 0.1);
 }
 
-TEST("without c1 in the material its upper bound is told, and 0 taken")
+TEST("for a material without c1 an upper bound of c1 is reported, and the fitted material is valid")
 {
     static made m;
     kn_material bare = dough;
@@ -216,7 +216,7 @@ static void stretched(made *m, double size_pa)
 // From a place far beyond the interval, P0 used to come back below all stresses, where nothing pulls it up again. The
 // sides towards that place were then 0.9999 and 0.9998 of the value. The expected numbers come from profiles walked
 // in small steps from the best fit.
-TEST("a profile closes where the others are at their best, on both sides and in any unit of stress")
+TEST("profile intervals close on both sides around the best fit and are equal in any unit of stress")
 {
     static made m;
     kn_relaxation_fit r[2];
@@ -239,7 +239,7 @@ TEST("a profile closes where the others are at their best, on both sides and in 
     kn_relaxation_fit_free(&r[1]);
 }
 
-TEST("what is no relaxation is refused in a sentence that names the file")
+TEST("a stress below 0, fewer than 8 readings, and more than 6 curves are refused with a message")
 {
     static made m;
     kn_relaxation_fit r;

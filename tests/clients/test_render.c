@@ -31,7 +31,7 @@ static void rest(int count, double force_n)
     for (int i = 0; i < count; i++) ms(force_n);
 }
 
-TEST("a force that changes as forces do is given as it is, up to what the device may give")
+TEST("a force with ordinary changes is given unchanged, up to the force limit of the device")
 {
     begin(NULL);
     for (int i = 0; i <= 100; i++) CHECK(ms(3.9 * (i % 2)) == 3.9 * (i % 2));
@@ -39,7 +39,7 @@ TEST("a force that changes as forces do is given as it is, up to what the device
     CHECK(render.guards == 0 && !render.stop);
 }
 
-TEST("one wild value moves the force by 4 N and is counted; the good one after it is given")
+TEST("a single wild force moves the output by 4 N and is counted, and the next good force is given")
 {
     begin(NULL);
     rest(50, 1.0);
@@ -48,7 +48,7 @@ TEST("one wild value moves the force by 4 N and is counted; the good one after i
     CHECK(render.guards == 1 && !render.stop);
 }
 
-TEST("a jump of more than 8 N, two that point against each other, three in 20 ms: the last good force fades, latched")
+TEST("a jump above 8 N, two opposite jumps or three in 20 ms trip the reflex guard, and the force fades to 0")
 {
     static const double wild[3][8] = {{50}, {7, -4}, {7, 7, 11, 11, 15.5}};
     for (int kind = 0; kind < 3; kind++) {
@@ -82,7 +82,7 @@ static double after_ms(double ms_, double force_n)
     return render.given_n[2];
 }
 
-TEST("however often it is asked, the guard gives 4 N in a ms: in between there is what a part of one leaves")
+TEST("at any call rate the guard allows 4 N per ms and a proportional part in between")
 {
     begin(NULL);
     rest(50, 0.0);
@@ -103,14 +103,14 @@ TEST("however often it is asked, the guard gives 4 N in a ms: in between there i
     CHECK(render.guards == 0);
 }
 
-TEST("a device of its own has a guard of its own")
+TEST("the guard uses the limit of the device definition instead of 4 N per ms")
 {
     begin(&(kn_render_def){.guard_n_per_ms = 2.0});
     rest(50, 1.0);
     CHECK_NEAR(ms(4.0), 3.0, 1e-12);
 }
 
-TEST("where messages were missing for 3 ms a slope may span them")
+TEST("a larger step is allowed after a gap of 3 ms without messages")
 {
     begin(NULL);
     rest(50, 1.0);
@@ -118,7 +118,7 @@ TEST("where messages were missing for 3 ms a slope may span them")
     CHECK(ms(8.0) == 8.0 && render.guards == 0);
 }
 
-TEST("numbers that are none are refused and change nothing")
+TEST("a NaN force is refused and the last force stays")
 {
     begin(NULL);
     rest(50, 1.0);
@@ -127,7 +127,7 @@ TEST("numbers that are none are refused and change nothing")
     CHECK(render.given_n[2] == 1.0);
 }
 
-TEST("forces that answer poses of more than 5 ms ago fade and are not given, unless old ones are asked for")
+TEST("forces that answer poses older than 5 ms fade to 0, unless the device holds old forces")
 {
     for (int held = 0; held < 2; held++) {
         begin(&(kn_render_def){.held = held});
@@ -167,7 +167,7 @@ static void press(double turned_z, int count)
     }
 }
 
-TEST("with the local model forces of kneadd's mean nothing, contacts are rendered and clamped")
+TEST("with the local model kneadd's forces are ignored, and contacts are rendered and clamped")
 {
     begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
     rest(50, 2.0);
@@ -179,7 +179,7 @@ TEST("with the local model forces of kneadd's mean nothing, contacts are rendere
     CHECK_NEAR(render.given_n[2], 0.3, 1e-12);
 }
 
-TEST("a device that stands otherwise feels the same contact in its own axes")
+TEST("a device with an inverted basis receives the contact force in its own axes")
 {
     begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
     render.def.device.basis[1] = -2, render.def.device.basis[2] = -3; // upside down
@@ -187,7 +187,7 @@ TEST("a device that stands otherwise feels the same contact in its own axes")
     CHECK_NEAR(render.given_n[2], -0.5, 0.05);
 }
 
-TEST("a wild contact ends in the guard, too")
+TEST("a wild contact stops the device by the reflex guard")
 {
     begin(&(kn_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
     press(1.0, 400);

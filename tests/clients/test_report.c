@@ -46,7 +46,7 @@ static void drop(int index)
     for (int i = index; i < record.force_count; i++) record.force[i] = record.force[i + 1];
 }
 
-TEST("a press: contact from touch to withdrawal, its peak, the end of the hold, what the hand was given")
+TEST("the report of a press has contact time, peak, force at the end of the hold and force given to the hand")
 {
     kn_report r;
     play();
@@ -61,7 +61,7 @@ TEST("a press: contact from touch to withdrawal, its peak, the end of the hold, 
     forget();
 }
 
-TEST("every force that echoes a pose counts; a lost one, a strange one and an old one do so under their own names")
+TEST("each force that echoes a pose is matched, and lost, foreign and stale forces are counted separately")
 {
     kn_report r;
     play();
@@ -83,7 +83,7 @@ TEST("every force that echoes a pose counts; a lost one, a strange one and an ol
     forget();
 }
 
-TEST("what follows the last pose is no longer the press")
+TEST("forces after the last pose are not counted")
 {
     kn_report r;
     play();
@@ -101,7 +101,7 @@ TEST("what follows the last pose is no longer the press")
     forget();
 }
 
-TEST("a session without contact has no peak and no number for what it did not do")
+TEST("a session without contact has peak 0, and a session without forces has no round trip")
 {
     kn_report r;
     play();
@@ -114,7 +114,7 @@ TEST("a session without contact has no peak and no number for what it did not do
     forget();
 }
 
-TEST("the CSV has a row per force with the pose it echoes, whatever order the poses came in")
+TEST("the CSV has one row per force with the pose it echoes, in any order of the poses")
 {
     char *text = NULL, line[512];
     size_t size = 0;

@@ -10,7 +10,7 @@ static bool taken(kn_page_request *r, const char *text)
     return kn_page_request_parse(r, text, strlen(text), error, sizeof error);
 }
 
-TEST("every verb without fields is taken as it is")
+TEST("every verb without fields is parsed with its id")
 {
     kn_page_request r;
     char text[64];
@@ -20,7 +20,7 @@ TEST("every verb without fields is taken as it is")
     }
 }
 
-TEST("fields are taken, each with its bounds")
+TEST("each field is parsed, and a value outside its range is refused")
 {
     kn_page_request r;
     CHECK(taken(&r, "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":4.6e5}"));
@@ -38,7 +38,7 @@ TEST("fields are taken, each with its bounds")
     CHECK(!taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":0}"));
 }
 
-TEST("whatever else it is, it is refused in words that fit into a close reason")
+TEST("any other text is refused with an error short enough for a close reason")
 {
     static const char *const bad[] = {
         "",
@@ -73,7 +73,7 @@ TEST("whatever else it is, it is refused in words that fit into a close reason")
     }
 }
 
-TEST("a message that is longer than any of ours is not read")
+TEST("a message longer than KN_REQUEST_MAX is refused")
 {
     kn_page_request r;
     char text[KN_PAGE_REQUEST_MAX + 2];

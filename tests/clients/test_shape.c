@@ -219,7 +219,7 @@ static bool blind_case(int number, const blind *b)
     return good;
 }
 
-TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and force with 1 % noise")
+TEST("nine of ten blind cases give the structure, and P0 within 10 %, from image and force with 1 % noise")
 {
     const char *cases = getenv("KN_CASES"), *scene = getenv("KN_SCENE"), *noise = getenv("KN_NOISE"),
                *hold = getenv("KN_HOLD");
@@ -232,7 +232,7 @@ TEST("nine of ten blind cases: structure, and P0 within a tenth, from image and 
 }
 
 NIGHT_TEST(
-    "a lump of finer cells than the model's: it is told that nothing explains it, and in such cells that all is well")
+    "an object of finer cells than the model is reported as unexplained, and is explained by a model of these cells")
 {
     seed = 20261123; // the same object after any number of blind cases
     const lump l = {.scene = SMALL,
@@ -301,7 +301,7 @@ static void middle_of(const char *path, double middle_m[2])
     free(level);
 }
 
-TEST("an image that lies beside where it says, with lost and stray pixels, is aligned to a fifth of a pixel")
+TEST("a shifted image with lost and stray pixels is aligned within a fifth of a pixel")
 {
     const lump l = {.scene = SMALL,
                     .structure = "both",
@@ -325,7 +325,7 @@ TEST("an image that lies beside where it says, with lost and stray pixels, is al
     json_decref(root);
 }
 
-TEST("points of a scanned surface, sides included, tell as much as an image")
+TEST("points of a scanned surface, sides included, give the structure, and P0 within 10 %")
 {
     const lump l = {.scene = SMALL,
                     .structure = "pressure",
@@ -343,7 +343,7 @@ TEST("points of a scanned surface, sides included, tell as much as an image")
     json_decref(root);
 }
 
-TEST("an object of tetrahedra, with and without gas, under a ball")
+TEST("an object of tetrahedra with gas is told from one without, and P0 is found within 10 %")
 {
     const lump l = {.scene = KN_SOURCE_DIR "/core/scenes/bun.yaml",
                     .structure = "mesh-pressure",
@@ -361,7 +361,7 @@ TEST("an object of tetrahedra, with and without gas, under a ball")
     json_decref(root);
 }
 
-TEST("what is found is written: a scene that loads with its numbers, and the range image of it")
+TEST("the written scene loads with the fitted parameters, and the written range image differs by the noise only")
 {
     char error[300];
     const lump l = {.scene = SMALL,
@@ -386,7 +386,7 @@ TEST("what is found is written: a scene that loads with its numbers, and the ran
     CHECK(both > 5000);
 }
 
-TEST("a stress area s times as large is a damper whose law is stretched: T'(s b) = s T(b)")
+TEST("a stress area s times as large stretches the damper law: T'(s b) = s T(b)")
 {
     kn_candidate c[KN_CANDIDATES];
     char error[300];
@@ -401,7 +401,7 @@ TEST("a stress area s times as large is a damper whose law is stretched: T'(s b)
     kn_candidate_free(&c[0]);
 }
 
-TEST("points of a surface are as far away as they are, outside and inside")
+TEST("the distance to a surface is exact outside, and negative inside")
 {
     const float x[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const int triangle[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
@@ -412,7 +412,7 @@ TEST("points of a surface are as far away as they are, outside and inside")
     CHECK_NEAR(kn_surface_residual_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
 }
 
-TEST("where nothing explains it the least off is nearest, and none that is less off is called farther")
+TEST("the verdict names the nearest structure if none explains the data, otherwise the one with the fewest parameters")
 {
     kn_verdict v;
     const kn_measurement e = {.readings = 1000};
@@ -451,7 +451,7 @@ static kn_force_residual spoilt(const kn_press *press, double from_s, double spi
     return p;
 }
 
-TEST("a reading far from its neighbours is left out and does not count as the largest force")
+TEST("stray force readings are left out and do not change the largest force")
 {
     char error[300];
     kn_candidate c[KN_CANDIDATES];
@@ -471,7 +471,7 @@ TEST("a reading far from its neighbours is left out and does not count as the la
     kn_candidate_free(c);
 }
 
-TEST("points that lack a coordinate are left out, rows of a force in a wrong place sorted in, and both are said")
+TEST("points without a coordinate are left out, misplaced force rows are sorted, and messages say both")
 {
     char error[300];
     kn_candidate c[KN_CANDIDATES];
@@ -504,8 +504,7 @@ TEST("points that lack a coordinate are left out, rows of a force in a wrong pla
     kn_candidate_free(c);
 }
 
-TEST(
-    "of several columns of a force none is guessed; of several probes the pressing one's rows are read, and it is said")
+TEST("several force columns are refused, and rows of the pressing probe are selected and reported")
 {
     char line[8000] = "";
     const lump l = {
@@ -549,7 +548,7 @@ static void gray(const char *path, int width, int height, int value, bool texts)
     free(level);
 }
 
-TEST("images that are none are told in one line")
+TEST("each unusable image is refused in one line")
 {
     const uint8_t rgba[4 * 4 * 4] = {0};
     char error[300], bytes[3000];
@@ -584,7 +583,7 @@ TEST("images that are none are told in one line")
     REFUSES("/: ", SMALL, "--depth", "/");
 }
 
-TEST("what cannot be asked for is told in one line")
+TEST("each impossible request is refused in one line")
 {
     const lump l = {
         .scene = SMALL, .structure = "both", .noise = 0.01, .hold = "1", .pressure_pa = 1e5, .area_factor = 1};
@@ -643,7 +642,7 @@ static size_t bytes_of(const char *path)
     return (size_t)bytes;
 }
 
-TEST("no output replaces what is read, what the scene names, or another output")
+TEST("an output must not replace an input, a file that the scene names, or another output")
 {
     static const char material[] = "elements: {k1: 80 gf/cm^2}\n";
     write_text("depth.png", "");

@@ -44,7 +44,7 @@ static void heading(const char *text, const char *word, const char *unit, double
 
 // ---- headings
 
-TEST("a name has its unit after _, in brackets, after a slash, a comma or a blank")
+TEST("a heading has its unit after an underscore, in brackets, or after a slash, a comma or a blank")
 {
     heading("time_s", "time", "s", 5);
     heading("Time (s)", "time", "s", 5);
@@ -65,7 +65,7 @@ TEST("a name has its unit after _, in brackets, after a slash, a comma or a blan
     heading("displacement [\xce\xbcm]", "displacement", "\xce\xbcm", 5e-6);
 }
 
-TEST("after _ small letters are units, two of them a quotient")
+TEST("after an underscore a unit may be in small letters, and two units form a quotient")
 {
     heading("stress_pa", "stress", "Pa", 5);
     heading("load_n", "load", "N", 5);
@@ -75,21 +75,21 @@ TEST("after _ small letters are units, two of them a quotient")
     heading("frequency_hz", "frequency", "Hz", 5);
 }
 
-TEST("the load in a name is not its unit")
+TEST("a load in a heading is not taken for its unit")
 {
     heading("displacement_mm 10 gf", "displacement 10 gf", "mm", 0.005);
     heading("10 gf [mm]", "10 gf", "mm", 0.005);
     heading("10 gf", "10 gf", "", 0);
 }
 
-TEST("what is in brackets and no unit belongs to the name")
+TEST("text in brackets that is no unit belongs to the name")
 {
     heading("G(t) [Pa]", "g(t)", "Pa", 5);
     heading("J(t)", "j(t)", "", 0);
     heading("Time [s] (step)", "time (step)", "s", 5);
 }
 
-TEST("units are written in many ways and mean the same")
+TEST("a unit in another spelling has the same factor, and an unknown unit is refused")
 {
     static const struct {
         const char *text;
@@ -117,7 +117,7 @@ TEST("units are written in many ways and mean the same")
     CHECK(!kn_column_unit_parse(&(kn_column_unit){0}, "furlong", NULL, 0));
 }
 
-TEST("a quantity of a note has a unit, and a mass is a weight")
+TEST("a quantity in a note needs a unit, a mass counts as a weight, and a share may be a bare number")
 {
     double value;
     char error[120];
@@ -134,7 +134,7 @@ TEST("a quantity of a note has a unit, and a mass is a weight")
 
 // ---- separators, marks, encodings
 
-TEST("commas, semicolons, tabs and blanks separate, whichever the names have")
+TEST("commas, semicolons, tabs and blanks separate columns in the line of names and in the rows")
 {
     static const char *const texts[] = {
         "time_s,height_mm\n0,10\n1.5,9.5\n",      "time_s;height_mm\n0;10\n1.5;9.5\n",
@@ -147,7 +147,7 @@ TEST("commas, semicolons, tabs and blanks separate, whichever the names have")
     }
 }
 
-TEST("a comma is the decimal mark where it does not separate, and in quotes")
+TEST("a comma in a number is a decimal mark if the separator is another character or the number is quoted")
 {
     CHECK(read_text("time_s;height_mm\n0,5;9,75\n1;1,5e1\n", 2) == KN_EXIT_OK);
     CHECK(s.commas && at(0, 0) == 0.5 && at(1, 0) == 0.00975 && at(1, 1) == 0.015);
@@ -155,13 +155,13 @@ TEST("a comma is the decimal mark where it does not separate, and in quotes")
     CHECK(s.commas && at(0, 0) == 0.5 && at(1, 0) == 0.00975);
 }
 
-TEST("both marks in one file, and separators of thousands, are refused by their place")
+TEST("two decimal marks in one file and thousands separators are refused with line and column")
 {
     CHECK(read_text("time_s;height_mm\n0.5;9\n1,5;8\n", 2) == KN_EXIT_USAGE && complained(":3:1: ", "decimal"));
     CHECK(read_text("time_s;stress_pa\n1;1.234,5\n", 2) == KN_EXIT_USAGE && complained(":2:3: '1.234,5'", "thousands"));
 }
 
-TEST("BOM, CR LF, CR alone, quotes, separators at the end and blank lines change nothing")
+TEST("BOM, CR LF, lone CR, quotes, trailing separators and blank lines do not change the readings")
 {
     static const char *const texts[] = {
         "\xef\xbb\xbftime_s,height_mm\r\n0,10\r\n\r\n1.5,9.5\r\n", "time_s,height_mm\r0,10\r1.5,9.5\r",
@@ -173,7 +173,7 @@ TEST("BOM, CR LF, CR alone, quotes, separators at the end and blank lines change
     }
 }
 
-TEST("UTF-16 is read, from either end")
+TEST("UTF-16 is read in both byte orders")
 {
     const char *text = "time_s\theight_mm\n0\t10\n1,5\t9,5\n";
     unsigned char wide[2][200];
@@ -189,7 +189,7 @@ TEST("UTF-16 is read, from either end")
     }
 }
 
-TEST("a doubled quote in quotes is one")
+TEST("a doubled quote inside quotes is read as one quote")
 {
     CHECK(read_text("\"freq. [Hz]\",\"G' [Pa]\",\"G\"\" [Pa]\"\n1,2,3\n", 3) == KN_EXIT_OK);
     CHECK_STR(s.column[2].heading.word, "g''");
@@ -198,7 +198,7 @@ TEST("a doubled quote in quotes is one")
 
 // ---- position of the table
 
-TEST("units may stand in a row of their own, in brackets or not")
+TEST("units may stand in a row of their own, with or without brackets")
 {
     CHECK(read_text("Time;Height;Force\ns;mm;mN\n0;10;1\n", 3) == KN_EXIT_OK);
     CHECK(s.rows == 1 && at(1, 0) == 0.01 && at(2, 0) == 0.001 && s.header_line == 1);
@@ -208,27 +208,27 @@ TEST("units may stand in a row of their own, in brackets or not")
     CHECK(s.rows == 1 && at(0, 0) == 2000 && at(1, 0) == 0.1 && s.header_line == 2);
 }
 
-TEST("what stands before a table is skipped, whatever it is")
+TEST("any lines before the table are skipped")
 {
     CHECK(read_text("sep=;\nProject;Dough\nDiameter;25\nDate;2026-11-22\n\nTime [s];Height [mm]\n0;10\n1;9\n", 2) ==
           KN_EXIT_OK);
     CHECK(s.rows == 2 && s.header_line == 6 && s.line[0] == 7);
 }
 
-TEST("the names may be in a comment, as numpy writes them")
+TEST("the names may stand in a comment line, as numpy writes them")
 {
     CHECK(read_text("# creep of dough: the third\n# time_s height_mm\n0 10\n1 9\n", 2) == KN_EXIT_OK);
     CHECK(s.rows == 2 && at(1, 1) == 0.009);
     CHECK_STR(s.column[0].heading.word, "time");
 }
 
-TEST("names that come again above another interval are skipped, and so are their units")
+TEST("a repeated line of names and its units are skipped")
 {
     CHECK(read_text("Time;Height\ns;mm\n0;10\n1;9\nTime;Height\ns;mm\n2;8\n", 2) == KN_EXIT_OK);
     CHECK(s.rows == 3 && at(0, 2) == 2 && s.line[2] == 7);
 }
 
-TEST("text between two intervals is skipped where the names come again below it, else it is told")
+TEST("text between two intervals is skipped if the same names follow; otherwise it is refused")
 {
     CHECK(read_text("Time;Height;Status\ns;mm;[]\n0;10;M\n1;9;M\n\nInterval;2\nResult: again\nTime;Height;Status\n"
                     "[s];[mm];[]\n2;8;M\n",
@@ -241,7 +241,7 @@ TEST("text between two intervals is skipped where the names come again below it,
           complained(":3:1: 'end of it' for time", ""));
 }
 
-TEST("names between tabs may stand over numbers between blanks")
+TEST("names separated by tabs may stand above numbers separated by blanks")
 {
     CHECK(read_text("T=0;Mw=13.5;chem=PI;\nw\tG'\tTemp\nrad/s\tPa\t\xc2\xb0"
                     "C\n   100    1988.3    0.1\n   68.1   910.8   0.1\n",
@@ -249,7 +249,7 @@ TEST("names between tabs may stand over numbers between blanks")
     CHECK(s.rows == 2 && at(0, 0) == 100 && at(1, 1) == 910.8);
 }
 
-TEST("a column that nobody wants may hold anything")
+TEST("an unused column may hold any text")
 {
     CHECK(read_text("time_s,height_mm,status\n0,10,M-\n1,9,\"a, b\"\n", 2) == KN_EXIT_OK);
     CHECK(s.rows == 2 && at(1, 1) == 0.009);
@@ -257,14 +257,14 @@ TEST("a column that nobody wants may hold anything")
 
 // ---- cells
 
-TEST("a reading is missing where its cell is empty, nan, NaN, #N/A or -, and where a row is short")
+TEST("an empty cell, nan, NaN, #N/A, - and a short row are missing readings")
 {
     CHECK(read_text("time_s,height_mm\n0,10\n1,\n2,nan\n3,NaN\n4,#N/A\n5,-\n6\n", 2) == KN_EXIT_OK);
     CHECK(s.rows == 7 && at(1, 0) == 0.01);
     for (int i = 1; i < 7; i++) CHECK(at(0, i) == i && isnan(at(1, i)));
 }
 
-TEST("any other text is complained of by line, column and name")
+TEST("any other text in a cell is refused with line, column and name")
 {
     CHECK(read_text("time_s,height_mm\n0,10\n1,ten\n", 2) == KN_EXIT_USAGE);
     CHECK(complained(":3:3: 'ten' for height, expected a number", ""));
@@ -274,13 +274,13 @@ TEST("any other text is complained of by line, column and name")
     CHECK(read_text("time_s,height_mm\n0,10\n1,0x10\n", 2) == KN_EXIT_USAGE && complained(":3:3: '0x10'", ""));
 }
 
-TEST("more cells than names are complained of: they are most often decimal commas")
+TEST("a row with more cells than names is refused, with a hint at decimal commas")
 {
     CHECK(read_text("time_s,height_mm\n0,10\n0,5,9\n", 2) == KN_EXIT_USAGE);
     CHECK(complained(":3:5: more cells than the 2 names", "decimal commas?"));
 }
 
-TEST("every number is as strtod reads it")
+TEST("every number has the same bits as from strtod")
 {
     static const char *const numbers[] = {"0",
                                           "-0.0",
@@ -310,7 +310,7 @@ TEST("every number is as strtod reads it")
 
 // ---- notes and --units
 
-TEST("notes are read above, within and below the table, and others left alone")
+TEST("notes are read above, within and below the table, and unknown notes are ignored")
 {
     double load = -1, release = -1, height = -1;
     CHECK(read_text(
@@ -324,7 +324,7 @@ TEST("notes are read above, within and below the table, and others left alone")
     CHECK(s.rows == 2);
 }
 
-TEST("a note that cannot be is complained of where it stands")
+TEST("a note with a wrong unit is refused with its line and column")
 {
     double load;
     CHECK(read_text("# load: 50 mm\ntime_s,strain\n0,0\n", 2) == KN_EXIT_OK);
@@ -334,7 +334,7 @@ TEST("a note that cannot be is complained of where it stands")
     CHECK(code == KN_EXIT_USAGE && complained(":1:9: load: ", ""));
 }
 
-TEST("--units gives units to names that have none")
+TEST("--units gives units to columns without one, and a wrong --units is refused")
 {
     const char *text = "Time\tRelaxation Modulus\n0\t10\n1\t9\n";
     CHECK(read_bytes(text, strlen(text), "time=min,modulus=kPa", 2) == KN_EXIT_OK);
@@ -347,7 +347,7 @@ TEST("--units gives units to names that have none")
 
 // ---- files without a table
 
-TEST("what is no table is told in one line")
+TEST("a file without a table is refused in one line")
 {
     static char large[3000000];
     memset(large, 'a', sizeof large);
@@ -362,7 +362,7 @@ TEST("what is no table is told in one line")
     CHECK(read_text("time_s,height_mm\n0,1\n1,2\n3,4\n\n", 2) == KN_EXIT_OK && s.rows == 3);
 }
 
-TEST("a long line, a byte 0 and more columns than there can be are told where they are")
+TEST("a long line, a zero byte and more than 128 columns are refused with their line")
 {
     static char text[100000];
     int n = snprintf(text, sizeof text, "time_s,height_mm\n0,1\n1,");
@@ -375,7 +375,7 @@ TEST("a long line, a byte 0 and more columns than there can be are told where th
     CHECK(read_text(text, 2) == KN_EXIT_USAGE && complained(":1:1: more than 128 columns", ""));
 }
 
-TEST("files that cannot be read are told in one line")
+TEST("a missing file and a folder are refused in one line")
 {
     kn_table_reader_close(&s);
     kn_hear();
@@ -390,7 +390,7 @@ TEST("files that cannot be read are told in one line")
     kn_table_reader_close(&s);
 }
 
-TEST("a file larger than the buffer keeps its lines' numbers")
+TEST("a file larger than the read buffer keeps its values and line numbers")
 {
     static char text[4000000];
     int n = snprintf(text, sizeof text, "time_s,height_mm\n");

@@ -75,7 +75,7 @@ static double cell(const char *path, const char *column, int row)
     return end == at ? NAN : value;
 }
 
-TEST("more iterations cost more and err less, and the error of the step is told beside that of the solver")
+TEST("twelve iterations have less than half the solver error of one, and the step error is listed beside it")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--iterations", "1,12", "--csv", "t.csv") == KN_EXIT_OK);
@@ -92,7 +92,7 @@ TEST("more iterations cost more and err less, and the error of the step is told 
     CHECK(twelve > 0 && twelve < 0.2 && one > 2 * twelve);
 }
 
-TEST("half the step has less of the step's error, and its own reference")
+TEST("half the time step has less step error and a reference of its own")
 {
     CHECK(RUN(SMALL, "--iterations", "12", "--dt", "1 ms,0.5 ms", "--csv", "dt.csv") == KN_EXIT_OK);
     double whole = cell("dt.csv", "force_step", 0), half = cell("dt.csv", "force_step", 2);
@@ -101,7 +101,7 @@ TEST("half the step has less of the step's error, and its own reference")
     CHECK(cell("dt.csv", "force_solver", 2) < cell("dt.csv", "force_solver", 0));
 }
 
-TEST("the finest lattice has no error of the lattice, a coarser one has")
+TEST("the finest lattice has no lattice error, and a coarser one has more than 1 %")
 {
     CHECK(RUN(SMALL, "--iterations", "8", "--spacing", "10 mm,5 mm", "--csv", "h.csv") == KN_EXIT_OK);
     CHECK(cell("h.csv", "nodes", 0) == 36 && cell("h.csv", "force_lattice", 0) > 0.01 &&
@@ -109,13 +109,13 @@ TEST("the finest lattice has no error of the lattice, a coarser one has")
     CHECK(cell("h.csv", "nodes", 2) == 175 && cell("h.csv", "force_lattice", 2) == 0);
 }
 
-TEST("Runge-Kutta that cannot run says why, and the rest runs")
+TEST("if rk4 cannot run, the reason is printed and the other solvers run")
 {
     CHECK(RUN(SMALL, "--iterations", "8", "--solver", "rk4,blend") == KN_EXIT_OK);
     CHECK(said("rk4 cannot run here: ") && said("blend   f32  8 "));
 }
 
-TEST("what is kept is not played again; another log, or other sets, are refused by name")
+TEST("kept runs are not repeated, and a kept folder of another scene or log is refused")
 {
     CHECK(system("rm -rf kept") == 0);
     CHECK(RUN(SMALL, "--iterations", "2,8", "--csv", "a.csv", "--resume", "kept") == KN_EXIT_OK);
@@ -131,7 +131,7 @@ TEST("what is kept is not played again; another log, or other sets, are refused 
     CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a folder of knead tradeoff --resume"));
 }
 
-TEST("a budget that nothing meets is told by the exit code, one that all meet takes the nearest")
+TEST("an unreachable budget gives exit code 1, and a budget that every point meets selects the most accurate")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--iterations", "8", "--budget-us", "0.001") == KN_EXIT_FAILED &&
@@ -140,7 +140,7 @@ TEST("a budget that nothing meets is told by the exit code, one that all meet ta
     CHECK(!said("iterations=1'"));
 }
 
-TEST("a log whose tool stays above the object has nothing to compare")
+TEST("a log without contact is refused")
 {
     record("tradeoff.lcmlog", -0.001);
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("its tools never touch the object"));
@@ -166,7 +166,7 @@ static void record_with(const char *path, const char *name, const char *text)
     lcm_eventlog_destroy(log);
 }
 
-TEST("a log that is cut, or of another scene, is refused in one line before anything is played")
+TEST("a log that is cut or of another scene is refused in one line before any run")
 {
     record("tradeoff.lcmlog", 0.003);
     copy_part("tradeoff.lcmlog", "whole", 0);
@@ -188,7 +188,7 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
     CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
 }
 
-TEST("files that cannot be written are refused before anything is played, and what they hold stays")
+TEST("an output that cannot be written is refused before any run, and existing files keep their contents")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") &&
@@ -203,7 +203,7 @@ TEST("files that cannot be written are refused before anything is played, and wh
     record("tradeoff.lcmlog", 0.003);
 }
 
-TEST("folders that killed sweeps left are removed by the next one; one at work, and one to keep, are not")
+TEST("a sweep removes the temporary folders of killed sweeps, and keeps folders in use and folders of --resume")
 {
     CHECK(system("rm -rf tmp && mkdir -p tmp/knead-sweep-killed tmp/knead-sweep-atwork tmp/knead-sweep-kept") == 0);
     static const char *const sweep = "knead sweep 1\nprogram 1\nscene 2\nlog 3\n";
@@ -227,7 +227,7 @@ TEST("folders that killed sweeps left are removed by the next one; one at work, 
     CHECK(system("[ $(ls tmp | wc -l) = 2 ]") == 0);
 }
 
-TEST("bad options are refused")
+TEST("each bad option is refused")
 {
     static const char *const bad[][3] = {{"--iterations", "0", "expected at most 32 whole numbers"},
                                          {"--iterations", "4,", "expected at most 32 whole numbers"},
@@ -249,7 +249,7 @@ TEST("bad options are refused")
 
 // ---- the file
 
-TEST("a trace comes back as it was; damaged, foreign and missing ones are told apart")
+TEST("a trace is read back as written, and damaged, foreign and missing files are told apart")
 {
     double force[6][3] = {{1, 2, 3}, {4, 5, 6}}, shape[8][3] = {{7}};
     float us[3] = {0, 8, 9};
@@ -286,7 +286,7 @@ TEST("a trace comes back as it was; damaged, foreign and missing ones are told a
     CHECK(truncate("one.trace", 300) == 0 && kn_trace_load(&back, "one.trace", 77) == KN_TRACE_DAMAGED);
 }
 
-TEST("of two times of a tick the lesser counts: what disturbed other ticks in the one and in the other is gone")
+TEST("the smaller of two times counts for each tick, which removes disturbances")
 {
     float one[20] = {0}, two[20] = {0};
     for (int i = 5; i < 20; i++) one[i] = two[i] = 10;
@@ -309,7 +309,7 @@ static kn_row point(const kn_run *run, double us, double solver, double all)
                     .shape = {.solver = solver, .all = all}};
 }
 
-TEST("the budget is the p90's, and what chatters or latches is never picked")
+TEST("the budget limits the p90 time, and points that chatter or latch are never picked")
 {
     static kn_front front;
     kn_run run = {.spacing_m = 0.01};
@@ -359,7 +359,7 @@ static kn_row *add(naming *n, int iterations, int most, double us, double solver
 
 static void name(naming *n) { kn_front_name(&n->front, n->plan, n->named); }
 
-TEST("the named points are the cheapest that are accurate enough, on the scene's own lattice, step and precision")
+TEST("the named points are the cheapest with enough accuracy, at the scene's own spacing, time step and precision")
 {
     static naming n;
     begin(&n);
@@ -384,7 +384,7 @@ TEST("the named points are the cheapest that are accurate enough, on the scene's
     free(n.plan);
 }
 
-TEST("what a machine's noise does to the times changes no name")
+TEST("timing noise of up to 24 % does not change the named points")
 {
     static naming n;
     begin(&n);
@@ -404,7 +404,7 @@ TEST("what a machine's noise does to the times changes no name")
     free(n.plan);
 }
 
-TEST("a server that is late can go down from a name to the one before: it takes no more at most, nor at least")
+TEST("each named point needs at least as many iterations, usual and maximum, as the point below it")
 {
     static naming n;
     begin(&n);
@@ -416,7 +416,7 @@ TEST("a server that is late can go down from a name to the one before: it takes 
     free(n.plan);
 }
 
-TEST("a bound that a point meets is met, whatever the names below would rather be")
+TEST("the accurate point meets its error bound even if a cheaper point fits the lower names better")
 {
     static naming n;
     begin(&n);
@@ -427,7 +427,7 @@ TEST("a bound that a point meets is met, whatever the names below would rather b
     free(n.plan);
 }
 
-TEST("a point whose force jumps over 1.5 times as far as the converged one's is not named")
+TEST("a point is not named if its force jumps by more than 1.5 times the converged jump")
 {
     static naming n;
     begin(&n);
@@ -442,7 +442,7 @@ TEST("a point whose force jumps over 1.5 times as far as the converged one's is 
     free(n.plan);
 }
 
-TEST("points that chatter are in the picture")
+TEST("the chart is drawn when a point chatters")
 {
     if (system("command -v gnuplot >/dev/null") != 0) {
         puts("no gnuplot here: no picture");
@@ -458,7 +458,7 @@ TEST("points that chatter are in the picture")
     free(n.plan);
 }
 
-TEST("a better point of another lattice is told, which no name can have")
+TEST("a better point of another lattice is reported if it meets the budget and the accuracy")
 {
     static naming n;
     begin(&n);

@@ -26,19 +26,19 @@ static double by_spectrum(double a, double x)
     return sum;
 }
 
-TEST("of order 1/2 Mittag-Leffler's function is exp(x^2) erfc(x)")
+TEST("the Mittag-Leffler function of order 1/2 is exp(x^2) erfc(x)")
 {
     CHECK_NEAR(mittag_leffler(0.5, 1), 0.427583576155807, 1e-10);
     for (double x = 0.01; x < 20; x *= 2) CHECK_NEAR(mittag_leffler(0.5, x) / (exp(x * x) * erfc(x)), 1, 1e-8);
 }
 
-TEST("of other orders it is the integral over its spectrum, over five decades")
+TEST("the Mittag-Leffler function of other orders is the integral over its spectrum, over five decades")
 {
     for (double a = 0.2; a < 0.95; a += 0.1)
         for (double x = 0.01; x < 2000; x *= 10) CHECK_NEAR(mittag_leffler(a, x) / by_spectrum(a, x), 1, 1e-8);
 }
 
-TEST("of order 1 the model is Maxwell's: an exponential, after a step and after a ramp")
+TEST("a fractional model of order 1 relaxes exponentially like a Maxwell element, after a step and after a ramp")
 {
     const kn_fractional_maxwell f = {.v_pa_s = 5, .v_order = 1, .g_pa_s = 2, .g_order = 0};
     const double t[] = {0.01, 0.1, 1, 5, 10}, tau = 2.5, ramp = 0.7;
@@ -51,7 +51,7 @@ TEST("of order 1 the model is Maxwell's: an exponential, after a step and after 
     }
 }
 
-TEST("two springpots relax as a power law does at once and another at last")
+TEST("two springpots relax by one power law at short times and by the other at long times")
 {
     const kn_fractional_maxwell f = {.v_pa_s = 3, .v_order = 0.7, .g_pa_s = 2, .g_order = 0.2};
     const double t[] = {1e-9, 1e9};
@@ -110,7 +110,7 @@ static double apart(bool constant_area)
     return worst;
 }
 
-TEST("creep from a compliance is the network's, under a stress and under a load on a section that grows")
+TEST("creep from a compliance agrees with the network at constant stress and at constant load")
 {
     CHECK_NEAR(apart(true), 0, 1e-5);
     CHECK_NEAR(apart(false), 0, 1e-4);

@@ -281,7 +281,7 @@ static result undelayed(const trial *c)
     return run(&direct);
 }
 
-TEST("30 ms away with a fifth of the packets lost, the local model errs by 2 points more than no link, 7 sliding")
+TEST("30 ms away with a fifth lost, the local model errs by at most 2 points more than without a link, 7 when sliding")
 {
     for (int m = 0; m < 4; m++)
         for (int what = PRESS; what <= SLIDE; what++) {
@@ -296,7 +296,8 @@ TEST("30 ms away with a fifth of the packets lost, the local model errs by 2 poi
         }
 }
 
-TEST("the last force, held, throws the hand off elastic material from 20 ms on, without any loss")
+TEST("holding the last force makes the hand unstable on stiff jelly from 20 ms on, even without loss; the local model "
+     "stays stable")
 {
     for (int rtt = 20; rtt <= 30; rtt += 10) {
         trial c = {.m = &stiff, .what = PRESS, .how = HOLD, .rtt_ms = rtt}, model = c;
@@ -308,7 +309,7 @@ TEST("the last force, held, throws the hand off elastic material from 20 ms on, 
     }
 }
 
-TEST("a unit that is wrong by a factor of three makes the force wrong, not unstable")
+TEST("contact parameters wrong by a factor of three do not make the force unstable")
 {
     for (int m = 0; m < 4; m++)
         for (int what = PRESS; what <= SLIDE; what++) {
@@ -326,7 +327,7 @@ TEST("a unit that is wrong by a factor of three makes the force wrong, not unsta
         }
 }
 
-TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most and gives back nothing")
+TEST("with an outage of 200 ms in every second the force changes by at most 0.05 N/ms and returns at most 1 mJ")
 {
     for (int m = 0; m < 4; m++)
         for (int lossy = 0; lossy < 2; lossy++) {
@@ -340,7 +341,7 @@ TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most 
         }
 }
 
-TEST("rendered four or ten times a millisecond it is the same contact")
+TEST("rendering four or ten times per millisecond changes the error by at most 2 points and does not add buzz")
 {
     for (int m = 0; m < 4; m++) {
         trial c = far_away(all[m], TAP);

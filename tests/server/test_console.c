@@ -65,7 +65,7 @@ static void hear(int reads)
     text[size] = '\0';
 }
 
-TEST("a pipe and a terminal that nobody reads hold up nobody, and what they held is whole")
+TEST("a pipe and a terminal without a reader do not block the writer, and the lines that arrive are whole")
 {
     listener (*const by[])(void) = {by_pipe, by_terminal};
     for (int i = 0; i < 2; i++) {
@@ -107,7 +107,7 @@ static int says_again(int fd)
     return kn_console_complete(fd) ? 0 : 1;
 }
 
-TEST("what was dropped is counted in the line before the next one, once")
+TEST("dropped lines are counted once, in the line before the next one")
 {
     listener to = by_pipe(), go = by_pipe(), done = by_pipe();
     int in = dup(STDIN_FILENO), out = dup(STDOUT_FILENO);
@@ -137,7 +137,7 @@ static int says_to_nobody(int fd)
     return kn_console_complete(fd) ? 1 : 0;
 }
 
-TEST("a reader that has gone ends nobody, and that is told when asked")
+TEST("a reader that has gone does not end the writer, and the loss is reported on request")
 {
     listener to = by_pipe();
     pid_t child = speak(to, STDOUT_FILENO, says_to_nobody);
@@ -155,7 +155,7 @@ static int says_long(int fd)
     return 0;
 }
 
-TEST("lines come as they are, one that is longer than what is written at once, too; a formatted one is cut")
+TEST("lines arrive unchanged, even those longer than one write; a formatted line is cut at its maximum")
 {
     listener to = by_pipe();
     CHECK(ended(speak(to, STDERR_FILENO, says_long)) == 0);

@@ -117,7 +117,7 @@ static void press(rig *r, double z_m)
 static const kn_state *object(rig *r) { return r->fixture.backend.state(r->fixture.backend.self); }
 static uint64_t hash(rig *r) { return kn_state_hash(r->fixture.model, object(r)); }
 
-TEST("nothing is written of an object that nobody touches; of one that is kneaded, at most every half second")
+TEST("an untouched object is not saved, a kneaded one at most every half second, and a resting one ever less often")
 {
     OWN(rig) *r = rig_open();
     for (int i = 0; i < 3000; i++) tick(r, AIR), write_files(r);
@@ -150,7 +150,8 @@ TEST("nothing is written of an object that nobody touches; of one that is kneade
     CHECK(r->keeper.saves - late < middle - early);
 }
 
-TEST("a server that starts goes on with the last object, tells it by an event of the very state, the tool out of it")
+TEST(
+    "a restarted server continues with the last object, reports its state hash in an event and keeps the tool detached")
 {
     OWN(rig) *r = rig_open();
     move(r, AIR, 450);
@@ -215,8 +216,8 @@ static int heard(ear *e, long long *sum)
     return lines;
 }
 
-TEST("a full disk is counted, once a save, and told in a line a second that add up; the servo goes on, and the object "
-     "is saved when there is room, changed or not")
+TEST("a full disk is counted per save and reported at most once a second; the servo runs on and saves when there is "
+     "room")
 {
     OWN(rig) *r = rig_open();
     kn_files files = kn_files_system;
@@ -273,7 +274,7 @@ static void await(running *x, int64_t ticks)
     for (int64_t until = x->tick + ticks; x->tick < until;) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
-TEST("snapshot, restore and undo are answered with generation, tick and state hash, or with why not")
+TEST("snapshot, restore and undo are answered with generation, tick and state hash, or with the reason of a refusal")
 {
     OWN(rig) *r = rig_open();
     running x = {.r = r, .z_m = AIR};
@@ -308,7 +309,7 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     CHECK(r->keeper.errors == 0);
 }
 
-TEST("an emergency stop and the end of it are on disk when they are answered, and every start begins as was said last")
+TEST("an emergency stop and its end are on disk before the answer, and a restart keeps the last one")
 {
     OWN(rig) *r = rig_open();
     pthread_t keeper;
@@ -327,7 +328,7 @@ TEST("an emergency stop and the end of it are on disk when they are answered, an
     CHECK(kn_store_estopped(&r->keeper.store));
 }
 
-TEST("without a directory nothing is saved, restored or told, and undo works")
+TEST("without a directory nothing is saved or restored, and undo works")
 {
     rig *r = calloc(1, sizeof *r);
     serve(r, NULL);

@@ -118,7 +118,7 @@ static void show_now(rig *r)
     dent_m(r);
 }
 
-TEST("where the scene asks, meshes tell stress and residual strain of the same tick; else none")
+TEST("meshes carry stress and residual strain of their tick if the scene asks for them, and otherwise not")
 {
     static const struct {
         const char *set;
@@ -139,7 +139,7 @@ TEST("where the scene asks, meshes tell stress and residual strain of the same t
     }
 }
 
-TEST("an object that goes on in another material tells that one's stress, and whose frame was shown last is known")
+TEST("after a change of the material meshes carry its stress, and the skin knows which model it showed last")
 {
     static rig r;
     char error[300];
@@ -165,7 +165,7 @@ TEST("an object that goes on in another material tells that one's stress, and wh
     kn_scene_change_destroy(change);
 }
 
-TEST("the deadline follows the processor, by events: down when three long steps in a row took too long, up by and by")
+TEST("the deadline follows the processor with events: down after three long steps that take too long, slowly up again")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -197,7 +197,8 @@ TEST("the deadline follows the processor, by events: down when three long steps 
     kn_clock_hand(NULL);
 }
 
-TEST("resets asked for between two ticks are one, in the next one, and an event tells the untouched object's hash")
+TEST("several resets between two ticks make one reset in the next tick, and its event has the hash of the untouched "
+     "object")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -213,7 +214,7 @@ TEST("resets asked for between two ticks are one, in the next one, and an event 
     CHECK(r.kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
 }
 
-TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, and then it feels new dough")
+TEST("a reset under a hand fades the force and blocks the tool until it is lifted; then the tool feels new dough")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -233,7 +234,7 @@ TEST("a reset under a hand fades what it felt, keeps it out until it is lifted, 
     CHECK(r.fixture.loop.servo.safety[0].faults == 0);
 }
 
-TEST("an emergency stop fades every force, holds off every session until a recover, and an order knows its tick")
+TEST("an emergency stop fades every force and blocks every session until a recover, and each command knows its tick")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -271,7 +272,7 @@ TEST("an emergency stop fades every force, holds off every session until a recov
     CHECK(kn_loop_estopped(&r.fixture.loop) && r.out.force[0].fault == KNEAD_CONTACT_FORCE_T_FAULT_ESTOP);
 }
 
-TEST("a recover while an emergency stop still fades gives nothing back before the tool was lifted")
+TEST("a recover during the fade of an emergency stop restores no force before the tool is lifted")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -289,7 +290,7 @@ TEST("a recover while an emergency stop still fades gives nothing back before th
     CHECK(r.out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT);
 }
 
-TEST("meshes after a reset are of another generation, and the object at rest")
+TEST("meshes after a reset have a new generation and show the object at rest")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, NULL);
@@ -306,7 +307,7 @@ TEST("meshes after a reset are of another generation, and the object at rest")
     }
 }
 
-TEST("what a tool touches is told every 4 ms where it was asked for, and changes no bit of a force")
+TEST("the contact patch of a tool is published every 4 ms on request and changes no bit of the force")
 {
     static rig told, plain;
     rig_open(&told, NULL);
@@ -337,7 +338,7 @@ TEST("what a tool touches is told every 4 ms where it was asked for, and changes
     rig_close(&plain);
 }
 
-TEST("checkpoints tell the audit: what is stored, the tools' work, what was dissipated; creation is counted and named")
+TEST("checkpoints report stored energy, work and dissipation, and created energy is counted and reported")
 {
     AT_END(rig_close) rig r = {0};
     rig_open(&r, "material=jelly");

@@ -260,7 +260,7 @@ static result result_of(int fd, pid_t child)
     return r;
 }
 
-TEST("a long run grows by less than a megabyte, counts past 32 bits, and is the same to the bit through restarts")
+TEST("a long run grows by less than a megabyte, counts past 32 bits, and gives the same bits through restarts")
 {
     int64_t ticks = ticks_of_run(), hour = 120 * STORY_MS, part = ticks < hour ? STORY_MS : hour;
     pid_t straight, resumed;

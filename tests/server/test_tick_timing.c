@@ -108,7 +108,7 @@ static void check_slew(const rig *r)
     CHECK(r->shortest_ns >= MS - KN_PHASE_SLEW_NS && r->longest_ns <= MS + KN_PHASE_SLEW_NS);
 }
 
-TEST("from anywhere in the period the ticks come to stand just behind the poses, 2 us at a time")
+TEST("from any phase the ticks move to a place just behind the poses, by at most 2 us per tick")
 {
     for (int place = 0; place < 20; place++) {
         rig r;
@@ -124,7 +124,7 @@ TEST("from anywhere in the period the ticks come to stand just behind the poses,
     }
 }
 
-TEST("a free clock makes poses wait half a period as two crystals drift; a lock follows 100 ppm either way")
+TEST("the phase lock follows a clock drift of 100 ppm in either direction, with a mean wait below 80 us")
 {
     for (int sign = -1; sign <= 1; sign += 2) {
         rig r;
@@ -139,7 +139,7 @@ TEST("a free clock makes poses wait half a period as two crystals drift; a lock 
     }
 }
 
-TEST("the margin grows until few poses come too late, and shrinks for a sender that keeps time")
+TEST("the margin keeps late poses few for a jittering sender, and shrinks for a punctual one")
 {
     rig r;
     start(&r);
@@ -155,7 +155,7 @@ TEST("the margin grows until few poses come too late, and shrinks for a sender t
     check_slew(&r);
 }
 
-TEST("without a rhythm the clock is free: the grid does not move")
+TEST("if the poses have no rhythm, the clock is free and the grid does not move")
 {
     rig r;
     start(&r);
@@ -166,7 +166,7 @@ TEST("without a rhythm the clock is free: the grid does not move")
     CHECK(!r.phase.locked && r.clock.start_ns == start_ns && r.phase.followed == followed);
 }
 
-TEST("a sender that answers the ticks runs away from them, and is not followed for long")
+TEST("a sender that answers the ticks drifts away from them and is not followed for long")
 {
     for (int after_us = 100; after_us <= 900; after_us += 100) {
         rig r;
@@ -181,7 +181,7 @@ TEST("a sender that answers the ticks runs away from them, and is not followed f
     }
 }
 
-TEST("when poses stop the grid stands, and takes up where it was when they come again")
+TEST("when poses stop, the grid stands still, and it locks again at its old place when poses return")
 {
     rig r;
     start(&r);
@@ -201,7 +201,7 @@ TEST("when poses stop the grid stands, and takes up where it was when they come 
     check_slew(&r);
 }
 
-TEST("poses at 5 kHz and at 500 Hz leave the slew bounded and every tick in its place")
+TEST("poses at 5 kHz and at 500 Hz keep the slew bounded and the wait short")
 {
     rig r;
     start(&r);
@@ -219,7 +219,8 @@ TEST("poses at 5 kHz and at 500 Hz leave the slew bounded and every tick in its 
     check_slew(&r);
 }
 
-TEST("of two senders the one that was engaged first drives, until it is not; before that the first that is there")
+TEST("the sender engaged first drives the phase until it disengages; before any is engaged, the first one present "
+     "drives")
 {
     rig r;
     start(&r);
@@ -241,7 +242,7 @@ TEST("of two senders the one that was engaged first drives, until it is not; bef
     check_slew(&r);
 }
 
-TEST("a pose that is late is waited for, 0.3 ms at most, and the next tick is due when it was")
+TEST("a late pose is awaited for at most 0.3 ms, and the next tick is due at its usual time")
 {
     rig r;
     start(&r);
@@ -258,7 +259,7 @@ TEST("a pose that is late is waited for, 0.3 ms at most, and the next tick is du
     check_slew(&r);
 }
 
-TEST("behind a link that loses poses a tick lacks those and no others, within 1 %")
+TEST("behind a lossy link a tick lacks only the lost poses, within 1 %")
 {
     static const double losses[] = {0.01, 0.05, 0.2};
     for (int i = 0; i < 3; i++) {
@@ -273,7 +274,7 @@ TEST("behind a link that loses poses a tick lacks those and no others, within 1 
     }
 }
 
-TEST("a tick that the machine held up says nothing of where the poses are")
+TEST("a tick delayed by the machine does not change the estimate of the poses' phase")
 {
     rig r;
     start(&r);
@@ -302,7 +303,7 @@ static kn_wake late(int64_t due_ms, int32_t missed)
     return (kn_wake){.due_ns = due_ms * MS, .now_ns = (due_ms + missed) * MS, .missed = missed};
 }
 
-TEST("a miss is explained when the machine stalled the sentinel too, within 2 ms")
+TEST("a missed cycle is excused if the machine stalled the sentinel within 2 ms of it")
 {
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 5);
@@ -319,7 +320,7 @@ TEST("a miss is explained when the machine stalled the sentinel too, within 2 ms
     kn_sentinel_free(&sentinel);
 }
 
-TEST("our own overrun is never excused, though it delays the sentinel as well")
+TEST("an overrun of the servo is never excused, although it delays the sentinel")
 {
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 5);
@@ -330,7 +331,7 @@ TEST("our own overrun is never excused, though it delays the sentinel as well")
     kn_sentinel_free(&sentinel);
 }
 
-TEST("judgement waits until the witness has had time to speak")
+TEST("a miss is judged only after the sentinel has had time to report a stall")
 {
     CHECK(kn_sentinel_init(&sentinel));
     kn_wake wake = late(100, 3);
@@ -341,7 +342,7 @@ TEST("judgement waits until the witness has had time to speak")
     kn_sentinel_free(&sentinel);
 }
 
-TEST("what the servo was busy is no stall of the machine, however long it took")
+TEST("the time in which the servo was busy is no stall of the machine")
 {
     kn_busy busy = {0};
     kn_sentinel s = {.busy = &busy};
@@ -360,7 +361,7 @@ TEST("what the servo was busy is no stall of the machine, however long it took")
     CHECK(kn_sentinel_stalled_ns(&s, &wake) == 4550000);
 }
 
-TEST("late wakes are counted from half a millisecond on, those after an overrun are not the machine's")
+TEST("late wakes of half a millisecond and more are counted; a wake after an overrun is not the machine's fault")
 {
     CHECK(kn_sentinel_init(&sentinel));
     for (int i = 0; i < 6; i++) {

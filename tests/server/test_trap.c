@@ -129,7 +129,7 @@ static void play(rig *r, int64_t round, int ms)
     kn_loop_post(&r->fixture.loop, 0, &pose);
 }
 
-TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no allocation, lock or page fault")
+TEST("ticks with contact, faults, recoveries, sessions, resets, undos and copies do not allocate, lock or page-fault")
 {
     static rig r;
     rig_open(&r, NULL);
@@ -341,7 +341,7 @@ static void run_on_circuit(rig *r, const char *const *how)
     CHECK(r->kills > 0 && r->kills == live_ticks / 1500);
 }
 
-TEST("with a circuit in memory, killed and started again, it calls no more than that")
+TEST("with a circuit in memory, killed and restarted, the servo thread makes no other system calls")
 {
     static rig r;
     static char name[32];
@@ -350,7 +350,7 @@ TEST("with a circuit in memory, killed and started again, it calls no more than 
     run_on_circuit(&r, how);
 }
 
-TEST("with a circuit behind a line it reads and writes that, and waits for it, and calls no more than that")
+TEST("with a circuit behind a serial line the servo thread also reads, writes and waits for the line, and nothing else")
 {
     static rig r;
     static char name[64];

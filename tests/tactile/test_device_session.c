@@ -51,7 +51,7 @@ static void live(int ms, bool poses, bool forces)
     }
 }
 
-TEST("a force is given as it comes, and numbers of poses rise by one")
+TEST("a force is given as received, and pose numbers rise by one")
 {
     begin();
     live(100, true, true);
@@ -62,7 +62,7 @@ TEST("a force is given as it comes, and numbers of poses rise by one")
     CHECK(given()[1] == 1.0 && given()[2] == 0.0);
 }
 
-TEST("a device is never asked for more than it may give, in any direction")
+TEST("a force above the device's limit is cut to the limit and keeps its direction")
 {
     begin();
     live(10, true, true);
@@ -76,7 +76,7 @@ TEST("a device is never asked for more than it may give, in any direction")
     CHECK(tested.render.clamped == 19 && tested.render.guards == 0);
 }
 
-TEST("a kneadd that falls silent leaves the force for 3 ms and has it at zero by 20 ms")
+TEST("if kneadd falls silent the force stays for 3 ms and is 0 N by 20 ms")
 {
     begin();
     live(100, true, true);
@@ -91,7 +91,7 @@ TEST("a kneadd that falls silent leaves the force for 3 ms and has it at zero by
     CHECK(tested.forces.trips == 1 && !kn_device_session_live(&tested));
 }
 
-TEST("a device that falls silent gives nothing by 20 ms, though forces go on")
+TEST("if the device falls silent the force is 0 N by 20 ms, even while forces arrive")
 {
     begin();
     live(100, true, true);
@@ -101,7 +101,7 @@ TEST("a device that falls silent gives nothing by 20 ms, though forces go on")
     CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.poses.trips == 1);
 }
 
-TEST("after a trip no pose is sent for 1.2 s, then a new session begins, in which old forces mean nothing")
+TEST("after a trip no pose is sent for 1.2 s, then a new session begins and ignores forces of the old one")
 {
     begin();
     live(100, true, true);
@@ -116,7 +116,7 @@ TEST("after a trip no pose is sent for 1.2 s, then a new session begins, in whic
     CHECK(given()[2] == 2.0);
 }
 
-TEST("a device that is away opens no session: the silence lasts until it is back")
+TEST("a silent device opens no new session until its poses return")
 {
     begin();
     live(100, true, true);
@@ -126,7 +126,7 @@ TEST("a device that is away opens no session: the silence lasts until it is back
     CHECK(tested.mode == KN_SESSION_HELD && tested.session == 101);
 }
 
-TEST("a kneadd that was never there is waited for without a trip")
+TEST("waiting for a kneadd that never ran causes no trip")
 {
     begin();
     live(5000, true, false);
@@ -135,7 +135,7 @@ TEST("a kneadd that was never there is waited for without a trip")
     CHECK(given()[2] == 2.0);
 }
 
-TEST("numbers that are none are counted, given to nobody, and are no sign of life")
+TEST("NaN and infinite values are counted, are not given, and do not feed the watchdog")
 {
     begin();
     live(100, true, true);
@@ -151,7 +151,7 @@ TEST("numbers that are none are counted, given to nobody, and are no sign of lif
     CHECK(tested.forces.trips == 1 && given()[2] == 0.0);
 }
 
-TEST("the impulse guard's latch is met by a new session, a latch that lifting clears is not")
+TEST("the impulse guard's latch begins a new session, and a latch that lifting clears does not")
 {
     begin();
     live(100, true, true);
@@ -165,7 +165,7 @@ TEST("the impulse guard's latch is met by a new session, a latch that lifting cl
     CHECK(tested.session == 101 && tested.faults == 1);
 }
 
-TEST("an object that gives back more than was put into it is damped, by the numbers of the scene's device")
+TEST("an object that gives out energy is damped by the passivity controller, and an object at rest is not")
 {
     kn_render_def def = upright(3.3);
     def.device.mass_kg = 0.05;
@@ -186,7 +186,7 @@ TEST("an object that gives back more than was put into it is damped, by the numb
     CHECK(tested.render.passivity.acted == 0 && given()[2] == 2.0); // at rest no energy is given
 }
 
-TEST("a process that stood still for 25 ms gives nothing when it wakes")
+TEST("after a stall of 25 ms the force is 0 N")
 {
     begin();
     live(100, true, true);
@@ -196,7 +196,7 @@ TEST("a process that stood still for 25 ms gives nothing when it wakes")
     CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT);
 }
 
-TEST("a force that asks to jump fades from where it was, and a new session begins")
+TEST("a jumping force trips the reflex guard: the last force fades, and a new session begins")
 {
     begin();
     live(100, true, true);
@@ -216,8 +216,7 @@ TEST("a force that asks to jump fades from where it was, and a new session begin
     CHECK(given()[2] == 2.0);
 }
 
-TEST(
-    "forces that answer old poses are not given; the session goes on, and a new one begins when the link is near again")
+TEST("forces that answer old poses are refused within the session, and a new session begins when the delay is gone")
 {
     begin();
     age_s = 20e-3;
@@ -273,7 +272,7 @@ static void begin_local(void)
     live_local(100, true, true);
 }
 
-TEST("with the local model a silent kneadd leaves the contact for a while; by 300 ms nothing of it is left")
+TEST("with the local model the force outlasts 20 ms of silence and is 0 N by 300 ms")
 {
     begin_local();
     double pressed_n = given()[2], last_n = pressed_n;
@@ -287,7 +286,7 @@ TEST("with the local model a silent kneadd leaves the contact for a while; by 30
     CHECK(last_n == 0.0 && tested.mode == KN_SESSION_SILENT && tested.forces.trips == 1);
 }
 
-TEST("a link that is down for 200 ms is no jump, neither when it goes nor when it comes back")
+TEST("with the local model a link outage of 200 ms causes no force step above 0.05 N")
 {
     begin_local();
     double pressed_n = given()[2], last_n = pressed_n, largest_n = 0.0;
@@ -302,14 +301,14 @@ TEST("a link that is down for 200 ms is no jump, neither when it goes nor when i
     CHECK(tested.forces.trips == 0 && tested.render.guards == 0 && tested.session == 100);
 }
 
-TEST("but a silent device gives nothing by 20 ms, as ever")
+TEST("with the local model a silent device still gives 0 N by 20 ms")
 {
     begin_local();
     live_local(20, false, true);
     CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.poses.trips == 1);
 }
 
-TEST("an older force that comes behind a newer one is not given")
+TEST("a force older than the last one is not given")
 {
     begin();
     live(100, true, true);
@@ -320,7 +319,7 @@ TEST("an older force that comes behind a newer one is not given")
     CHECK(given()[2] == 2.0 && tested.heard == 100);
 }
 
-TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms, then a new session")
+TEST("repeated or older forces do not feed the watchdog: 0 N by 20 ms, then a new session")
 {
     for (int back = 0; back < 3; back++) { // the newest force, one before it, one of the first tick
         begin();
@@ -345,7 +344,7 @@ TEST("one force that is repeated, or older ones, feed no watchdog: 0 N by 20 ms,
     }
 }
 
-TEST("a force that fades for want of news does so by 0.5 N a ms at most, whatever the hand does and is damped for")
+TEST("a fading force changes by at most 0.5 N per ms, even if the hand shakes and is damped")
 {
     kn_render_def def = upright(3.3);
     def.device.mass_kg = 0.08;
@@ -367,7 +366,7 @@ TEST("a force that fades for want of news does so by 0.5 N a ms at most, whateve
     }
 }
 
-TEST("one stall is no long way")
+TEST("a single stall of 20 ms does not count as a distant link")
 {
     begin();
     live(100, true, true);

@@ -27,7 +27,7 @@ static const uint8_t *state(uint16_t seq)
     return bytes;
 }
 
-TEST("the checksum is CRC-16/CCITT-FALSE, and the bytes of a frame are those that the README draws")
+TEST("the checksum is CRC-16/CCITT-FALSE, and a frame has the bytes that the README shows")
 {
     const uint8_t expected[18] = {'K',  'N',  1,    17,   0x34, 0x12, 0xb2, 0x9e, 0x43,
                                   0xff, 0x90, 0xd0, 0x03, 0,    0x60, 0xa5, 0xcd, 0xff};
@@ -37,7 +37,7 @@ TEST("the checksum is CRC-16/CCITT-FALSE, and the bytes of a frame are those tha
     CHECK(kn_paddle_frame_crc(bytes, 18) == (bytes[18] | bytes[19] << 8));
 }
 
-TEST("what is encoded is what is heard")
+TEST("a frame is decoded as it was encoded")
 {
     begin();
     hear(state(7), KN_PADDLE_FRAME_SIZE);
@@ -46,14 +46,14 @@ TEST("what is encoded is what is heard")
     CHECK(deframer.frames == 1 && deframer.bad == 0 && deframer.skipped == 0 && deframer.lost == 0);
 }
 
-TEST("a number beyond an int32 is held at its end, and none is 0")
+TEST("a number beyond int32 is clamped, and NaN becomes 0")
 {
     CHECK(kn_paddle_frame_number(3.0, 1e-9) == INT32_MAX && kn_paddle_frame_number(-INFINITY, 1e-9) == INT32_MIN);
     CHECK(kn_paddle_frame_number(NAN, 1e-9) == 0);
     CHECK(kn_paddle_frame_number(1.4e-9, 1e-9) == 1 && kn_paddle_frame_number(-1.6e-9, 1e-9) == -2);
 }
 
-TEST("every flip of every bit is refused, and the frame behind it is heard")
+TEST("a frame with any flipped bit is refused, and the next frame is decoded")
 {
     for (int bit = 0; bit < 8 * KN_PADDLE_FRAME_SIZE; bit++) {
         uint8_t bytes[KN_PADDLE_FRAME_SIZE];
@@ -67,7 +67,7 @@ TEST("every flip of every bit is refused, and the frame behind it is heard")
     }
 }
 
-TEST("a frame that is cut anywhere costs itself alone")
+TEST("a frame cut at any byte loses only itself")
 {
     for (size_t cut = 1; cut < KN_PADDLE_FRAME_SIZE; cut++) {
         begin();
@@ -78,7 +78,7 @@ TEST("a frame that is cut anywhere costs itself alone")
     }
 }
 
-TEST("garbage that looks like the beginning of a frame hides no frame")
+TEST("bytes that look like the start of a frame do not hide a frame")
 {
     begin();
     hear((const uint8_t *)"KKNKNKN\1K", 9);
@@ -89,7 +89,7 @@ TEST("garbage that looks like the beginning of a frame hides no frame")
     CHECK(heard == 3 && got.seq == 7 && deframer.skipped == 11);
 }
 
-TEST("its own echo is not taken for a paddle")
+TEST("an echoed command frame is not taken for a state frame")
 {
     uint8_t bytes[KN_PADDLE_FRAME_SIZE];
     begin();
@@ -98,7 +98,7 @@ TEST("its own echo is not taken for a paddle")
     CHECK(heard == 0 && deframer.bad == 1);
 }
 
-TEST("numbers tell what never came, over the wrap, and a paddle that begins anew has lost nothing")
+TEST("sequence numbers count lost frames, also across the wrap, and a restarted paddle counts none")
 {
     begin();
     hear(state(65534), KN_PADDLE_FRAME_SIZE);

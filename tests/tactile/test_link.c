@@ -108,7 +108,7 @@ static void run_row(const char *name, const kn_link_fault *fault, kn_auth *auth)
     check_rules(name);
 }
 
-TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kneadd lacks and counts what the link did")
+TEST("a lossy, repeating, swapping, delaying or flipping link breaks no safety rule, and kneadd counts its faults")
 {
     static const struct {
         const char *name;
@@ -136,7 +136,7 @@ TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kne
     }
 }
 
-TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300, and no rule is broken")
+TEST("after a kill or freeze of kneadd in a press a device gives 0 N by 20 ms, with the local model by 300 ms")
 {
     const int kills = times("KN_KILLS", 1, KILLS);
     start(&(kn_link_fault){0}, 0, NULL);
@@ -156,7 +156,7 @@ TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300
     CHECK(p.near.rules.zero_at <= 20 && p.far.rules.zero_at <= 300);
 }
 
-TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made up for, and no rule is broken")
+TEST("in a freeze of 5 to 200 ms the missed cycles are counted and skipped, and no safety rule is broken")
 {
     static const int freeze_ms[] = {5, 20, 50, 200};
     start(&(kn_link_fault){0}, 0, NULL);
@@ -200,7 +200,7 @@ static double restless(int ms, double *mean_n)
     return changes_n / sum_n;
 }
 
-TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still does, and forces are refused, in words")
+TEST("the local model gives kneadd's force calmly, even 20 ms away; plain forces from 20 ms away are refused")
 {
     double far_n, behind_n;
     start(&(kn_link_fault){0}, 0, NULL);
@@ -218,7 +218,7 @@ TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still doe
     check_rules("behind 20 ms");
 }
 
-TEST("a device with the local model on a kneadd that sends no contacts gives 0 N")
+TEST("a device with the local model gives 0 N if kneadd sends no contacts")
 {
     begin();
     serve(false);
@@ -236,7 +236,7 @@ static void be_wild(kn_rig_end *end, knead_contact_force_t *force)
     if (wild_left > 0 && force->force_n[2] > 0.3) force->force_n[2] = 60, wild_left--;
 }
 
-TEST("a wild force in kneadd's name trips the guard of the device: it fades in steps, and a new session begins")
+TEST("a forged force of 60 N trips the device's guard; the force fades in steps and a new session begins")
 {
     start(&(kn_link_fault){0}, 0, NULL);
     for (int i = 0; i < 1500 && p.near.now.force_n[2] < 1; i++) kn_rig_run(&p.rig, 1);
@@ -256,7 +256,7 @@ TEST("a wild force in kneadd's name trips the guard of the device: it fades in s
     CHECK(t->session == session + 1 && p.near.rules.pressed > 1000 && t->render.reflexes == 1);
 }
 
-TEST("with a key nothing flipped is taken, and everything else is")
+TEST("with a key every flipped or replayed message is rejected, and all others are accepted")
 {
     static kn_auth auth;
     char path[] = "link-key-XXXXXX", error[200] = "";
