@@ -16,7 +16,7 @@
 // stirring has neither of the last two, since it depends on which node lets go first. Exit 1: a tick above 1 ms, or a
 // force that is not a number.
 #include "bench/bench.h"
-#include "core/step_effort.h"
+#include "core/solve/step_effort.h"
 #include "server/clock.h"
 #include "server/served_object.h"
 #include <glob.h>

@@ -2,7 +2,7 @@
 // of this process together. wall: the time that a caller waits, which on a busy machine includes the work of others.
 #include "bench/bench.h"
 #include "clients/viewer/renderer.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "core/surface.h"
 #include <string.h>
 #include <sys/utsname.h>

@@ -1,10 +1,10 @@
 // Assembly of a model and of its states: the checks of a definition, then lattice, kernels, tools and the tables of the
 // chosen solver; and one arena per state with the memory of that solver.
-#include "core/bytes.h"
-#include "core/contact.h"
-#include "core/kernel.h"
-#include "core/lattice.h"
-#include "core/solver.h"
+#include "core/algebra/bytes.h"
+#include "core/solve/contact.h"
+#include "core/solve/kernel.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/solver.h"
 #include "core/solver_fixed.h"
 
 #include <math.h>

@@ -1,9 +1,9 @@
 #include "core/contact_fit.h"
-#include "core/patch.h"
-#include "core/solver.h"
+#include "core/local/patch.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/tool.h"
-#include "core/algebra.h"
+#include "core/solve/tool.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "core/field.h"
 #include "core/hash.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -132,7 +132,7 @@ typedef struct kn_face { // one flat side of the block as a grid of nodes, for c
     double spacing_m;
 } kn_face;
 
-struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/kernel.h)
+struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/solve/kernel.h)
 struct kn_composite;
 struct kn_shape;
 

@@ -1,5 +1,5 @@
 #include "core/safety.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <string.h>
 

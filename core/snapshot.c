@@ -1,6 +1,6 @@
 #include "core/snapshot.h"
-#include "core/bytes.h"
-#include "core/contact.h"
+#include "core/algebra/bytes.h"
+#include "core/solve/contact.h"
 #include "core/field.h"
 #include "core/hash.h"
 

@@ -1,6 +1,6 @@
 #include "core/solver_fixed.h"
-#include "core/bytes.h"
-#include "core/solver.h"
+#include "core/algebra/bytes.h"
+#include "core/solve/solver.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 #include "core/step.h"
-#include "core/solver.h"
+#include "core/solve/solver.h"
 #include "core/solver_fixed.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 #include "core/touch.h"
-#include "core/solver.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <string.h>

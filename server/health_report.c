@@ -1,5 +1,5 @@
 #include "server/health_report.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/solver_fixed.h"
 #include "server/backend/fpga.h"
 #include "server/console.h"

@@ -92,7 +92,7 @@ typedef struct kn_log_scene {
 // that it has at a server's start.
 typedef struct kn_log_initial {
     bool deadline_told, overload_told, quality_told;
-    int64_t deadline; // largest number of units of work (core/step_effort.h) per step; 0: no limit
+    int64_t deadline; // largest number of units of work (core/solve/step_effort.h) per step; 0: no limit
     bool overloaded;
     kn_quality quality, asked;
 } kn_log_initial;

@@ -1,5 +1,5 @@
 #include "server/loop.h"
-#include "core/step_effort.h"
+#include "core/solve/step_effort.h"
 #include "server/keeper.h"
 #include <math.h>
 #include <stddef.h>

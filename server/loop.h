@@ -71,7 +71,7 @@ typedef struct kn_loop {
     _Atomic(kn_scene_change *) changed; // latest change of the scene that a tick has applied; NULL: none
     atomic_bool done;                   // true when the loop has ended and its last record is in `records`
     int64_t execution_ns;               // duration of the last tick, ns
-    // Number of units of work (core/step_effort.h) that a step may take from the first tick on; 0: no deadline; set before
+    // Number of units of work (core/solve/step_effort.h) that a step may take from the first tick on; 0: no deadline; set before
     // the start.
     int64_t deadline;
     // Deadline measured for the present model, at the start or when a change was built, units of work.

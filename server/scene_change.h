@@ -9,7 +9,7 @@
 //     servo thread    ..tick....tick....tick..v carry, step ..tick....tick....tick..
 //     gain            --------------------------.                                 .  '  ------
 //                                                '._____________________ .  '
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
 

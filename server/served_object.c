@@ -1,7 +1,7 @@
 #include "server/served_object.h"
 #include "server/backend/fpga.h"
-#include "core/lattice.h"
-#include "core/step_effort.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/step_effort.h"
 #include "server/clock.h"
 #include "server/keeper.h"
 #include "server/rt.h"
@@ -178,7 +178,7 @@ int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 }
 
 // Number of ticks of a simulated impact (all tools hit the object); number of repetitions of the impact; deadline of a
-// step during the measurement, in units of work (core/step_effort.h).
+// step during the measurement, in units of work (core/solve/step_effort.h).
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
 // Measure the time and the units of work of each tick of a simulated impact. Repeat the impact, and keep the shortest

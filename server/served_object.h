@@ -3,7 +3,7 @@
 // The served object: a scene, its model, and the backend that steps the model. They are built from a scene file and
 // from the settings in force when the object was last saved. An operator makes these settings at run time. An object
 // that does not fit into memory is refused. Not real-time.
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "server/servo.h"
 
 typedef struct kn_served_object_def {
@@ -35,7 +35,7 @@ int kn_served_object_load(kn_served_object *served, const kn_served_object_def *
 // measured in processor time, which other processes do not lengthen. A step on a circuit is measured until the answer
 // arrives. The object is reset afterwards.
 int64_t kn_served_object_measure(kn_backend *backend, const kn_model *pressed);
-// Return the deadline of a step, in units of work (core/step_effort.h), such that a step ends within KN_STEP_SHARE of
+// Return the deadline of a step, in units of work (core/solve/step_effort.h), such that a step ends within KN_STEP_SHARE of
 // `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object at 5 cm/s, on
 // one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the units
 // of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.

@@ -18,7 +18,7 @@
 //     point, that is, a cheaper solver effort that the scene names. The servo never returns to a higher quality point
 //     by itself.
 //   - When ticks keep taking longer than a millisecond, the force on the hand fades, with FAULT_OVERLOAD as the reason.
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
@@ -51,7 +51,7 @@ typedef struct kn_clutch {
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)
 
-// Fraction of the scene's budget_s for a step; the rest is for work that the units of a deadline (core/step_effort.h) do not
+// Fraction of the scene's budget_s for a step; the rest is for work that the units of a deadline (core/solve/step_effort.h) do not
 // count, and for delays by a busy hyperthread.
 #define KN_STEP_SHARE 0.7
 
@@ -74,7 +74,7 @@ typedef struct kn_tick_in {
     bool undo;               // replace the object by the newest undo point (servo->undo), if there is one
     kn_scene_change *change; // change of the scene; the object continues in the change's model; NULL: no change
     bool recover, estop;     // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
-    // Largest number of units of work (core/step_effort.h) per step, from this tick on; 0: unchanged.
+    // Largest number of units of work (core/solve/step_effort.h) per step, from this tick on; 0: unchanged.
     int64_t deadline;
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.
     int overload;
@@ -122,7 +122,7 @@ typedef struct kn_tick_out {
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // time at which the backend answered (CLOCK_MONOTONIC, ns); 0: no clock
-    int64_t units;      // number of units of work (core/step_effort.h) that the step took
+    int64_t units;      // number of units of work (core/solve/step_effort.h) that the step took
     // True if the solver stopped at its iteration cap or its deadline, before it met its tolerance.
     bool capped;
     bool replaced;            // a reset, restore or undo replaced the object

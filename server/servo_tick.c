@@ -1,5 +1,5 @@
 #include "server/servo.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "server/clock.h"

@@ -1,5 +1,5 @@
 #include "server/snapshot.h"
-#include "core/bytes.h"
+#include "core/algebra/bytes.h"
 #include "core/snapshot.h"
 #include <assert.h>
 #include <sodium.h>

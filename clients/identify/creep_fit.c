@@ -1,6 +1,6 @@
 #include "clients/identify/creep_fit.h"
 #include "clients/identify/measured_series.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 #include "clients/identify/measured_series.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 // The readings of relaxation curves as a fit needs them: the rise of the strain, means over time, and checks.
 #include "clients/identify/least_squares.h"
 #include "clients/identify/relaxation_fit.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

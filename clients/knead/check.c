@@ -6,14 +6,14 @@
 #include "clients/knead/felt.h"
 #include "clients/knead/replay_trace.h"
 #include "clients/knead/result.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/field.h"
-#include "core/step_effort.h"
-#include "core/kernel.h"
+#include "core/solve/step_effort.h"
+#include "core/solve/kernel.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
 #include "core/solver_fixed.h"
-#include "core/tool.h"
+#include "core/solve/tool.h"
 #include "server/option_table.h"
 #include "server/served_object.h"
 #include <math.h>
@@ -196,7 +196,7 @@ static void print_cost(const kn_model *model)
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
            kn_cost_us(model, &own, true), 1e6 * s->dt_s);
     // An impact is a sudden change of the forces, for which the time step is solved again
-    // (core/step_effort.h). The time of such a step is printed separately.
+    // (core/solve/step_effort.h). The time of such a step is printed separately.
     double blow = kn_cost_blow_us(model, &own);
     if (blow > 0)
         printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
@@ -259,7 +259,7 @@ static void print_solver(const kn_model *model)
         warn("the object needs more memory than this machine has");
 }
 
-// Print the deadline in units of work (core/step_effort.h) and the time of the worst tick. The worst tick is
+// Print the deadline in units of work (core/solve/step_effort.h) and the time of the worst tick. The worst tick is
 // computed on this machine, because the prediction does not know how often an impact repeats a part of the
 // step.
 static void print_deadline(const kn_scene *scene, const kn_model *model)

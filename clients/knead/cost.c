@@ -1,8 +1,8 @@
 #include "clients/knead/cost.h"
-#include "core/lattice.h"
-#include "core/contact.h"
-#include "core/step_effort.h"
-#include "core/kernel.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/contact.h"
+#include "core/solve/step_effort.h"
+#include "core/solve/kernel.h"
 #include "core/shape.h"
 
 #include <math.h>

@@ -31,7 +31,7 @@ int kn_cost_parts(const kn_model *model, kn_cost_part part[KN_COST_PARTS]);
 double kn_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap);
 
 // Return the predicted longest time of a time step with an impact, us. An impact is a sudden change of the forces, for
-// which the step is solved several times (core/step_effort.h). Return 0 if no step is ever solved again.
+// which the step is solved several times (core/solve/step_effort.h). Return 0 if no step is ever solved again.
 double kn_cost_blow_us(const kn_model *model, const kn_effort *effort);
 
 #endif

@@ -10,7 +10,7 @@
 #include "clients/knead/progress.h"
 #include "clients/knead/rows.h"
 #include "clients/viewer/beside.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "server/option_table.h"
 #include "server/replay.h"
 #include <ctype.h>

@@ -1,7 +1,7 @@
 #include "clients/knead/haptic_loop.h"
 #include "clients/knead/command.h"
 #include "clients/knead/commands.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

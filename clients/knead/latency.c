@@ -8,7 +8,7 @@
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
 #include "clients/knead/record.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "server/option_table.h"
 #include <limits.h>

@@ -4,7 +4,7 @@
 #include "clients/knead/latency.h"
 #include "clients/knead/output.h"
 #include "clients/knead/plot.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 #include "clients/knead/object_still.h"
 #include "clients/viewer/label.h"
 #include "server/option_table.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/surface.h"
 #include <math.h>
 #include <stdio.h>

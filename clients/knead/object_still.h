@@ -5,7 +5,7 @@
 #include "clients/knead/live_server.h"
 #include "clients/viewer/renderer.h"
 #include "clients/viewer/label.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/shape.h"
 #include "core/state.h"
 

@@ -1,10 +1,10 @@
 #include "clients/knead/paraview.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/field.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/shape.h"
 #include "core/touch.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>

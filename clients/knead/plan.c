@@ -1,6 +1,6 @@
 #include "clients/knead/plan.h"
 #include "clients/knead/graft.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/hash.h"
 #include <stdarg.h>
 #include <stdio.h>

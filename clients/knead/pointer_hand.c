@@ -1,5 +1,5 @@
 #include "clients/knead/pointer_hand.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 #include "clients/knead/render.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <string.h>
 

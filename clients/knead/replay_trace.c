@@ -1,7 +1,7 @@
 #include "clients/knead/replay_trace.h"
 #include "clients/knead/command.h"
 #include "clients/knead/graft.h"
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/hash.h"
 #include "proto/knead_event_t.h"
 #include <limits.h>

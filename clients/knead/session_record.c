@@ -1,5 +1,5 @@
 #include "clients/knead/session_record.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "proto/knead_scene_t.h"
 #include "server/clock.h"
 #include "server/replay.h"

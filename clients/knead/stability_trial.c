@@ -1,6 +1,6 @@
 #include "clients/knead/stability_trial.h"
 #include "clients/knead/tool_height.h"
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

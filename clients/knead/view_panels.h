@@ -10,7 +10,7 @@
 #include "clients/knead/live_server.h"
 #include "clients/knead/object_still.h"
 #include "clients/viewer/renderer.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "server/option_table.h"
 #include "server/replay.h"
 #include "server/snapshot.h"

@@ -1,5 +1,5 @@
 #include "clients/knead/virtual_hand.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"

@@ -1,6 +1,6 @@
 #include "clients/shape/measurement.h"
 #include "clients/identify/measured_curve.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

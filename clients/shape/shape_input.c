@@ -4,8 +4,8 @@
 #include "clients/knead/complain.h"
 #include "clients/knead/foot.h"
 #include "clients/shape/shape_command.h"
-#include "core/algebra.h"
-#include "core/tool.h"
+#include "core/algebra/algebra.h"
+#include "core/solve/tool.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

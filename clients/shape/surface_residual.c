@@ -1,5 +1,5 @@
 #include "clients/shape/surface_residual.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -3,7 +3,7 @@
 #include "clients/knead/complain.h"
 #include "clients/tactile/devices.h"
 #include "core/model.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "server/bus.h"
 #include "server/clock.h"
 #include "server/daemon.h"

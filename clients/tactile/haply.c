@@ -1,5 +1,5 @@
 #include "clients/tactile/haply.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "server/clock.h"
 #include <errno.h>
 #include <jansson.h>

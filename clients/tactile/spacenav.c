@@ -1,5 +1,5 @@
 #include "clients/tactile/spacenav.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include <errno.h>
 #include <math.h>
 #include <spnav.h>

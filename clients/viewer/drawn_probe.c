@@ -1,6 +1,6 @@
 #include "clients/viewer/drawn_probe.h"
 #include "core/field.h"
-#include "core/tool.h"
+#include "core/solve/tool.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,7 +2,7 @@
 // rarely changing facts (`about`) are added only if they have changed.
 #include "clients/web/web.h"
 #include "core/scene/scene.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "proto/knead_event_t.h"
 #include <inttypes.h>
 #include <math.h>

@@ -1,5 +1,5 @@
 // The lattice of each quality point, and the box of fine cells of a block of two resolutions.
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/draft.h"
 
 #include <assert.h>

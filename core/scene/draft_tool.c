@@ -1,6 +1,6 @@
 #include "core/field.h"
 #include "core/hash.h"
-#include "core/tool.h"
+#include "core/solve/tool.h"
 #include "core/scene/draft.h"
 #include "core/scene/mesh_file.h"
 

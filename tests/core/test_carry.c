@@ -1,5 +1,5 @@
 #include "core/snapshot.h"
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"

@@ -1,5 +1,5 @@
-#include "core/contact.h"
-#include "core/solver.h"
+#include "core/solve/contact.h"
+#include "core/solve/solver.h"
 #include "core/step.h"
 #include "tests/check.h"
 

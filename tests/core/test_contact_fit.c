@@ -2,7 +2,7 @@
 #include "clients/knead/arm.h"
 #include "clients/knead/buzz.h"
 #include "core/contact_fit.h"
-#include "core/patch.h"
+#include "core/local/patch.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 #include <stdbool.h>

@@ -1,5 +1,5 @@
-#include "core/measure.h"
-#include "core/kernel.h"
+#include "core/lattice/measure.h"
+#include "core/solve/kernel.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"
 #include "tests/check.h"

@@ -1,7 +1,7 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "core/field.h"
 #include "core/shape.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 
 #include <time.h>

@@ -1,7 +1,7 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "core/measure.h"
-#include "core/lattice.h"
-#include "core/kernel.h"
+#include "core/lattice/measure.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/kernel.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"
 #include "tests/check.h"

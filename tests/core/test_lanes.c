@@ -2,7 +2,7 @@
 #define KN_KERNEL_BASE 1
 #pragma GCC diagnostic ignored "-Wpsabi"           // these vectors never cross into another file
 #pragma GCC diagnostic ignored "-Wunused-function" // this test calls only the law among the kernels' parts
-#include "core/kernel_law.h"
+#include "core/solve/kernel_law.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

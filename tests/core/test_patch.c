@@ -1,4 +1,4 @@
-#include "core/patch.h"
+#include "core/local/patch.h"
 #include "tests/check.h"
 
 // The top of a block, 11 by 11 nodes. The tests draw patches on it.

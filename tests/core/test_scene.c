@@ -1,4 +1,4 @@
-#include "core/contact.h"
+#include "core/solve/contact.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
 #include "tests/check.h"

@@ -1,5 +1,5 @@
 #include "core/shape.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 

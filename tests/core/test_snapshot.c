@@ -1,6 +1,6 @@
 #include "core/snapshot.h"
-#include "core/bytes.h"
-#include "core/lattice.h"
+#include "core/algebra/bytes.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"

@@ -1,4 +1,4 @@
-#include "core/solver.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

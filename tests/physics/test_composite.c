@@ -1,7 +1,7 @@
 // Two resolutions in one block: the loads that their border transmits exactly, the loads that it does not, and the
 // force of a press.
-#include "core/lattice.h"
-#include "core/solver.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

@@ -1,5 +1,5 @@
 // Steps that end by their deadline: their cost, and the effect on the force.
-#include "core/step_effort.h"
+#include "core/solve/step_effort.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

@@ -1,5 +1,5 @@
 // Work, stored energy and dissipation. The audit keeps strains of its own, computed from the positions alone.
-#include "core/measure.h"
+#include "core/lattice/measure.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

@@ -1,5 +1,5 @@
 // Impacts, and plates that slow down or are torn away: the result of one step compared with the converged result.
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

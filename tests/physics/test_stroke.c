@@ -1,9 +1,9 @@
 // End stops of the damper. One edge is driven by hand, by the reference (law.h), by every kernel and by Runge-Kutta.
 // Then whole blocks.
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
-#include "core/solver.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 

@@ -1,8 +1,8 @@
 // Tools of any shape: friction, adhesion, the virtual coupling in the solve, a table that can be left, two fingers
 // that lift.
-#include "core/solver.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 #include "tests/core/surface_of.h"
 #include "tests/physics/press.h"

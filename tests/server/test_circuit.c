@@ -2,7 +2,7 @@
 // deadline. KN_LOSSES=N: how often each fault makes the circuit lost (5).
 // gate in release: a board in real time
 #include "core/scene/scene.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "hdl/registers.h"
 #include "server/backend/fpga.h"
 #include "server/clock.h"

@@ -1,5 +1,5 @@
 #include "server/servo.h"
-#include "core/algebra.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 
 static const double pi = 3.14159265358979323846;

@@ -1,7 +1,7 @@
-#ifndef KN_CORE_STEP_EFFORT_H
-#define KN_CORE_STEP_EFFORT_H
+#ifndef KN_CORE_SOLVE_STEP_EFFORT_H
+#define KN_CORE_SOLVE_STEP_EFFORT_H
 // The number of linearisations of the law in a step: an impact needs more of them, a deadline leaves time for fewer.
-#include "core/contact.h"
+#include "core/solve/contact.h"
 
 // --- impacts --------------------------------------------------------------------------------------------------------
 

@@ -1,5 +1,5 @@
-#include "core/tool.h"
-#include "core/algebra.h"
+#include "core/solve/tool.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,7 +1,7 @@
-#include "core/contact.h"
-#include "core/algebra.h"
-#include "core/kernel.h"
-#include "core/lattice.h"
+#include "core/solve/contact.h"
+#include "core/algebra/algebra.h"
+#include "core/solve/kernel.h"
+#include "core/lattice/lattice.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "core/solver.h"
+#include "core/solve/solver.h"
 
 #include <math.h>
 #include <stdlib.h>

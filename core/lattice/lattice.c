@@ -1,7 +1,7 @@
 // The lattice of a plain block; and the parts that all lattices share: the arrays of nodes, and the outside of the
 // object.
-#include "core/lattice.h"
-#include "core/algebra.h"
+#include "core/lattice/lattice.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>

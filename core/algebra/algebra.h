@@ -1,5 +1,5 @@
-#ifndef KN_CORE_ALGEBRA_H
-#define KN_CORE_ALGEBRA_H
+#ifndef KN_CORE_ALGEBRA_ALGEBRA_H
+#define KN_CORE_ALGEBRA_ALGEBRA_H
 // Linear algebra of three and six dimensions: vectors, orientations as quaternions w, x, y, z, and the motions (v, w)
 // of a rigid body. Sums run from the first component on, so all callers get the same bits.
 #include <math.h>

@@ -1,5 +1,5 @@
-#ifndef KN_CORE_CONTACT_H
-#define KN_CORE_CONTACT_H
+#ifndef KN_CORE_SOLVE_CONTACT_H
+#define KN_CORE_SOLVE_CONTACT_H
 // Contact of rigid tools with the object. This module does the geometry: it lists the held nodes and the pressing
 // samples, which are points of the skin near tools. All solvers use the two lists.
 //
@@ -27,7 +27,7 @@
 // So no force can push the skin through the tool. The part of the object that the tool pushes down stops at the table.
 //
 // Table. With support FRICTION, the plane z = 0 pushes the nodes of the outside up in the same way.
-#include "core/tool.h"
+#include "core/solve/tool.h"
 
 #define KN_FOUNDATION_N_M3 2.5e7 // default foundation stiffness: dough's yield pressure 7.8 kPa presses it in by 0.3 mm
 // foundation stiffness of the table: dough as high as a hand sinks into the table by 0.05 mm

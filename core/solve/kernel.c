@@ -1,5 +1,5 @@
 // Choice of a model's kernels by processor, lattice and precision, and their tables.
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 
 #include <stdlib.h>
 #include <string.h>

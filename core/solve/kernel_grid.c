@@ -1,6 +1,6 @@
 // The kernels of a grid: one source for three instruction sets and two precisions. kernel.h says what the loops do,
 // grid.h describes the layout.
-#include "core/kernel_law.h"
+#include "core/solve/kernel_law.h"
 
 // Constants of a model in its precision. They are equal for every instruction set.
 typedef struct tables {
@@ -413,7 +413,7 @@ EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, ONE_ROW)
 EDGE_PASS(table, KN_LAW_TABLE, false, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
 
-#include "core/kernel_cells.h"
+#include "core/solve/kernel_cells.h"
 
 static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
 {

@@ -1,5 +1,5 @@
-#ifndef KN_CORE_TOOL_H
-#define KN_CORE_TOOL_H
+#ifndef KN_CORE_SOLVE_TOOL_H
+#define KN_CORE_SOLVE_TOOL_H
 // Rigid tools: their shapes, their motion, and the virtual coupling that ties a tool to its pose.
 //
 // Rigid (coupling 0). The tool never jumps to a pose. It moves with v = velocity_m_s + (position_m - x)/20 ms. So a

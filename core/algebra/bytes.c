@@ -1,4 +1,4 @@
-#include "core/bytes.h"
+#include "core/algebra/bytes.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-#include "core/lattice.h"
-#include "core/algebra.h"
+#include "core/lattice/lattice.h"
+#include "core/algebra/algebra.h"
 #include "core/law.h"
 
 #include <math.h>

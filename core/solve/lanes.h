@@ -1,5 +1,5 @@
-#ifndef KN_CORE_LANES_H
-#define KN_CORE_LANES_H
+#ifndef KN_CORE_SOLVE_LANES_H
+#define KN_CORE_SOLVE_LANES_H
 // Vectors of sixteen lanes of float or double, for the instruction set that the file is compiled for. Private to the
 // kernels.
 //

@@ -1,9 +1,9 @@
-#ifndef KN_CORE_KERNEL_LAW_H
-#define KN_CORE_KERNEL_LAW_H
+#ifndef KN_CORE_SOLVE_KERNEL_LAW_H
+#define KN_CORE_SOLVE_KERNEL_LAW_H
 // The law of law.h for sixteen edges at a time. The caller gathers the values at the edges' ends. Private to the
 // kernels.
-#include "core/kernel.h"
-#include "core/lanes.h"
+#include "core/solve/kernel.h"
+#include "core/solve/lanes.h"
 
 // Name of the kernels: kn_kernels_<lattice>_<isa>_<precision>.
 #if KN_KERNEL_AVX512

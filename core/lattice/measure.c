@@ -1,7 +1,7 @@
-#include "core/measure.h"
-#include "core/algebra.h"
-#include "core/lattice.h"
-#include "core/solver.h"
+#include "core/lattice/measure.h"
+#include "core/algebra/algebra.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/solver.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "core/lattice.h"
+#include "core/lattice/lattice.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-#ifndef KN_CORE_BYTES_H
-#define KN_CORE_BYTES_H
+#ifndef KN_CORE_ALGEBRA_BYTES_H
+#define KN_CORE_ALGEBRA_BYTES_H
 // Plain values as bytes, little-endian, in the order of the calls. One description of a layout measures, writes and
 // reads it, so the three cannot differ:
 //

@@ -1,10 +1,10 @@
-#ifndef KN_CORE_SOLVER_H
-#define KN_CORE_SOLVER_H
+#ifndef KN_CORE_SOLVE_SOLVER_H
+#define KN_CORE_SOLVE_SOLVER_H
 // The solvers of a step, and their memory within it. Private to core; step.h is the interface for programs. The solver
 // in integers has a header of its own, solver_fixed.h.
-#include "core/contact.h"
-#include "core/kernel.h"
-#include "core/step_effort.h"
+#include "core/solve/contact.h"
+#include "core/solve/kernel.h"
+#include "core/solve/step_effort.h"
 
 // --- memory ---------------------------------------------------------------------------------------------------------
 

@@ -1,5 +1,5 @@
-#include "core/step_effort.h"
-#include "core/lattice.h"
+#include "core/solve/step_effort.h"
+#include "core/lattice/lattice.h"
 
 #include <math.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 // edge. Edges are ordered by their lower node, so half of every sum stays in registers. Scalar parts are plain
 // arithmetic in a fixed order, so all machines give the same bits.
 #include "core/cell.h"
-#include "core/kernel_law.h"
+#include "core/solve/kernel_law.h"
 
 typedef struct tables {
     law_tables law; // first member: its tables are 64-byte aligned with the block

@@ -1,5 +1,5 @@
-#ifndef KN_CORE_KERNEL_H
-#define KN_CORE_KERNEL_H
+#ifndef KN_CORE_SOLVE_KERNEL_H
+#define KN_CORE_SOLVE_KERNEL_H
 // The hot loops of the implicit step: kernel_grid.c for a grid, kernel_net.c for any lattice. They are compiled once
 // per instruction set and precision; kernel.c chooses for a model. All of them visit rows in memory order and sum in
 // the same order, so all machines give the same bits.

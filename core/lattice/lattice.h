@@ -1,5 +1,5 @@
-#ifndef KN_CORE_LATTICE_H
-#define KN_CORE_LATTICE_H
+#ifndef KN_CORE_LATTICE_LATTICE_H
+#define KN_CORE_LATTICE_LATTICE_H
 // The nodes, edges, cells and skin of a model, as kn_model_build (build.c) assembles them. lattice.c builds a plain
 // block, net.c a mesh, composite.c a block of two resolutions.
 //
@@ -15,7 +15,7 @@
 // of the mesh, 0.55 to 0.9, and is also fitted.
 //
 // Memory. A row is one node, with its components side by side. Edges are ordered by their lower node.
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 
 #define KN_NO_MEMORY "not enough memory for the model"
 

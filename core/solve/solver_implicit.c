@@ -1,5 +1,5 @@
-#include "core/solver.h"
-#include "core/algebra.h"
+#include "core/solve/solver.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <string.h>

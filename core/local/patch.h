@@ -1,5 +1,5 @@
-#ifndef KN_CORE_PATCH_H
-#define KN_CORE_PATCH_H
+#ifndef KN_CORE_LOCAL_PATCH_H
+#define KN_CORE_LOCAL_PATCH_H
 // Contact of one tool as a client sees it: patches that the tool presses, places that it will touch next, and the
 // impedance of the object there.
 #include "core/state.h"

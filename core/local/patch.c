@@ -1,8 +1,8 @@
-#include "core/patch.h"
-#include "core/algebra.h"
+#include "core/local/patch.h"
+#include "core/algebra/algebra.h"
 #include "core/shape.h"
-#include "core/solver.h"
-#include "core/tool.h"
+#include "core/solve/solver.h"
+#include "core/solve/tool.h"
 
 #include <math.h>
 #include <stdlib.h>
