@@ -10,8 +10,8 @@
 //
 // A tick takes no virtual time. When the servo loop sleeps (until its next deadline, or for a pose), the links and
 // the hands run until the wake time. A frozen server does not receive, publish or wake until it is thawed.
-#include "clients/knead/device.h"
-#include "clients/knead/join.h"
+#include "clients/hand/virtual_hand.h"
+#include "clients/hand/bus_client.h"
 #include "server/exchange.h"
 #include "server/served_object.h"
 #include "tests/server/datagram.h"
@@ -27,7 +27,7 @@ typedef struct kn_rig_end { // one hand's end of the link
     kn_way up, down;
     lcm_t *lcm;
     kn_bridge *bridge; // exactly one of bridge and device is set
-    kn_device *device;
+    kn_virtual_device *device;
     kn_rules served; // rules that check the forces from kneadd
     // called with each force, may change the force; or NULL
     void (*sent)(struct kn_rig_end *end, knead_contact_force_t *force);
@@ -115,7 +115,7 @@ static inline void kn_rig_move(kn_rig_end *e)
 {
     bool goes_on = true;
     if (e->bridge) kn_bridge_tick(e->bridge, 1);
-    else goes_on = kn_device_tick(e->device, 1);
+    else goes_on = kn_virtual_device_tick(e->device, 1);
     kn_rig_pump(e->lcm);
     e->due_ns = goes_on ? e->due_ns + KN_PERIOD_NS : INT64_MAX;
 }
@@ -247,7 +247,7 @@ static inline void kn_rig_close(kn_rig *r)
     kn_rig_kill(r);
     for (kn_rig_end *e = r->end; e < r->end + r->ends; e++) {
         if (e->bridge) kn_bridge_close(e->bridge);
-        else kn_device_leave(e->device);
+        else kn_virtual_device_leave(e->device);
         while (e->up.count) free(e->up.list[--e->up.count].bytes);
         while (e->down.count) free(e->down.list[--e->down.count].bytes);
     }

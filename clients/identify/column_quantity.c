@@ -1,6 +1,6 @@
 #include "clients/identify/table_reader.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
@@ -291,8 +291,8 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
 
 // ---- the quantity of a column
 
-// Each quantity: its name, its SI unit, and the names of its column in small letters, preferred names first. A name that
-// begins with a blank, " time", also matches as part of a longer name, "test time". The time of the whole test is
+// Each quantity: its name, its SI unit, and the names of its column in small letters, preferred names first. A name
+// that begins with a blank, " time", also matches as part of a longer name, "test time". The time of the whole test is
 // preferred to the time within a step or interval.
 enum { NAME, UNIT, COLUMNS };
 static const char *const quantities[][17] = {
@@ -324,8 +324,8 @@ static const char *const quantities[][17] = {
 
 const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q][NAME]; }
 
-// Return whether the unit fits the quantity. A load may be in grams or kilograms, which mean gf and kgf. A frequency may
-// be in rad/s.
+// Return whether the unit fits the quantity. A load may be in grams or kilograms, which mean gf and kgf. A frequency
+// may be in rad/s.
 static bool fits(const kn_heading *h, kn_column_quantity q)
 {
     if (kn_column_unit_is(&h->unit, quantities[q][UNIT])) return true;

@@ -1,10 +1,10 @@
 // The command `knead identify creep`: find the parameters of the papers' element from creep curves.
 #include "clients/identify/creep_report.h"
 #include "clients/identify/creep_fit.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/result.h"
-#include "clients/knead/table.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
 #include "server/clock.h"
 #include <math.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 // Read creep curves: the strain of a specimen under loads that are applied and removed. See measured_curve.h.
 #include "clients/identify/measured_series.h"
-#include "clients/knead/bench.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/rheometer/rheometer.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

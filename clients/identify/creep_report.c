@@ -1,7 +1,7 @@
 #include "clients/identify/creep_report.h"
 #include "clients/identify/creep_fit.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,11 +1,10 @@
 // The page's check of a material that `knead identify creep` found. See creep_report.h.
 #include "clients/identify/creep_report.h"
 #include "clients/shape/press_protocol.h"
-#include "clients/knead/bench.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/shot.h"
+#include "clients/rheometer/rheometer.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/picture/object_still.h"
 #include "clients/viewer/image.h"
 #include <errno.h>
 #include <math.h>
@@ -28,21 +27,21 @@ typedef struct simulated_creep {
 } simulated_creep;
 
 // Apply the loads of the curve to the test bench, and record its strain at the readings of the curve.
-static int follow(kn_bench *b, const kn_curve *c, double *strain)
+static int follow(kn_rheometer *b, const kn_curve *c, double *strain)
 {
     int next = 0, code = KN_EXIT_OK;
-    kn_bench_fresh(b);
-    kn_bench_bar(b, c->time_s[c->count - 1]);
+    kn_rheometer_fresh(b);
+    kn_rheometer_bar(b, c->time_s[c->count - 1]);
     for (int i = 0; i < c->count && code == KN_EXIT_OK; i++) {
         // Apply all changes of load before this reading, each at its own time.
         for (; next < c->steps && c->step[next].time_s < c->time_s[i] && code == KN_EXIT_OK; next++) {
-            if (c->step[next].time_s > b->time_s) code = kn_bench_advance(b, c->step[next].time_s);
-            if (code == KN_EXIT_OK) code = kn_bench_load(b, c->step[next].stress_pa * KN_BENCH_AREA_M2);
+            if (c->step[next].time_s > b->time_s) code = kn_rheometer_advance(b, c->step[next].time_s);
+            if (code == KN_EXIT_OK) code = kn_rheometer_load(b, c->step[next].stress_pa * KN_RHEOMETER_AREA_M2);
         }
-        if (code == KN_EXIT_OK && c->time_s[i] > b->time_s) code = kn_bench_advance(b, c->time_s[i]);
+        if (code == KN_EXIT_OK && c->time_s[i] > b->time_s) code = kn_rheometer_advance(b, c->time_s[i]);
         strain[i] = b->strain;
     }
-    kn_bench_bar_end(b);
+    kn_rheometer_bar_end(b);
     return code;
 }
 
@@ -60,16 +59,16 @@ static int creep_again(simulated_creep *back, int way, const char *subcommand, c
     static const char *gas[] = {"object.pressure=cells"};
     // The test bench treats a lattice of 0 cells as one element.
     const int n = way == ELEMENT ? 0 : CELLS;
-    kn_bench_options opt = {.subcommand = subcommand,
-                            .specimen = scene,
-                            .constant_area = c->constant_area,
-                            .sets = gas,
-                            .set_count = way == GAS,
-                            .lattice = {n, n, n}};
-    kn_bench b;
-    int code = kn_bench_open(&b, &opt);
+    kn_rheometer_options opt = {.subcommand = subcommand,
+                                .specimen = scene,
+                                .constant_area = c->constant_area,
+                                .sets = gas,
+                                .set_count = way == GAS,
+                                .lattice = {n, n, n}};
+    kn_rheometer b;
+    int code = kn_rheometer_open(&b, &opt);
     if (code == KN_EXIT_OK) code = follow(&b, c, back->strain[way]);
-    kn_bench_close(&b);
+    kn_rheometer_close(&b);
     back->from_data[way] = apart(c->value, back->strain[way], c);
     back->from_element[way] = apart(back->strain[ELEMENT], back->strain[way], c);
     return code;
@@ -206,20 +205,20 @@ static int draw(const char *subcommand, const kn_model *model, const kn_state *r
 {
     char error[200] = "out of memory";
     uint8_t *rgba = malloc((size_t)4 * WIDE * HIGH);
-    kn_still still = {.view = kn_view_scene_default()};
-    kn_shot *shot = rgba ? kn_shot_open(WIDE, HIGH, 4, error, sizeof error) : NULL;
-    bool ok = shot && kn_still_state(&still, model, rest) && still.vertex_count == done->vertex_count;
+    kn_object_still still = {.view = kn_view_scene_default()};
+    kn_object_picture *shot = rgba ? kn_object_picture_open(WIDE, HIGH, 4, error, sizeof error) : NULL;
+    bool ok = shot && kn_object_still_state(&still, model, rest) && still.vertex_count == done->vertex_count;
     if (ok) memcpy(still.now, done->shape_m[moment], (size_t)still.vertex_count * sizeof *still.now);
     if (ok && moment == 0) {
         const int64_t tick = kn_press_tick(press, press->hold_end_s);
         const kn_probe_input *in = &press->input[tick * press->probes + press->probe];
-        kn_still_probe(&still, &model->def.probe[press->probe], in->position_m, in->orientation_wxyz,
-                       (const double[3]){0, 0, done->force_n[tick]}, 1);
+        kn_object_still_probe(&still, &model->def.probe[press->probe], in->position_m, in->orientation_wxyz,
+                              (const double[3]){0, 0, done->force_n[tick]}, 1);
     }
-    ok = ok && kn_shot_take(shot, &still, NULL, KN_SHOT_PLAIN, rgba, error, sizeof error) &&
+    ok = ok && kn_object_picture_take(shot, &still, NULL, KN_OBJECT_PICTURE_PLAIN, rgba, error, sizeof error) &&
          kn_image_write_png(png, WIDE, HIGH, rgba, error, sizeof error);
-    kn_still_free(&still);
-    kn_shot_close(shot);
+    kn_object_still_free(&still);
+    kn_object_picture_close(shot);
     free(rgba);
     return ok ? KN_EXIT_OK : kn_complain(subcommand, KN_EXIT_DEVICE, "%s: %s", png, error);
 }

@@ -1,10 +1,10 @@
 // The `knead identify` command: find the parameters of a virtual lump from measurements on a real one.
 #include "clients/identify/identify.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>

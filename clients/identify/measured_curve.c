@@ -1,6 +1,6 @@
 #include "clients/identify/measured_series.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>

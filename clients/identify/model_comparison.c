@@ -1,6 +1,6 @@
 #include "clients/identify/model_comparison.h"
 #include "clients/identify/relaxation_fit.h"
-#include "clients/knead/result.h"
+#include "clients/cli/result.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 #include "clients/identify/options.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/output.h"
+#include "clients/cli/result.h"
 #include "core/scene/keys.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,10 +1,10 @@
 // The command `knead identify relax`: find the parameters of the papers' element from a stress that fell while a strain
 // was held.
 #include "clients/identify/identify.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/result.h"
-#include "clients/knead/table.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,9 +1,9 @@
 // The command `knead identify sweep`: find springs and dampers from storage and loss modulus over frequency.
 #include "clients/identify/identify.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/result.h"
-#include "clients/knead/table.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

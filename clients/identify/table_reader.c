@@ -1,6 +1,6 @@
 #include "clients/identify/table_reader.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <ctype.h>
 #include <math.h>
 #include <stdarg.h>

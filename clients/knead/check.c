@@ -1,19 +1,18 @@
 // knead check: reads a scene as the server does and reports its properties, its cost and its problems.
-#include "clients/knead/command.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/cost.h"
-#include "clients/knead/felt.h"
-#include "clients/knead/replay_trace.h"
-#include "clients/knead/result.h"
-#include "core/lattice/lattice.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/sweep/contact_force_error.h"
+#include "clients/sweep/replay_trace.h"
+#include "clients/sweep/tick_cost.h"
 #include "core/field.h"
-#include "core/solve/step_effort.h"
-#include "core/solve/kernel.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
-#include "core/solver_fixed.h"
+#include "core/solve/kernel.h"
+#include "core/solve/step_effort.h"
 #include "core/solve/tool.h"
+#include "core/solver_fixed.h"
 #include "server/option_table.h"
 #include "server/served_object.h"
 #include <math.h>
@@ -182,25 +181,25 @@ static size_t model_bytes(const kn_model *model)
 static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
-    kn_cost_part part[KN_COST_PARTS];
-    int count = kn_cost_parts(model, part);
+    kn_tick_cost_part part[KN_TICK_COST_PARTS];
+    int count = kn_tick_cost_parts(model, part);
     printf("cost      predicted, one core                  kB  kflop     us; each CG iteration:  kB  kflop     us\n");
     for (int i = 0; i < count; i++) {
-        const kn_cost *o = &part[i].once, *n = &part[i].iteration;
+        const kn_tick_cost *o = &part[i].once, *n = &part[i].iteration;
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
     // Solver settings of the scene itself, without a named quality such as fast.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
-    double us = kn_cost_us(model, &own, false);
+    double us = kn_tick_cost_us(model, &own, false);
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
-           kn_cost_us(model, &own, true), 1e6 * s->dt_s);
+           kn_tick_cost_us(model, &own, true), 1e6 * s->dt_s);
     // An impact is a sudden change of the forces, for which the time step is solved again
     // (core/solve/step_effort.h). The time of such a step is printed separately.
-    double blow = kn_cost_blow_us(model, &own);
+    double blow = kn_tick_cost_blow_us(model, &own);
     if (blow > 0)
         printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
-    if (kn_cost_newton(model))
+    if (kn_tick_cost_newton(model))
         warn("each edge solves its damper by its own iteration, which takes about 40 times as long");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
@@ -290,7 +289,7 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         if (!scene->point[q].defined) continue;
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
-        if (scene->point[q].live) printf(", estimate %.0f us", kn_cost_us(model, e, false));
+        if (scene->point[q].live) printf(", estimate %.0f us", kn_tick_cost_us(model, e, false));
         else printf(", another lattice or precision: cannot be selected while kneadd runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
     }
@@ -437,8 +436,8 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_number(to, "k1_pa", model->law.mat.k1_pa);
     kn_result_number(to, "c1_pa_s", model->law.mat.c1_pa_s);
     kn_result_number(to, "dt_s", s->dt_s);
-    kn_result_number(to, "usual_us", stepped ? kn_cost_us(model, &own, false) : NAN);
-    kn_result_number(to, "cap_us", stepped ? kn_cost_us(model, &own, true) : NAN);
+    kn_result_number(to, "usual_us", stepped ? kn_tick_cost_us(model, &own, false) : NAN);
+    kn_result_number(to, "cap_us", stepped ? kn_tick_cost_us(model, &own, true) : NAN);
     kn_result_integer(to, "state_bytes", (int64_t)model->state_bytes);
     kn_result_integer(to, "model_bytes", (int64_t)model_bytes(model));
     kn_result_text(to, "device", scene->device.name);
@@ -486,17 +485,19 @@ static int check(const char *path, const char *const *sets, int count, bool text
 
 // Print the differences of force and shape between the scene and the scene with a uniform lattice. Return
 // KN_EXIT_FAILED if the stated accuracy is missed.
-static int say(const kn_trace *own, const kn_trace *uniform, const kn_scene *scene)
+static int say(const kn_replay_trace *own, const kn_replay_trace *uniform, const kn_scene *scene)
 {
     const kn_replay_tally *t = &own->tally;
-    double asked = scene->accuracy, force = kn_felt_force(own, uniform), shape = kn_felt_shape(own, uniform);
+    double asked = scene->accuracy, force = kn_contact_force_error(own, uniform),
+           shape = kn_contact_shape_error(own, uniform);
     bool keeps = force <= asked;
     if (own->diverged || uniform->diverged)
         return kn_complain("check", KN_EXIT_FAILED, "%s diverged: there is no force to compare",
                            own->diverged ? "the scene" : "its uniform lattice");
     if (isnan(force)) return kn_complain("check", KN_EXIT_USAGE, "the log contains no contact, expected a press");
     printf("accuracy  force %.2g %% off the uniform lattice, %g %% asked: %s; peak %.4g N, uniform %.4g N\n",
-           100 * force, 100 * asked, keeps ? "kept" : "missed", kn_felt_peak(own), kn_felt_peak(uniform));
+           100 * force, 100 * asked, keeps ? "kept" : "missed", kn_contact_force_peak(own),
+           kn_contact_force_peak(uniform));
     printf("          shape %.2g %%; a tick takes %.0f us, uniform %.0f us, %.2f of it\n", 100 * shape, own->median_us,
            uniform->median_us, own->median_us / uniform->median_us);
     // If a tool outside the box of fine cells presses coarse cells, the log says little about the accuracy, so print a
@@ -515,7 +516,7 @@ static int say(const kn_trace *own, const kn_trace *uniform, const kn_scene *sce
 static int check_log(const char *path, const char *log, const char **sets, int count)
 {
     char error[512], set[64];
-    kn_trace own = {0}, uniform = {0};
+    kn_replay_trace own = {0}, uniform = {0};
     kn_replay_def def = {.log_path = log, .scene_path = path, .sets = sets, .set_count = count + 1, .afresh = true};
     kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
     if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
@@ -524,15 +525,15 @@ static int check_log(const char *path, const char *log, const char **sets, int c
     snprintf(set, sizeof set, "object.accuracy=%.17g", scene->accuracy);
     sets[count] = set;
     bool stated = scene->accuracy > 0;
-    bool played = stated && kn_origin_check(&def, path, scene, error, sizeof error) &&
-                  kn_trace_play(&own, &def, error, sizeof error);
+    bool played = stated && kn_replay_log_check(&def, path, scene, error, sizeof error) &&
+                  kn_replay_trace_play(&own, &def, error, sizeof error);
     sets[count] = "object.accuracy=0";
-    played = played && kn_trace_play(&uniform, &def, error, sizeof error);
+    played = played && kn_replay_trace_play(&uniform, &def, error, sizeof error);
     if (!stated) snprintf(error, sizeof error, "%s: has no object.accuracy, which --log needs", path);
     int code = played ? say(&own, &uniform, scene) : kn_complain("check", KN_EXIT_USAGE, "%s", error);
     kn_scene_destroy(scene);
-    kn_trace_free(&own);
-    kn_trace_free(&uniform);
+    kn_replay_trace_free(&own);
+    kn_replay_trace_free(&uniform);
     return code;
 }
 

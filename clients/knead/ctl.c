@@ -1,7 +1,7 @@
 // knead ctl: sends a control command to a running kneadd over its control socket.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/ask.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/live_server.h"
 #include "server/clock.h"
 #include "server/option_table.h"
 #include <inttypes.h>
@@ -31,7 +31,7 @@ static const char help[] =
     "                   The stop outlasts load, and with kneadd --state-dir a restart; else a restart ends it\n"
     "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
     "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
-    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
+    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_LIVE_SERVER_CONTROL ")\n"
     "  --json           print the answer as received, one JSON object\n\n"
     "Exit codes: 0 done, 2 refused, 3 no server on the socket.\n";
 
@@ -48,7 +48,7 @@ static int parse(options *o, int argc, char **argv)
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
     const char *environment = getenv("KNEAD_CONTROL");
-    *o = (options){.path = environment && *environment ? environment : KN_ASK_PATH};
+    *o = (options){.path = environment && *environment ? environment : KN_LIVE_SERVER_CONTROL};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ || optind < argc) return code;
     return kn_complain("ctl", KN_EXIT_USAGE,
@@ -219,7 +219,7 @@ static int await_next(const options *o, double since_us)
     bool next = false;
     for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
-        json_t *status = kn_ask(o->path, request, error, sizeof error);
+        json_t *status = kn_live_server_ask(o->path, request, error, sizeof error);
         // The answer comes from the new run of kneadd if that run started after the command was sent.
         double up_s = json_real_value(json_object_get(status, "uptime_s"));
         next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
@@ -248,7 +248,7 @@ int kn_ctl_main(int argc, char **argv)
     else if (request && argument) add_argument(request, command, argument);
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
-    json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
+    json_t *answer = request ? kn_live_server_ask(o.path, request, error, sizeof error) : NULL;
     // The command `load` ends the run of kneadd and starts a new run in the same process, so wait for the new run.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);

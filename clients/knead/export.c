@@ -1,14 +1,12 @@
 // knead export: writes the states of an object over time to files for other programs: ParaView and VTK, MeshLab and
 // Open3D, tables.
-#include "clients/knead/batch.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/interrupt.h"
-#include "clients/knead/measure_option.h"
-#include "clients/knead/output.h"
-#include "clients/knead/paraview.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/rows.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/output_folder.h"
+#include "clients/hand/session_record.h"
+#include "clients/picture/object_still.h"
+#include "clients/picture/paraview.h"
 #include "clients/viewer/beside.h"
 #include "core/algebra/algebra.h"
 #include "server/option_table.h"
@@ -59,7 +57,7 @@ typedef struct options {
 
 typedef struct run {
     const options *o;
-    kn_batch vtk, plys;
+    kn_output_folder vtk, plys;
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
@@ -98,7 +96,7 @@ static void add_corner(const float at[3], const float next[3], const float last[
 }
 
 // Compute unit normals of all vertices. A vertex without triangles gets 0.
-static void add_normals(const kn_still *s, vertex *v)
+static void add_normals(const kn_object_still *s, vertex *v)
 {
     for (int t = 0; t < s->triangle_count; t++)
         for (int i = 0; i < 3; i++) {
@@ -122,7 +120,7 @@ static void add_normals(const kn_still *s, vertex *v)
 // pictures of `knead view`. Neighbouring triangles share vertices. what: the measure whose values are in still->value.
 // top: value at the end of the colour scale, > 0, in the unit of the measure. about: one line of text for the header of
 // the file. Return false when memory is short. Write errors are not checked here. The caller checks the stream.
-static bool write_surface(FILE *f, const kn_still *s, kn_measure what, double top, const char *about)
+static bool write_surface(FILE *f, const kn_object_still *s, kn_measure what, double top, const char *about)
 {
     const kn_measure_name *name = &kn_measure_names[what];
     vertex *v = calloc((size_t)s->vertex_count + 1, sizeof *v);
@@ -225,11 +223,11 @@ static int parse(int argc, char **argv, options *o)
 // ---- outputs
 
 // Create an output folder that appears only when it is complete. Do nothing if `path` is NULL.
-static int open_folder(kn_batch *batch, const char *path)
+static int open_folder(kn_output_folder *batch, const char *path)
 {
     char error[PATH_MAX];
     bool taken;
-    if (!path || kn_batch_open(batch, path, &taken, error, sizeof error)) return KN_EXIT_OK;
+    if (!path || kn_output_folder_open(batch, path, &taken, error, sizeof error)) return KN_EXIT_OK;
     return kn_complain("export", taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
 }
 
@@ -261,8 +259,8 @@ static int keep_outputs(run *r)
         FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
     if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
     if (r->ply.file && !kn_beside_keep(&r->ply, error, sizeof error)) FAIL("%s", error);
-    if (!kn_batch_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
-    if (!kn_batch_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
+    if (!kn_output_folder_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
+    if (!kn_output_folder_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
     return KN_EXIT_OK;
 }
 
@@ -273,8 +271,8 @@ static void drop_outputs(run *r)
     if (r->paraview) kn_paraview_close(r->paraview, error, 0);
     if (r->csv.file) kn_beside_drop(&r->csv);
     if (r->ply.file) kn_beside_drop(&r->ply);
-    kn_batch_drop(&r->plys);
-    kn_batch_drop(&r->vtk);
+    kn_output_folder_drop(&r->plys);
+    kn_output_folder_drop(&r->vtk);
     kn_gauge_destroy(r->gauge);
 }
 
@@ -303,7 +301,7 @@ static void say_of(const char *scene, double time_s, char *about, size_t size)
 static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
 {
     const kn_measure what = (kn_measure)r->o->measure;
-    kn_still still = {0};
+    kn_object_still still = {0};
     char about[128];
     // A gauge (which computes stresses) is valid for one model only. A `set` command in the recording may have changed
     // the model, so create a new gauge.
@@ -313,10 +311,11 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
         r->gauged = m->models;
     }
     say_of(scene, m->time_s, about, sizeof about);
-    bool ok = r->gauge && kn_still_state(&still, m->model, m->state) &&
-              kn_still_measure(&still, m->model, m->state, r->gauge, what, false) &&
-              write_surface(file, &still, what, kn_measure_scale(what, r->o->top_si, kn_still_most(&still)), about);
-    kn_still_free(&still);
+    bool ok =
+        r->gauge && kn_object_still_state(&still, m->model, m->state) &&
+        kn_object_still_measure(&still, m->model, m->state, r->gauge, what, false) &&
+        write_surface(file, &still, what, kn_measure_scale(what, r->o->top_si, kn_object_still_most(&still)), about);
+    kn_object_still_free(&still);
     return ok;
 }
 

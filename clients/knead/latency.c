@@ -1,13 +1,13 @@
 // knead latency: measures the time from a pose to its force through LCM on a real kneadd. This file has the options and
 // the sequence of the measurement. latency_run.c has the threads and the processes, latency_report.c the results.
 #include "clients/knead/latency.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/join.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/record.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/session_record.h"
+#include "clients/hand/tool_height.h"
 #include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "server/option_table.h"
@@ -94,7 +94,7 @@ static int parse(options *o, int argc, char **argv)
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
                            "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
-    if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
+    if (o->url && !kn_bus_client_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
     return code;
 }
@@ -116,40 +116,42 @@ static const char *default_scene(char path[PATH_MAX])
 // Receive the scene from a kneadd that is already running.
 static kn_scene *ask_scene(const char *url, char *error, size_t size)
 {
-    kn_record *record = kn_record_open(url, error, size);
+    kn_session_record *record = kn_session_record_open(url, error, size);
     kn_scene *scene = NULL;
     if (!record) return NULL;
-    if (!kn_record_scene(record, 4000))
-        snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_join_why("is kneadd running on this bus?"));
+    if (!kn_session_record_scene(record, 4000))
+        snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_bus_client_why("is kneadd running on this bus?"));
     else
         scene =
             kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error, size);
-    kn_record_destroy(record);
+    kn_session_record_destroy(record);
     return scene;
 }
 
 // Create the path of the hand. If this program has started kneadd, the tool presses slowly into the object during the
 // whole measurement, so that the tool always touches the object. If kneadd was already running, the tool stays above
 // the object.
-static kn_path *make_path(const kn_scene *scene, const options *o, const char **work)
+static kn_tool_path *make_path(const kn_scene *scene, const options *o, const char **work)
 {
     const kn_probe_def *tool = &scene->model.probe[0];
     double extent_m[3];
     kn_model_def_extent(&scene->model, extent_m);
     // Compute the height of the tool at which it touches the top of the object.
-    double touch_m = extent_m[2] + kn_foot_m(tool);
+    double touch_m = extent_m[2] + kn_tool_height_m(tool);
     *work = "press";
     // Choose the speed of the press such that it lasts a little longer than the measurement.
     double depth_m = deep * extent_m[2], speed_m_s = depth_m / (1 + 1.2 * o->seconds);
-    if (!o->url) return kn_path_press(&(kn_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
+    if (!o->url)
+        return kn_tool_path_press(
+            &(kn_tool_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
     // Without a press, the path has a single piece in which the tool stands still.
-    kn_path *path = calloc(1, sizeof *path + sizeof(kn_piece));
+    kn_tool_path *path = calloc(1, sizeof *path + sizeof(kn_tool_path_piece));
     if (!path) return NULL;
-    kn_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
-    path->piece = (kn_piece *)(path + 1);
+    kn_tool_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
+    path->piece = (kn_tool_path_piece *)(path + 1);
     path->count = 1;
     path->duration_s = years_s;
-    path->piece[0] = (kn_piece){KN_PIECE_STAND, *work, 0, years_s, there, there, 0};
+    path->piece[0] = (kn_tool_path_piece){KN_TOOL_PATH_PIECE_STAND, *work, 0, years_s, there, there, 0};
     return path;
 }
 
@@ -182,7 +184,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     // Choose a separate bus for the echo in every case.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
-    kn_path *way = make_path(scene, o, &l.work);
+    kn_tool_path *way = make_path(scene, o, &l.work);
     l.path = way;
     int code = way ? KN_EXIT_OK : KN_EXIT_INTERNAL;
     if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
@@ -193,7 +195,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
-    kn_path_destroy(way);
+    kn_tool_path_destroy(way);
     return code;
 }
 

@@ -1,9 +1,9 @@
 // Results of knead latency: table, contract, JSON, picture.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
 #include "clients/knead/latency.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
 #include "core/algebra/algebra.h"
 #include <errno.h>
 #include <math.h>

@@ -1,8 +1,8 @@
-#include "clients/knead/command.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/join.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/virtual_hand.h"
 #include "clients/knead/latency.h"
-#include "clients/knead/virtual_hand.h"
 #include "proto/knead_contact_force_t.h"
 #include "server/clock.h"
 #include "server/mailbox.h"
@@ -40,7 +40,7 @@ typedef struct run {
     kn_latency *l;
     const volatile int *stop;
     // Connections of ear and echo to the buses; the hand sends through those of the ear.
-    kn_join *ear_bus, *ear_echo, *echo_bus;
+    kn_bus_client *ear_bus, *ear_echo, *echo_bus;
     // Answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts.
     kn_flights answers[KN_LATENCY_PATHS];
     kn_mailbox forces; // mailbox that passes forces from the ear to the hand
@@ -78,14 +78,14 @@ static void on_echo(const lcm_recv_buf_t *buf, const char *channel, void *self)
     knead_contact_force_t force = {.session = pose.session, .seq = pose.seq, .sent_ns = pose.sent_ns};
     uint8_t out[MESSAGE_MAX];
     int size = knead_contact_force_t_encode(out, 0, sizeof out, &force);
-    if (size > 0) kn_join_send(((run *)self)->echo_bus, echo_back, out, size);
+    if (size > 0) kn_bus_client_send(((run *)self)->echo_bus, echo_back, out, size);
 }
 
 static void *echo_main(void *self)
 {
     run *r = self;
-    kn_join_priority(echo_priority);
-    while (!atomic_load(&r->done)) kn_join_handle(r->echo_bus, 100);
+    kn_bus_client_priority(echo_priority);
+    while (!atomic_load(&r->done)) kn_bus_client_handle(r->echo_bus, 100);
     return NULL;
 }
 
@@ -121,13 +121,13 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 static void *ear_main(void *self)
 {
     run *r = self;
-    kn_join_priority(hand_priority);
+    kn_bus_client_priority(hand_priority);
     // Poll both buses in one thread, so that the receiver delays the answers of kneadd and of the echo alike.
-    struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0}};
+    struct pollfd in[] = {{kn_bus_client_fd(r->ear_bus), POLLIN, 0}, {kn_bus_client_fd(r->ear_echo), POLLIN, 0}};
     while (!atomic_load(&r->done)) {
         if (poll(in, 2, 100) <= 0) continue;
-        if (in[0].revents) kn_join_handle(r->ear_bus, 0);
-        if (in[1].revents) kn_join_handle(r->ear_echo, 0);
+        if (in[0].revents) kn_bus_client_handle(r->ear_bus, 0);
+        if (in[1].revents) kn_bus_client_handle(r->ear_echo, 0);
     }
     return NULL;
 }
@@ -147,8 +147,8 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
          &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns, .counts = counts});
     kn_wire_pose(&message, pose);
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
-    if (path == KN_LATENCY_POSE) kn_join_send(r->ear_bus, channel, bytes, size);
-    else kn_join_send(r->ear_echo, echo_out, bytes, size);
+    if (path == KN_LATENCY_POSE) kn_bus_client_send(r->ear_bus, channel, bytes, size);
+    else kn_bus_client_send(r->ear_echo, echo_out, bytes, size);
 }
 
 // Start a new hand with new session numbers.
@@ -190,7 +190,7 @@ static void *hand_main(void *self)
 {
     run *r = self;
     kn_latency *l = r->l;
-    l->real_time = kn_join_priority(hand_priority) == 0;
+    l->real_time = kn_bus_client_priority(hand_priority) == 0;
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
     take_hand(r);
@@ -228,26 +228,26 @@ static bool open_all(run *r)
         if (!reserve(&l->flights[p], capacity) || !reserve(&r->answers[p], capacity))
             return snprintf(error, size, "out of memory"), false;
     const char *echo = l->echo_url;
-    if (!(r->ear_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
-    if (!kn_join_speaks(error, size)) return false;
-    kn_join **echoes[] = {&r->ear_echo, &r->echo_bus};
+    if (!(r->ear_bus = kn_bus_client_open(l->url, KN_FORCE_URL, error, size))) return false;
+    if (!kn_bus_client_speaks(error, size)) return false;
+    kn_bus_client **echoes[] = {&r->ear_echo, &r->echo_bus};
     // The messages of the echo are not signed, because no kneadd receives them.
     for (int i = 0; i < 2; i++) {
-        if (!(*echoes[i] = kn_join_open(echo, echo, error, size))) return false;
-        kn_join_trust(*echoes[i]);
+        if (!(*echoes[i] = kn_bus_client_open(echo, echo, error, size))) return false;
+        kn_bus_client_trust(*echoes[i]);
     }
     char channel[64];
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", l->probe);
-    kn_join_hear(r->ear_bus, channel, on_force, r);
-    kn_join_hear(r->ear_echo, echo_back, on_force, r);
-    kn_join_hear(r->echo_bus, echo_out, on_echo, r);
+    kn_bus_client_hear(r->ear_bus, channel, on_force, r);
+    kn_bus_client_hear(r->ear_echo, echo_back, on_force, r);
+    kn_bus_client_hear(r->echo_bus, echo_out, on_echo, r);
     return true;
 }
 
 static void close_all(run *r)
 {
-    kn_join *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
-    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_join_close(bus[i]);
+    kn_bus_client *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
+    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_bus_client_close(bus[i]);
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
 }
 
@@ -320,7 +320,8 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     // If the hand gave up, report the reason.
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
-                 r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")
+                 r.hand.trouble == KN_HAND_NO_ANSWER
+                     ? kn_bus_client_why("no force for 3 s: is kneadd running on this bus?")
                  : r.hand.trouble == KN_HAND_NOT_ENGAGED
                      ? "kneadd answers, but does not let the tool in: does another hand hold it?"
                      : "the machine stood still too often, so the hand gave up");

@@ -4,8 +4,8 @@
 //   gmsh     splits the surface at edges sharper than 40 degrees, meshes its pieces anew, then the inside: edges have
 //            the wanted length, whatever the triangles were
 //   tetgen   keeps the surface and adds points if quality or size need them, so it is never coarser than the triangles
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
 #include "core/scene/mesh_file.h"
 #include "core/scene/units.h"
 #include <errno.h>

@@ -1,8 +1,8 @@
 #include "clients/knead/probe_options.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/hand.h"
-#include "clients/knead/join.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/virtual_hand.h"
 #include "core/scene/keys.h"
 #include <errno.h>
 #include <math.h>
@@ -70,7 +70,7 @@ static const char *take_drop(void *options, const char *text)
     return parts == 2 && opt->drop_at_ms >= 0 && opt->drop_ms > 0 ? NULL : "SECONDS:MILLISECONDS like 1.5:30";
 }
 
-// Parse the delay of a simulated link in whole ms. kn_grasp keeps 256 slots, one for each ms.
+// Parse the delay of a simulated link in whole ms. kn_closed_loop_hand keeps 256 slots, one for each ms.
 static const char *take_delay(void *delay_ms, const char *text)
 {
     int *value = delay_ms;
@@ -92,10 +92,10 @@ static const char *take_axes(void *axes, const char *text)
 #define REFUSE(...) return fprintf(stderr, "knead probe: " __VA_ARGS__), KN_EXIT_USAGE
 
 // Check the speed of a sine. A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t), so its peak speed is pi f d.
-static int check_sine(const kn_path_def *shape)
+static int check_sine(const kn_tool_path_def *shape)
 {
-    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_PATH_SWING_HZ;
-    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
+    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_TOOL_PATH_SWING_HZ;
+    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_TOOL_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
     if (peak_m_s <= fastest_m_s) return KN_OPTIONS_READ;
     REFUSE("a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f, 1e3 * d,
            peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
@@ -118,8 +118,8 @@ static int check(const kn_probe_options *opt)
     if (alone && !opt->gripped) REFUSE("%s without a hand on a device, expected --hand too\n", alone);
     if (kn_choice_of("press|sine|poke", opt->path) < 0 && access(opt->path, R_OK) != 0)
         REFUSE("--path %s: expected press, sine, poke or a CSV file (%s)\n", opt->path, strerror(errno));
-    if (!kn_join_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) ||
-        !kn_join_check(opt->mesh_url, KN_MESH_URL, error, sizeof error))
+    if (!kn_bus_client_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_bus_client_check(opt->mesh_url, KN_MESH_URL, error, sizeof error))
         REFUSE("%s\n", error);
     return KN_OPTIONS_READ;
 }

@@ -1,11 +1,10 @@
 // knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/replay.h makes the replay.
 // This file writes the results and messages.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/result.h"
-#include "clients/knead/rows.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/result.h"
+#include "clients/hand/session_record.h"
 #include "core/hash.h"
 #include "core/scene/keys.h"
 #include "server/backend/fpga.h"

@@ -1,11 +1,11 @@
 // knead stability: solves some thousands of small scenes with extreme parameters and compares each result with that of
-// a converged reference solver (trial.h).
-#include "clients/knead/atlas.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/result.h"
+// a converged reference solver (stability_trial.h).
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
+#include "clients/sweep/stability_atlas.h"
 #include "server/option_table.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,7 +49,8 @@ typedef struct options {
 static void print_help(void)
 {
     fputs(help, stdout);
-    for (int f = 0; kn_families[f]; f++) printf("      %-10s    %s\n", kn_families[f], kn_family_about(f));
+    for (int f = 0; kn_stability_families[f]; f++)
+        printf("      %-10s    %s\n", kn_stability_families[f], kn_stability_family_about(f));
     fputs(help_end, stdout);
 }
 
@@ -57,9 +58,9 @@ static void print_help(void)
 static const char *take_family(void *family, const char *name)
 {
     char known[200] = "";
-    for (int f = 0; kn_families[f]; f++) {
-        if (!strcmp(kn_families[f], name)) return *(const char **)family = name, NULL;
-        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", f ? ", " : "", kn_families[f]);
+    for (int f = 0; kn_stability_families[f]; f++) {
+        if (!strcmp(kn_stability_families[f], name)) return *(const char **)family = name, NULL;
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", f ? ", " : "", kn_stability_families[f]);
     }
     kn_complain("stability", KN_EXIT_USAGE, "--family %s: expected one of %s", name, known);
     return KN_OPTION_TOLD;
@@ -89,14 +90,14 @@ int kn_stability_main(int argc, char **argv)
     if (opt.csv) code = kn_output_try("stability", opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_plot_try("stability", opt.plot);
     if (code != KN_EXIT_OK) return code;
-    kn_atlas atlas;
-    code = kn_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
+    kn_stability_atlas atlas;
+    code = kn_stability_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
     if (code != KN_EXIT_OK) return code;
-    bool sound = kn_atlas_print(&atlas);
-    if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
-    if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
+    bool sound = kn_stability_atlas_print(&atlas);
+    if (opt.csv) code = kn_stability_atlas_write(&atlas, opt.csv);
+    if (code == KN_EXIT_OK && opt.plot) code = kn_stability_atlas_draw(&atlas, opt.plot);
     // Print the elapsed time to stderr, so that the text on stdout is the same in every run.
     if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
-    kn_atlas_free(&atlas);
+    kn_stability_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;
 }

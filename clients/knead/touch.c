@@ -1,9 +1,9 @@
 // knead touch: shows the contact of a tool on a running kneadd --touch, as a picture in the terminal, as lines or as
 // JSON.
-#include "clients/knead/commands.h"
-#include "clients/knead/join.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/live.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/live_server.h"
 #include "proto/knead_touch_patch_t.h"
 #include "server/option_table.h"
 #include <inttypes.h>
@@ -67,7 +67,7 @@ static int parse(watch *w, int argc, char **argv)
     if (w->probe && (!*w->probe || strspn(w->probe, "abcdefghijklmnopqrstuvwxyz0123456789_") != strlen(w->probe) ||
                      strlen(w->probe) >= KN_NAME_MAX))
         return kn_complain("touch", KN_EXIT_USAGE, "--probe %s: expected a tool's name, [a-z0-9_]+", w->probe);
-    if (kn_join_check(w->url, KN_FORCE_URL, error, sizeof error)) return code;
+    if (kn_bus_client_check(w->url, KN_FORCE_URL, error, sizeof error)) return code;
     return kn_complain("touch", KN_EXIT_USAGE, "%s", error);
 }
 
@@ -127,7 +127,7 @@ static void draw(watch *w)
     // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
-    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
+    if (kn_live_server_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
     else print_words(w);
     printf("\033[K\n  v +----------------+\033[K\n");
     for (int i = CELLS - 1; i >= 0; i--) {
@@ -170,7 +170,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (strcmp(w->name, name) != 0) return;
     if (w->heard++ == 0) w->first_us = patch.utime;
     w->patch = patch;
-    w->heard_ms = kn_live_now_ms();
+    w->heard_ms = kn_live_server_now_ms();
     w->touched += patch.area_m2 > 0;
     if (w->draws || (w->once && w->touched == 0)) return;
     if (w->json) print_json(w);
@@ -187,11 +187,12 @@ static int64_t until_ms(const watch *w, int64_t start_ms)
 }
 
 // Receive patch messages and draw pictures until the program stops. Return the exit code.
-static int look(watch *w, kn_join *bus)
+static int look(watch *w, kn_bus_client *bus)
 {
-    int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;
-    for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout); now_ms = kn_live_now_ms()) {
-        kn_join_handle(bus, FRAME_MS);
+    int64_t start_ms = kn_live_server_now_ms(), drawn_ms = 0, now_ms = start_ms;
+    for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout);
+         now_ms = kn_live_server_now_ms()) {
+        kn_bus_client_handle(bus, FRAME_MS);
         // When messages stop, draw once more to say that nobody holds the tool.
         bool stale = w->heard && now_ms - w->heard_ms > SILENCE_MS;
         if (!w->draws || now_ms - drawn_ms < FRAME_MS || (w->heard == w->drawn && !stale)) continue;
@@ -202,7 +203,7 @@ static int look(watch *w, kn_join *bus)
     double waited_s = 1e-3 * (double)(now_ms - start_ms);
     if (w->heard == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "no " CHANNEL "%s for %.3g s: %s", w->probe ? w->probe : "*",
-                           waited_s, kn_join_why("is kneadd running with --touch, and a hand at the tool?"));
+                           waited_s, kn_bus_client_why("is kneadd running with --touch, and a hand at the tool?"));
     if (w->once && w->touched == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "%s touched nothing for %.3g s", w->name, waited_s);
     return KN_EXIT_OK;
@@ -216,10 +217,10 @@ int kn_touch_main(int argc, char **argv)
     if (code != KN_OPTIONS_READ) return code;
     w.draws = !w.json && isatty(STDOUT_FILENO);
     snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "*");
-    kn_join *bus = kn_join_open(w.url, KN_FORCE_URL, error, sizeof error);
+    kn_bus_client *bus = kn_bus_client_open(w.url, KN_FORCE_URL, error, sizeof error);
     if (!bus) return kn_complain("touch", KN_EXIT_DEVICE, "%s", error);
-    kn_join_hear(bus, channel, on_touch, &w);
+    kn_bus_client_hear(bus, channel, on_touch, &w);
     code = look(&w, bus);
-    kn_join_close(bus);
+    kn_bus_client_close(bus);
     return code;
 }

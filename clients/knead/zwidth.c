@@ -1,16 +1,12 @@
 // knead zwidth: finds, in simulation, the stiffest wall that a device can render without a buzz, for several delays and
 // frictions.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/pad.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/profile.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/result.h"
-#include "clients/knead/rig.h"
-#include "clients/knead/slab.h"
-#include "clients/knead/table.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
+#include "clients/hand/haptic_loop.h"
 #include "server/option_table.h"
 #include <math.h>
 #include <stdio.h>
@@ -70,7 +66,7 @@ typedef struct zwidth {
     const char *sets[SETS];
     int set_count;
     kn_grip grip;
-    const kn_pad_def *material;
+    const kn_lumped_object_def *material;
     const char *scene_path, *tool;
     kn_scene *scene; // scene of the object; NULL: the object is the pad `material`
     bool quick;
@@ -85,22 +81,22 @@ typedef struct zwidth {
 // Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
 static kn_haptic_loop_result on_lattice(const zwidth *z, const kn_haptic_loop_def *def)
 {
-    kn_slab slab;
+    kn_lattice_object slab;
     char error[300];
     // load_scene has already opened this lattice with another coupling.
-    if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
+    if (!kn_lattice_object_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_haptic_loop_result){.buzzes = true};
-    kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_slab_touch, &slab);
+    kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_lattice_object_touch, &slab);
     result.buzzes |= slab.diverged;
-    kn_slab_close(&slab);
+    kn_lattice_object_close(&slab);
     return result;
 }
 
 // Run the loop with one coupling. Return true if the loop buzzes.
 static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
 {
-    kn_pad_contact c = {.coupling = coupling};
-    kn_haptic_loop_def def = {.arm = kn_arm_of(&z->profile),
+    kn_lumped_object_contact c = {.coupling = coupling};
+    kn_haptic_loop_def def = {.arm = kn_held_device_of(&z->profile),
                               .coupling = coupling,
                               .trip_ms = trip,
                               .motion = z->grip == KN_GRIP_NONE ? KN_HAPTIC_LOOP_LEAN : KN_HAPTIC_LOOP_PRESS};
@@ -108,8 +104,8 @@ static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling
     def.arm.grip = z->grip;
     def.arm.axes = 1;
     if (z->scene) return on_lattice(z, &def).buzzes;
-    kn_pad_init(&c.pad, z->material);
-    return kn_haptic_loop_run(&def, kn_pad_touch, &c).buzzes;
+    kn_lumped_object_init(&c.pad, z->material);
+    return kn_haptic_loop_run(&def, kn_lumped_object_touch, &c).buzzes;
 }
 
 // Find the largest coupling without a buzz by searching upwards until the first buzz. Larger couplings may be calm
@@ -215,8 +211,9 @@ static int draw(const zwidth *z)
 
 static const char *take_material(void *material, const char *name)
 {
-    for (int i = 0; i < KN_PADS; i++)
-        if (!strcmp(kn_pads[i].name, name)) return *(const kn_pad_def **)material = &kn_pads[i], NULL;
+    for (int i = 0; i < KN_LUMPED_OBJECTS; i++)
+        if (!strcmp(kn_lumped_objects[i].name, name))
+            return *(const kn_lumped_object_def **)material = &kn_lumped_objects[i], NULL;
     return "wall, dough, clay, jelly or stiff-jelly";
 }
 
@@ -253,7 +250,7 @@ static int parse(zwidth *z, int argc, char **argv)
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
     // Without a hand a constant force of 1 N pushes the device, and only a wall can hold it.
-    if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
+    if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_lumped_objects[0]))
         return kn_complain("zwidth", KN_EXIT_USAGE,
                            "%s: without a hand the device only sinks in, expected --hand "
                            "light, normal or firm",
@@ -283,22 +280,22 @@ static int report(zwidth *z)
 // has the tool.
 static int load_scene(zwidth *z)
 {
-    kn_slab slab;
+    kn_lattice_object slab;
     char error[512];
     z->scene = kn_scene_load(z->scene_path, NULL, 0, error, sizeof error);
     if (!z->scene) return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
-    if (!kn_slab_open(&slab, z->scene, z->tool, &(kn_coupling){100.0, 1.0}, error, sizeof error))
+    if (!kn_lattice_object_open(&slab, z->scene, z->tool, &(kn_coupling){100.0, 1.0}, error, sizeof error))
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
-    kn_slab_close(&slab);
+    kn_lattice_object_close(&slab);
     return KN_EXIT_OK;
 }
 
 int kn_zwidth_main(int argc, char **argv)
 {
-    zwidth z = {.device = "touch", .material = &kn_pads[0]};
+    zwidth z = {.device = "touch", .material = &kn_lumped_objects[0]};
     int code = parse(&z, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
-    code = kn_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
+    code = kn_device_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
     if (code == KN_EXIT_OK && z.scene_path) code = load_scene(&z);
     if (code == KN_EXIT_OK && z.csv) code = kn_output_try("zwidth", z.csv);
     if (code == KN_EXIT_OK && z.plot) code = kn_plot_try("zwidth", z.plot);

@@ -1,5 +1,5 @@
 #include "clients/report/plot_panels.h"
-#include "clients/knead/plot.h"
+#include "clients/cli/plot.h"
 #include <math.h>
 #include <stdio.h>
 

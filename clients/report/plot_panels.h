@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_REPORT_PLOT_PANELS_H
 #define KN_CLIENTS_REPORT_PLOT_PANELS_H
 // Plots that compare measured values with those of a model. A plot consists of panels with points and lines, and is
-// drawn by clients/knead/plot.h.
+// drawn by clients/cli/plot.h.
 //
 //     kn_figure_panel p = {.x_label = "time, s", .y_label = "strain"};
 //     kn_figure_add(&p, (kn_figure_series){"50 gf", n, time_s, strain, .look = KN_FIGURE_POINTS, .hue = 1});

@@ -1,7 +1,6 @@
 #include "clients/report/report_page.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/interrupt.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include <errno.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -57,7 +56,7 @@ static void end_table(kn_document *d)
 static void give_way(kn_document *d)
 {
     if (!kn_interrupted) return;
-    kn_batch_drop(&d->batch);
+    kn_output_folder_drop(&d->batch);
     kn_interrupt_die();
 }
 
@@ -241,10 +240,10 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     snprintf(d->title, sizeof d->title, "%s", title);
     remember(d, argc, argv);
     kn_interrupt_watch(); // from now on an interrupt must remove the folder
-    if (!kn_batch_open(&d->batch, folder, &taken, error, sizeof error))
+    if (!kn_output_folder_open(&d->batch, folder, &taken, error, sizeof error))
         return kn_complain(subcommand, taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
     if ((d->body = open_memstream(&d->text, &d->size))) return KN_EXIT_OK;
-    kn_batch_drop(&d->batch);
+    kn_output_folder_drop(&d->batch);
     return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
@@ -292,7 +291,7 @@ static int write_page(kn_document *d)
     bool ok = out && put_page(d, out);
     if (out) ok &= fclose(out) == 0;
     if (!ok) return kn_complain(d->subcommand, KN_EXIT_DEVICE, "%s: %s", d->batch.path, strerror(errno));
-    if (kn_batch_keep(&d->batch, error, sizeof error)) return KN_EXIT_OK;
+    if (kn_output_folder_keep(&d->batch, error, sizeof error)) return KN_EXIT_OK;
     return kn_complain(d->subcommand, KN_EXIT_DEVICE, "%s", error);
 }
 
@@ -309,7 +308,7 @@ int kn_document_close(kn_document *d, int code)
     }
     fclose(d->body);
     free(d->text);
-    kn_batch_drop(&d->batch);
+    kn_output_folder_drop(&d->batch);
     memset(d, 0, sizeof *d);
     return code;
 }

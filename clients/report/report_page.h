@@ -20,7 +20,7 @@
 //
 // Callers pass plain text. The functions escape & and <, and replace invalid UTF-8. All functions do nothing after a
 // failure, or if the document is not open (all fields 0). Callers thus need not check whether a report is requested.
-#include "clients/knead/batch.h"
+#include "clients/cli/output_folder.h"
 #include <stdbool.h>
 #include <stdio.h>
 
@@ -28,7 +28,7 @@ typedef enum kn_document_mood { KN_DOCUMENT_HOLDS, KN_DOCUMENT_BEWARE, KN_DOCUME
 
 typedef struct kn_document {
     // private
-    kn_batch batch;
+    kn_output_folder batch;
     const char *subcommand;
     FILE *body; // stream into the memory `text`, which collects the page; NULL: the document is not open
     char *text;

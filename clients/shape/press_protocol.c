@@ -1,6 +1,6 @@
 #include "clients/shape/press_protocol.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/path.h"
+#include "clients/hand/tool_height.h"
+#include "clients/hand/tool_path.h"
 #include "server/backend/backend.h"
 #include "server/replay.h"
 #include <math.h>
@@ -91,15 +91,15 @@ static int choose_probe(const kn_model_def *def, const char *name, char *error, 
 
 // Fill the inputs of the path. In every tick the tool starts at the position of the path one tick before. Its velocity
 // takes it to the present position of the path by the end of the tick.
-static void follow(kn_press *p, const kn_path *path, double from_s)
+static void follow(kn_press *p, const kn_tool_path *path, double from_s)
 {
     for (int64_t t = 0; t < p->ticks; t++) {
-        kn_path_point before, now;
+        kn_tool_path_point before, now;
         kn_probe_input *in = &p->input[t * p->probes + p->probe];
         const double at_s = from_s + period_s * (double)(t + 1);
         p->time_s[t] = period_s * (double)(t + 1) - lead_s;
-        kn_path_at(path, at_s - period_s, &before);
-        kn_path_at(path, at_s, &now);
+        kn_tool_path_at(path, at_s - period_s, &before);
+        kn_tool_path_at(path, at_s, &now);
         in->attached = true;
         memcpy(in->position_m, before.position_m, sizeof in->position_m);
         memcpy(in->orientation_wxyz, now.orientation_wxyz, sizeof in->orientation_wxyz);
@@ -107,7 +107,7 @@ static void follow(kn_press *p, const kn_path *path, double from_s)
     }
 }
 
-static double begin_of(const kn_path *path, const char *name)
+static double begin_of(const kn_tool_path *path, const char *name)
 {
     for (int i = 0; i < path->count; i++)
         if (!strcmp(path->piece[i].name, name)) return path->piece[i].start_s;
@@ -128,13 +128,13 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
                  1e3 * depth_m, 1e3 * (1 - thinnest) * extent_m[2], 1 - thinnest);
         return false;
     }
-    const kn_path_def shape = {.touch_z_m = extent_m[2] + kn_foot_m(&object->probe[p->probe]),
-                               .depth_m = depth_m,
-                               .speed_m_s = def->speed_m_s > 0 ? def->speed_m_s : 0.01,
-                               .hold_s = def->hold_s < 0   ? 0
-                                         : def->hold_s > 0 ? def->hold_s
-                                                           : 30};
-    kn_path *path = kn_path_press(&shape);
+    const kn_tool_path_def shape = {.touch_z_m = extent_m[2] + kn_tool_height_m(&object->probe[p->probe]),
+                                    .depth_m = depth_m,
+                                    .speed_m_s = def->speed_m_s > 0 ? def->speed_m_s : 0.01,
+                                    .hold_s = def->hold_s < 0   ? 0
+                                              : def->hold_s > 0 ? def->hold_s
+                                                                : 30};
+    kn_tool_path *path = kn_tool_path_press(&shape);
     const double from_s = path ? begin_of(path, "press") - lead_s : 0;
     const double ticks = path ? ceil((path->duration_s - from_s) / period_s) : INFINITY;
     if (ticks <= LONGEST_TICKS) p->ticks = (int64_t)ticks;
@@ -148,7 +148,7 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
         snprintf(error, error_size, "a press of %.0f s, expected at most an hour of it", path ? path->duration_s : 0);
         kn_press_free(p);
     }
-    kn_path_destroy(path);
+    kn_tool_path_destroy(path);
     return ok;
 }
 
@@ -214,7 +214,7 @@ static int first_touching(const kn_press *p, const kn_model_def *object, int wan
     for (int64_t t = 0; t < p->ticks; t++)
         for (int i = 0; i < p->probes; i++) {
             const kn_probe_input *in = &p->input[t * p->probes + i];
-            const bool low = in->position_m[2] - kn_foot_m(&object->probe[i]) <= extent_m[2] + near_m;
+            const bool low = in->position_m[2] - kn_tool_height_m(&object->probe[i]) <= extent_m[2] + near_m;
             if (in->attached && low && (wanted < 0 || i == wanted)) return i;
         }
     return -1;

@@ -1,12 +1,11 @@
 // The command `knead identify shape`: find the structure whose model behaves like a measured lump that was pressed (the
 // first paper's section 5 and outlook).
 #include "clients/shape/shape_command.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
 #include "clients/viewer/beside.h"
 #include <limits.h>
 #include <pthread.h>

@@ -1,8 +1,8 @@
 // Read the measurements of `knead identify shape` from files.
 #include "clients/identify/measured_series.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/foot.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/hand/tool_height.h"
 #include "clients/shape/shape_command.h"
 #include "core/algebra/algebra.h"
 #include "core/solve/tool.h"
@@ -45,7 +45,7 @@ static kn_hidden_area hidden_at(const kn_press *p, const kn_scene *scene, double
     const kn_probe_input *in = &p->input[tick * p->probes + p->probe];
     const kn_probe_def *def = &scene->model.probe[p->probe];
     kn_model_def_extent(&scene->model, extent_m);
-    if (!in->attached || in->position_m[2] - kn_foot_m(def) > extent_m[2] + 1e-4) return box;
+    if (!in->attached || in->position_m[2] - kn_tool_height_m(def) > extent_m[2] + 1e-4) return box;
     plan_of(def, in->orientation_wxyz, box.low_m, box.high_m);
     for (int k = 0; k < 2; k++) {
         box.low_m[k] += in->position_m[k] - beside_m;
@@ -199,8 +199,8 @@ static bool make_room(kn_force_residual *f, int64_t readings)
     return f->time_s && f->force_n;
 }
 
-// Read time and force from a file, and sort them by time. `told` receives the names of the columns and of the probe, for
-// the report.
+// Read time and force from a file, and sort them by time. `told` receives the names of the columns and of the probe,
+// for the report.
 static int read_force(kn_table_reader *s, kn_force_residual *f, const char *file, const char *probe,
                       char told[2 * KN_HEADING_NAME + 100])
 {

@@ -1,7 +1,7 @@
 #include "clients/shape/shape_options.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/result.h"
 #include "core/scene/keys.h"
 #include <math.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
 #include "clients/shape/shape_command.h"
 #include <math.h>
 #include <stdio.h>

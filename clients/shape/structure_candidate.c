@@ -1,5 +1,5 @@
 #include "clients/shape/structure_candidate.h"
-#include "clients/knead/graft.h"
+#include "clients/cli/yaml_patch.h"
 #include "clients/shape/trust_region.h"
 #include "server/clock.h"
 #include <limits.h>
@@ -76,7 +76,7 @@ static char *text_for(const kn_scene *base, const kind *k, const kn_candidate_de
         return NULL;
     }
     snprintf(block, sizeof block, "object:\n  mesh: \"%s\"\n  mesh_unit: %s\n", path, def->mesh_unit);
-    return kn_graft(base->text, "object", block, error, error_size);
+    return kn_yaml_patch(base->text, "object", block, error, error_size);
 }
 
 // Parse the text of a scene with settings, in place of the scene file.
@@ -365,8 +365,8 @@ bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_can
 
 // ---- the verdict
 
-// Return the AICc of a candidate for a number of independent readings. A sum of squares below the number of residuals is
-// raised to that number, since a misfit below the noise supports no candidate.
+// Return the AICc of a candidate for a number of independent readings. A sum of squares below the number of residuals
+// is raised to that number, since a misfit below the noise supports no candidate.
 static double aicc(const kn_candidate *c, int readings, double independent)
 {
     const int n = (int)fmax(independent, c->unknowns + 3);

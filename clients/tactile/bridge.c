@@ -1,5 +1,5 @@
 #include "clients/tactile/bridge.h"
-#include "clients/knead/join.h"
+#include "clients/hand/bus_client.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
 #include "server/wire.h"
@@ -88,7 +88,7 @@ static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
-    kn_join_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
+    kn_bus_client_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
 }
 
 // Take a pose of the device: give it the session's session and number, turn it into the scene's axes, and send it.
@@ -103,7 +103,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
     // The local model needs the tool's orientation before the pose is rendered.
-    kn_render_turn(&t->render, pose.orientation_wxyz);
+    kn_haptic_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;
     if (!kn_device_session_pose(t, device->position_m, device->velocity_m_s)) return;
@@ -147,7 +147,7 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     kn_contact_unit unit;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     kn_wire_unit(&unit, &message);
-    kn_render_contact(&b->now.session.render, &unit);
+    kn_haptic_render_contact(&b->now.session.render, &unit);
 }
 
 // Close a device that was reported lost. The close waits for the tick, so that no driver is closed inside its own
@@ -165,7 +165,7 @@ static void close_lost(kn_bridge *b)
 void kn_bridge_hear(kn_bridge *b)
 {
     // Read every waiting message, so that the device gets only the newest force.
-    kn_join_handle(b->bus, 0);
+    kn_bus_client_handle(b->bus, 0);
     if (b->heard && !b->now.session.render.def.local) {
         kn_device_session_give(&b->now.session, now_s());
         answer(b);
@@ -231,14 +231,15 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
 // Join the bus and subscribe to force messages. Contact messages are needed for the local model only.
 static bool open_bus(kn_bridge *b)
 {
-    b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
-    return b->bus && kn_join_speaks(b->error, b->error_size) && kn_join_hear(b->bus, b->force_channel, on_force, b) &&
-           (!b->now.session.render.def.local || kn_join_hear(b->bus, b->contact_channel, on_contact, b));
+    b->bus = kn_bus_client_open(b->url, KN_FORCE_URL, b->error, b->error_size);
+    return b->bus && kn_bus_client_speaks(b->error, b->error_size) &&
+           kn_bus_client_hear(b->bus, b->force_channel, on_force, b) &&
+           (!b->now.session.render.def.local || kn_bus_client_hear(b->bus, b->contact_channel, on_contact, b));
 }
 
 static bool watch(kn_bridge *b)
 {
-    ev_io_init(&b->forces, on_forces, kn_join_fd(b->bus), EV_READ);
+    ev_io_init(&b->forces, on_forces, kn_bus_client_fd(b->bus), EV_READ);
     b->forces.data = b;
     ev_io_start(b->ev, &b->forces);
     // A timerfd, because libev's own timers have only the millisecond resolution of epoll.
@@ -272,7 +273,7 @@ static void let_go(kn_bridge *b)
 static void *run(void *self)
 {
     kn_bridge *b = self;
-    b->priority_error = kn_join_priority(priority);
+    b->priority_error = kn_bus_client_priority(priority);
     bool ok = open_bus(b) && watch(b) && b->device->open(b->device, b, b->error, b->error_size);
     b->open = ok;
     atomic_store(&b->up, ok);
@@ -284,7 +285,7 @@ static void *run(void *self)
 
 static void close_all(kn_bridge *b)
 {
-    kn_join_close(b->bus);
+    kn_bus_client_close(b->bus);
     if (b->timer_fd >= 0) close(b->timer_fd);
     if (b->ev) ev_loop_destroy(b->ev);
     sem_destroy(&b->ready);
@@ -314,7 +315,7 @@ bool kn_bridge_open(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, 
 void kn_bridge_close(kn_bridge *b)
 {
     let_go(b);
-    kn_join_close(b->bus);
+    kn_bus_client_close(b->bus);
 }
 
 bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)

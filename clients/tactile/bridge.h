@@ -13,7 +13,7 @@
 //
 // The session (device_session.h) is the part of the bridge that holds the watchdogs and the output stage. The thread
 // neither prints nor blocks. It posts its counters and messages as kn_bridge_news for other threads.
-#include "clients/knead/join.h"
+#include "clients/hand/bus_client.h"
 #include "clients/tactile/device_session.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
@@ -107,7 +107,7 @@ struct kn_bridge {
     kn_device_def mount;
     kn_bridge_news now, slots[3];
     kn_mailbox news;
-    kn_join *bus;
+    kn_bus_client *bus;
     knead_probe_pose_t last; // last pose sent to kneadd; its session is 0 if none was sent
     ev_io forces, timer;
     ev_async stop;
@@ -123,10 +123,10 @@ struct kn_bridge {
 
 // Settings of the link between one device and kneadd.
 typedef struct kn_bridge_def {
-    const char *url; // URL of the bus, see kn_join_open
+    const char *url; // URL of the bus, see kn_bus_client_open
     const char *probe;
-    kn_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
-    int64_t session;      // number of the first session, random, not 0
+    kn_haptic_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
+    int64_t session;             // number of the first session, random, not 0
 } kn_bridge_def;
 
 // Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be

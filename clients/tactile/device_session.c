@@ -4,14 +4,14 @@
 
 static const int silence_ms = 1200; // duration of the mode SILENT; kneadd ends a session after 1 s without poses
 
-void kn_device_session_init(kn_device_session *t, int64_t session, const kn_render_def *render)
+void kn_device_session_init(kn_device_session *t, int64_t session, const kn_haptic_render_def *render)
 {
     *t = (kn_device_session){.session = session, .tick = -1};
-    kn_render_init(&t->render, render);
-    kn_render_begin(&t->render, session);
+    kn_haptic_render_init(&t->render, render);
+    kn_haptic_render_begin(&t->render, session);
     // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
-    kn_watchdog_init(&t->forces, render->local ? KN_RENDER_LOCAL_HOLD_MS : 0,
-                     render->local ? KN_RENDER_LOCAL_ZERO_MS : 0);
+    kn_watchdog_init(&t->forces, render->local ? KN_HAPTIC_RENDER_LOCAL_HOLD_MS : 0,
+                     render->local ? KN_HAPTIC_RENDER_LOCAL_ZERO_MS : 0);
     kn_watchdog_init(&t->poses, 0, 0);
 }
 
@@ -29,7 +29,7 @@ void kn_device_session_give(kn_device_session *t, double now_s)
 {
     // Both watchdogs scale the force, so the force fades if either the device or kneadd is silent.
     double share = kn_device_session_live(t) ? t->forces.factor * t->poses.factor : 0.0;
-    kn_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
+    kn_haptic_render_give(&t->render, now_s - t->given_s, t->position_m, t->velocity_m_s, share);
     t->given_s = now_s;
     t->given = true;
 }
@@ -48,7 +48,7 @@ bool kn_device_session_pose(kn_device_session *t, const double position_m[3], co
     if (t->mode == KN_SESSION_SILENT) return false;
     t->seq++;
     t->sent++;
-    kn_render_pose(&t->render, t->seq, position_m, velocity_m_s);
+    kn_haptic_render_pose(&t->render, t->seq, position_m, velocity_m_s);
     return true;
 }
 
@@ -67,7 +67,7 @@ bool kn_device_session_take(kn_device_session *t, const kn_device_session_force 
     }
     // Only the first answer to a pose measures the round trip. Later answers are older by the ticks in between.
     bool first = force->seq > t->answered && force->seq <= t->seq;
-    if (!kn_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
+    if (!kn_haptic_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
         t->refused++; // a refused force does not reset the watchdog
         return false;
     }
@@ -95,7 +95,7 @@ static void begin_anew(kn_device_session *t)
     t->session++;
     t->seq = t->answered = 0;
     t->tick = -1;
-    kn_render_begin(&t->render, t->session);
+    kn_haptic_render_begin(&t->render, t->session);
     kn_watchdog_rearm(&t->forces);
     kn_watchdog_rearm(&t->poses);
 }
@@ -104,12 +104,12 @@ static void begin_anew(kn_device_session *t)
 // when a link that was too slow has become fast enough again.
 static bool wants_anew(kn_device_session *t)
 {
-    const kn_render *r = &t->render;
+    const kn_haptic_render *r = &t->render;
     // Lifting the tool does not clear this fault of kneadd, so only a new session helps.
     bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED);
-    bool near = r->stop == KN_RENDER_FAR && r->round_trip_s < KN_RENDER_NEAR_S;
+    bool near = r->stop == KN_HAPTIC_RENDER_FAR && r->round_trip_s < KN_HAPTIC_RENDER_NEAR_S;
     t->faults += fault;
-    return fault || near || (r->stop == KN_RENDER_REFLEX && r->gain == 0.0);
+    return fault || near || (r->stop == KN_HAPTIC_RENDER_REFLEX && r->gain == 0.0);
 }
 
 void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)

@@ -17,7 +17,7 @@
 //
 // To recover, the client follows kneadd's rule: it sends nothing until its session has ended (1.2 s), then it begins a
 // new session. The new session starts from zero force, with the tool clear of the object.
-#include "clients/knead/render.h"
+#include "clients/hand/haptic_render.h"
 
 // HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
 typedef enum kn_device_session_mode { KN_SESSION_HELD, KN_SESSION_SILENT } kn_device_session_mode;
@@ -28,7 +28,7 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
     int64_t session, seq;
     double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
     // Output stage; render.given_n is the force that the motors must give now, in the device's axes.
-    kn_render render;
+    kn_haptic_render render;
     int32_t flags, fault; // flags and fault of the newest force message
     int silent_ms;        // in mode SILENT, time until the silence ends
     // Length of the tick in which the mode last became SILENT, ms. A value far above 1 means that this process itself
@@ -52,7 +52,7 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
 } kn_device_session;
 
 // Start a session with the given number, in mode HELD, with no force yet.
-void kn_device_session_init(kn_device_session *link, int64_t session, const kn_render_def *render);
+void kn_device_session_init(kn_device_session *link, int64_t session, const kn_haptic_render_def *render);
 
 // Take a new pose of the device, in the device's own frame. Return true if the caller must send the pose, with the
 // number link->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; an

@@ -1,7 +1,7 @@
 // knead devices: lists the haptic devices of this machine, and for each the reason why it is not ready and the remedy.
 #include "clients/tactile/devices.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "clients/tactile/haply.h"
 #include "clients/tactile/spacenav.h"
 #include "server/option_table.h"

@@ -1,6 +1,6 @@
 // knead doctor: checks this machine for real time, LCM and devices, and lists each problem with its remedy.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "clients/tactile/devices.h"
 #include "core/model.h"
 #include "core/algebra/algebra.h"

@@ -1,9 +1,9 @@
 // knead hand: connect a real device to a running kneadd. The device's thread is in bridge.h. This file finds where the
 // tool begins, starts the bridge, and reports on both.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/live.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/hand/tool_height.h"
+#include "clients/hand/live_server.h"
 #include "clients/tactile/hand_options.h"
 #include "clients/tactile/paddle.h"
 #include "server/clock.h"
@@ -44,7 +44,7 @@ typedef struct told {
 typedef struct hand {
     kn_hand_options opt;
     char probe[KN_NAME_MAX], error[512];
-    kn_render_def render;
+    kn_haptic_render_def render;
     kn_bridge bridge;
     union {
         kn_tactile base;
@@ -71,19 +71,20 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     kn_device_def *d = &h->render.device;
     const kn_hand_options *o = &h->opt;
     double extent_m[3], *at_m = d->position_m, axes[3][3];
-    h->render = (kn_render_def){.device = scene->device,
-                                .coupling_n_m = tool->coupling_n_m,
-                                .coupling_n_s_m = tool->coupling_n_s_m,
-                                .radius_m = tool->radius_m,
-                                .level = tool->shape == KN_PROBE_PLATE,
-                                .guard_n_per_ms = scene->limits.guard_n_per_ms,
-                                .local = o->local,
-                                // A puck has no motors, so a late force can do no harm.
-                                .held = o->kind == KN_HAND_SPACENAV};
+    h->render = (kn_haptic_render_def){.device = scene->device,
+                                       .coupling_n_m = tool->coupling_n_m,
+                                       .coupling_n_s_m = tool->coupling_n_s_m,
+                                       .radius_m = tool->radius_m,
+                                       .level = tool->shape == KN_PROBE_PLATE,
+                                       .guard_n_per_ms = scene->limits.guard_n_per_ms,
+                                       .local = o->local,
+                                       // A puck has no motors, so a late force can do no harm.
+                                       .held = o->kind == KN_HAND_SPACENAV};
     kn_model_def_extent(&scene->model, extent_m);
     // Zero of the device: set by the option or by the scene, otherwise above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
-    else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0) at_m[2] = extent_m[2] + kn_foot_m(tool) + above_m;
+    else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0)
+        at_m[2] = extent_m[2] + kn_tool_height_m(tool) + above_m;
     // Apply the option --basis. Its text was checked when the options were parsed.
     if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
     // The bench profile allows more force than real devices bear, so its limit is replaced.
@@ -94,12 +95,12 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     // Limit how deep a steered tool can go. With a tilted mount only its reach limits the tool, because the device's z
     // is not the height.
     bool upright = axes[2][2] > 0.999;
-    h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_foot_m(tool) - at_m[2]) / d->scale : -INFINITY;
+    h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_tool_height_m(tool) - at_m[2]) / d->scale : -INFINITY;
 }
 
 static int use_scene(hand *h, const kn_scene *scene)
 {
-    const kn_probe_def *tool = kn_foot_choose_tool(&scene->model, h->opt.probe);
+    const kn_probe_def *tool = kn_tool_height_choose_tool(&scene->model, h->opt.probe);
     if (!tool)
         return kn_complain("hand", KN_EXIT_USAGE, "%s has no probe %s", scene->name, h->opt.probe ? h->opt.probe : "");
     strcpy(h->probe, tool->name);
@@ -110,16 +111,17 @@ static int use_scene(hand *h, const kn_scene *scene)
 // Find the tool, the object's height and the device's settings in the scene that kneadd serves.
 static int look_at_scene(hand *h)
 {
-    kn_live live;
-    if (!kn_live_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
+    kn_live_server live;
+    if (!kn_live_server_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
-    for (int64_t end_ms = kn_live_now_ms() + scene_wait_ms; !live.scene && kn_live_now_ms() < end_ms && !interrupted;)
-        kn_live_listen(&live, look_ms);
-    int code = live.scene ? use_scene(h, live.scene)
-               : *live.scene_error
-                   ? complain(KN_EXIT_USAGE, live.scene_error)
-                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_join_why(KN_JOIN_ASK));
-    kn_live_close(&live);
+    for (int64_t end_ms = kn_live_server_now_ms() + scene_wait_ms;
+         !live.scene && kn_live_server_now_ms() < end_ms && !interrupted;)
+        kn_live_server_listen(&live, look_ms);
+    int code = live.scene          ? use_scene(h, live.scene)
+               : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
+                                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s",
+                                                 kn_bus_client_why(KN_BUS_CLIENT_ASK));
+    kn_live_server_close(&live);
     return code;
 }
 
@@ -140,10 +142,11 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
 // Report stops of the renderer: the impulse guard, a link that is too slow, and missing contacts.
 static void tell_stop(told *t, const kn_device_session *r, const char *then, int64_t now_ms)
 {
-    const kn_render *n = &r->render, *last = &t->last.session.render;
-    if (n->reflexes > last->reflexes) fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
+    const kn_haptic_render *n = &r->render, *last = &t->last.session.render;
+    if (n->reflexes > last->reflexes)
+        fprintf(stderr, "knead hand: %s: %s\n", kn_haptic_render_why(KN_HAPTIC_RENDER_REFLEX), then);
     if (n->refusals > last->refusals && (last->refusals == 0 || now_ms - t->far_ms >= bad_ms)) {
-        fprintf(stderr, "knead hand: %s\n", kn_render_why(KN_RENDER_FAR));
+        fprintf(stderr, "knead hand: %s\n", kn_haptic_render_why(KN_HAPTIC_RENDER_FAR));
         t->far_ms = now_ms;
     }
     // The local model needs contacts. Forces without contacts mean that kneadd does not send them.
@@ -182,7 +185,7 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
     // not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
-            : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
+            : n->there              ? kn_bus_client_why("is kneadd running, and does it serve this probe?")
             : *n->state             ? n->state
                                     : "the device has not sent a position yet");
 }
@@ -192,10 +195,10 @@ static void tell_tool(const kn_bridge_news *n)
 {
     const double *x = n->position_m, *f = n->session.render.given_n;
     printf("\r%6.1f %6.1f %6.1f mm  %6.2f %6.2f %6.2f N  %-28s", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2], f[0], f[1], f[2],
-           !n->there                                  ? "no device"
-           : n->session.mode == KN_SESSION_SILENT     ? "silent"
-           : n->session.render.stop == KN_RENDER_FAR  ? "round trip above 5 ms: 0 N"
-           : n->session.flags & KN_FLAG_REENGAGE_LIFT ? "lift the tool"
+           !n->there                                        ? "no device"
+           : n->session.mode == KN_SESSION_SILENT           ? "silent"
+           : n->session.render.stop == KN_HAPTIC_RENDER_FAR ? "round trip above 5 ms: 0 N"
+           : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
            : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
                                                 : n->state);
     fflush(stdout);
@@ -231,12 +234,12 @@ static int watch(hand *h)
 {
     const char *name = h->device.base.name;
     bool follow = !h->opt.quiet && isatty(STDOUT_FILENO);
-    int64_t begin_ms = kn_live_now_ms(), now_ms = begin_ms;
+    int64_t begin_ms = kn_live_server_now_ms(), now_ms = begin_ms;
     h->told.answer_ms = begin_ms;
     while (!interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
-        now_ms = kn_live_now_ms();
+        now_ms = kn_live_server_now_ms();
         // The test of the device's own watchdog has failed, so it would not be safe to continue.
         if (n->watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE,

@@ -1,7 +1,7 @@
 #include "clients/tactile/hand_options.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/join.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/hand/bus_client.h"
 #include "clients/tactile/paddle.h"
 #include "core/scene/keys.h"
 #include "core/scene/units.h"
@@ -135,8 +135,8 @@ static int check(const kn_hand_options *o)
         return kn_complain("hand", KN_EXIT_USAGE, "expected --tty DEVICE; knead devices lists candidates");
     if (o->kind == KN_HAND_SPACENAV && o->local)
         return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors, expected paddle or haply");
-    if (!kn_join_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
-        !kn_join_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
+    if (!kn_bus_client_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_bus_client_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return kn_complain("hand", KN_EXIT_USAGE, "%s", error);
     return KN_OPTIONS_READ;
 }

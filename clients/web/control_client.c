@@ -1,5 +1,5 @@
 #include "clients/web/control_client.h"
-#include "clients/knead/ask.h"
+#include "clients/hand/live_server.h"
 #include "core/scene/scene.h"
 #include <dirent.h>
 #include <errno.h>
@@ -293,7 +293,7 @@ static bool command(kn_control_client *c, kn_control_purpose purpose, const char
 
 void kn_control_client_ask_status(kn_control_client *c)
 {
-    int64_t now_ms = kn_live_now_ms();
+    int64_t now_ms = kn_live_server_now_ms();
     char error[sizeof c->error];
     if (!c->path || kn_gateway_pages(c->gateway) == 0 || now_ms - c->status_ms < 1000) return;
     c->status_ms = now_ms;

@@ -3,7 +3,7 @@
 // Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, asks
 // for kneadd's status, and saves snapshots for recordings. Each request uses its own connection, and the caller never
 // waits for an answer. Every order gets one answer (kn_gateway_answer).
-#include "clients/knead/live.h"
+#include "clients/hand/live_server.h"
 #include "clients/web/gateway.h"
 #include <jansson.h>
 
@@ -32,7 +32,7 @@ typedef struct kn_control_client {
     const char *path, *scenes;
     struct ev_loop *ev;
     kn_gateway *gateway;
-    kn_live *live;
+    kn_live_server *live;
     void (*changed)(void *arg);
     void *arg;
     // State, read by other modules.

@@ -24,7 +24,7 @@ static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *u
     knead_status_t heard;
     if (knead_status_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     s->status = heard;
-    s->status_ms = kn_live_now_ms();
+    s->status_ms = kn_live_server_now_ms();
 }
 
 static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *user)
@@ -34,7 +34,7 @@ static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *u
     knead_health_t heard;
     if (knead_health_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     s->health = heard;
-    s->health_ms = kn_live_now_ms();
+    s->health_ms = kn_live_server_now_ms();
 }
 
 // Keep the energies of an audit. Only checkpoint events have them.
@@ -47,7 +47,7 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (e.kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !isfinite(e.arg[1]) || !isfinite(e.arg[2])) return;
     s->stored_j = e.arg[1];
     s->work_j = e.arg[2];
-    s->energy_ms = kn_live_now_ms();
+    s->energy_ms = kn_live_server_now_ms();
 }
 
 // The subscription covers all probes; keep the patch of the chosen probe only.
@@ -58,7 +58,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (strcmp(channel, s->touch_channel) != 0) return;
     if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
     s->touch = heard;
-    s->touch_ms = kn_live_now_ms();
+    s->touch_ms = kn_live_server_now_ms();
 }
 
 // Count the bytes of the mesh messages, from which the page's data rate is computed.
@@ -71,11 +71,11 @@ static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *use
 bool kn_page_state_open(kn_web *w)
 {
     kn_page_state *s = &w->state;
-    return kn_join_hear(w->live.mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, s) &&
-           kn_join_hear(w->live.bus, "KNEAD_STATUS", on_status, s) &&
-           kn_join_hear(w->live.bus, "KNEAD_HEALTH", on_health, s) &&
-           kn_join_hear(w->live.bus, "KNEAD_EVENT", on_event, s) &&
-           kn_join_hear(w->live.bus, "KNEAD_TOUCH_*", on_touch, s);
+    return kn_bus_client_hear(w->live.mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_STATUS", on_status, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_HEALTH", on_health, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_EVENT", on_event, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_TOUCH_*", on_touch, s);
 }
 
 // Return the smallest power of two [us] such that at least the fraction `share` of the tick times is smaller. Return 0
@@ -94,18 +94,18 @@ static int64_t share_us(const int64_t histogram[32], double share)
 
 // ---- state of the tool
 
-static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_now_ms() - heard_ms > STALE_MS; }
+static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_server_now_ms() - heard_ms > STALE_MS; }
 
 // Write the status of the tool in words. Return the kind of the status: "ok", "wait" or "fault". The first condition
 // that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
-    const kn_pointer_news *n = &w->tool.news;
+    const kn_pointer_hand_news *n = &w->tool.news;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
     SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
     if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
-    if (kn_live_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
+    if (kn_live_server_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
     if (!w->tool.def) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
     // An emergency stop applies to all tools, even if this page has no tool.
@@ -113,15 +113,15 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (w->tool.lent) SAY("wait", "recording %d is being played", w->tool.lent);
     if (!w->tool.moving) SAY("fault", "no device: %.300s", w->tool.error);
     // The conditions from here on depend on the tool: first faults, then reasons to wait, then contact.
-    if (!kn_reach_fits(&w->tool.reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
+    if (!kn_pointer_hand_reach_fits(&w->tool.reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
     if (kn_page_tool_is_taken(&w->tool, page)) SAY("wait", "another page holds the tool");
-    if (n->mode == KN_POINTER_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
+    if (n->mode == KN_POINTER_HAND_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
     if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
-    if (n->fault || n->mode == KN_POINTER_LET_GO)
+    if (n->fault || n->mode == KN_POINTER_HAND_LET_GO)
         SAY("fault", "force set to zero: %s. The tool lifts; let go, then press again",
             n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
-    if (n->mode == KN_POINTER_ABSENT && w->tool.button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
-    if (!n->heard && n->mode == KN_POINTER_FOLLOW)
+    if (n->mode == KN_POINTER_HAND_ABSENT && w->tool.button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
+    if (!n->heard && n->mode == KN_POINTER_HAND_FOLLOW)
         SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool.def->name);
     if (!n->released || w->tool.button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
@@ -210,7 +210,7 @@ static void put_answers(kn_web_page *p, json *t)
 static void put_touch(const kn_web *w, json *t)
 {
     const knead_touch_patch_t *p = &w->state.touch;
-    if (!w->state.touch_ms || kn_live_now_ms() - w->state.touch_ms > 500 ||
+    if (!w->state.touch_ms || kn_live_server_now_ms() - w->state.touch_ms > 500 ||
         !isfinite(p->area_m2 + p->peak_pressure_pa)) // leave out a patch with NaN, because JSON cannot express NaN
         return;
     put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2, 1e-3 * p->peak_pressure_pa);
@@ -236,7 +236,7 @@ size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
         "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
         ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
         p->sent, event, w->live.mesh.tick, w->tool.news.force_n, 1e3 * w->tool.news.depth_m,
-        w->tool.moving ? 1e3 * kn_reach_deepest(&w->tool.reach, &w->tool.wish) : 0,
+        w->tool.moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.reach, &w->tool.wish) : 0,
         w->tool.news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
     put_words(&t, "status", words);
     put_traces(w, p, &t);
@@ -396,7 +396,7 @@ static json_t *control(const kn_web *w)
     // A latched fault that lifting does not clear needs the button Recover, like an emergency stop. One fault does not
     // need it: after the hand has left the tool, a fault of the page's own session ends by itself.
     const bool fault =
-        mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_ABSENT || fault_of_another(w));
+        mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
     return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders", w->control != NULL, "saves",
                      json_is_string(json_object_get(state, "directory")), "snapshot",

@@ -1,5 +1,5 @@
 #include "clients/web/page_tool.h"
-#include "clients/knead/foot.h"
+#include "clients/hand/tool_height.h"
 #include "server/clock.h"
 #include <math.h>
 #include <stdio.h>
@@ -19,12 +19,12 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_page_tool *t = self;
     bool fresh;
-    kn_pointer_wish wish = *(const kn_pointer_wish *)kn_mailbox_latest(&t->wishes, &fresh);
+    kn_pointer_hand_wish wish = *(const kn_pointer_hand_wish *)kn_mailbox_latest(&t->wishes, &fresh);
     // The main thread posts a wish at least every 100 ms. If no wish comes for LET_GO_MS, the main thread stands still,
     // so the wish counts as stale.
     t->stale_ms = fresh ? 0 : t->stale_ms + elapsed_ms;
     wish.stale = t->stale_ms > LET_GO_MS;
-    kn_hand_out out = kn_pointer_tick(&t->pointer, &wish, force, elapsed_ms);
+    kn_hand_out out = kn_pointer_hand_tick(&t->pointer, &wish, force, elapsed_ms);
     kn_page_tool_sample sample = {.news = t->pointer.news, .work_mj = NAN, .round_trip_ms = NAN};
     if (force && force->session == t->pointer.session) {
         sample.work_mj = (float)(1e3 * force->energy_j);
@@ -43,7 +43,7 @@ bool kn_page_tool_open(kn_page_tool *t)
 
 int64_t kn_page_tool_idle_ms(const kn_page_tool *t)
 {
-    return t->owner < 0 ? INT64_MAX : kn_live_now_ms() - t->gateway->page[t->owner].pointed_ms;
+    return t->owner < 0 ? INT64_MAX : kn_live_server_now_ms() - t->gateway->page[t->owner].pointed_ms;
 }
 
 bool kn_page_tool_is_taken(const kn_page_tool *t, int page)
@@ -57,7 +57,7 @@ static void post_wish(kn_page_tool *t)
 {
     t->wish.held = kn_page_tool_idle_ms(t) <= HELD_MS && t->moving && t->wish.hover_z_m > 0;
     t->wish.pressed = t->button == KN_BUTTON_PRESSES;
-    *(kn_pointer_wish *)kn_mailbox_back(&t->wishes) = t->wish;
+    *(kn_pointer_hand_wish *)kn_mailbox_back(&t->wishes) = t->wish;
     kn_mailbox_post(&t->wishes);
 }
 
@@ -65,7 +65,7 @@ static void post_wish(kn_page_tool *t)
 void kn_page_tool_listen(kn_page_tool *t)
 {
     for (const kn_page_tool_sample *s; (s = kn_ring_front(&t->samples)); kn_ring_pop(&t->samples)) {
-        const kn_pointer_news *n = &s->news;
+        const kn_pointer_hand_news *n = &s->news;
         // The first sample with a new event carries the tick at which kneadd answered that event.
         if (n->event && n->event != t->news.event) t->event[n->event % KN_PAGE_TOOL_EVENTS].tick = n->tick;
         t->news = *n;
@@ -87,12 +87,12 @@ static bool goes_on(const kn_page_tool *t, const kn_probe_def *tool)
 // Stop the hand, because the scene changes or another program takes the tool.
 static void let_go(kn_page_tool *t)
 {
-    if (t->moving) kn_device_stop(&t->device);
+    if (t->moving) kn_virtual_device_stop(&t->device);
     t->moving = false;
     if (t->button != KN_BUTTON_UP) t->button = KN_BUTTON_BARRED;
     // Reset the wish, because it was made for the old object. hover_z_m = 0 means that there is no tool. The numbers of
     // event and press continue.
-    t->wish = (kn_pointer_wish){.event = t->wish.event, .press = t->wish.press};
+    t->wish = (kn_pointer_hand_wish){.event = t->wish.event, .press = t->wish.press};
     post_wish(t);
 }
 
@@ -100,26 +100,26 @@ static void let_go(kn_page_tool *t)
 static void take_up(kn_page_tool *t)
 {
     int64_t session = 0;
-    if (getrandom(&session, 7, 0) < 0) session = kn_live_now_ms();
-    kn_pointer_init(&t->pointer, t->def->shape, session);
+    if (getrandom(&session, 7, 0) < 0) session = kn_live_server_now_ms();
+    kn_pointer_hand_init(&t->pointer, t->def->shape, session);
     memset(&t->device, 0, sizeof t->device);
-    t->moving = kn_device_start(&t->device, move, t, t->url, t->def->name, t->error, sizeof t->error);
+    t->moving = kn_virtual_device_start(&t->device, move, t, t->url, t->def->name, t->error, sizeof t->error);
 }
 
 bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
 {
     const kn_scene *scene = t->live->scene;
     if (!scene || (scene == t->scene && scene->text_hash == t->scene_hash)) return false;
-    const kn_probe_def *tool = kn_foot_choose_tool(&scene->model, t->probe);
+    const kn_probe_def *tool = kn_tool_height_choose_tool(&scene->model, t->probe);
     const bool on = goes_on(t, tool);
     if (!on) let_go(t);
     // The reach depends on the scene and must be opened again in any case.
-    kn_reach_close(&t->reach);
+    kn_pointer_hand_reach_close(&t->reach);
     t->scene = scene;
     t->scene_hash = scene->text_hash;
     t->def = tool;
     snprintf(t->error, sizeof t->error, "out of memory");
-    if (!tool || !kn_reach_open(&t->reach, &scene->model, tool, view)) {
+    if (!tool || !kn_pointer_hand_reach_open(&t->reach, &scene->model, tool, view)) {
         if (on) let_go(t);
         return true;
     }
@@ -136,12 +136,13 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
 void kn_page_tool_look(kn_page_tool *t, const kn_camera_view *view)
 {
     t->turned = true;
-    if (t->reach.top) kn_reach_look(&t->reach, view);
+    if (t->reach.top) kn_pointer_hand_reach_look(&t->reach, view);
 }
 
 void kn_page_tool_mesh(kn_page_tool *t)
 {
-    if (t->moving && kn_reach_fits(&t->reach, &t->live->mesh)) kn_reach_hover(&t->reach, &t->live->mesh, &t->wish);
+    if (t->moving && kn_pointer_hand_reach_fits(&t->reach, &t->live->mesh))
+        kn_pointer_hand_reach_hover(&t->reach, &t->live->mesh, &t->wish);
     post_wish(t);
 }
 
@@ -160,9 +161,9 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     if (kn_page_tool_is_taken(t, page)) return;
     if (t->owner != page) t->button = KN_BUTTON_UP;
     t->owner = page;
-    p->pointed_ms = kn_live_now_ms();
+    p->pointed_ms = kn_live_server_now_ms();
     // Without a tool or a matching mesh, a press counts only after the button has been up.
-    if (!t->moving || !kn_reach_fits(&t->reach, &t->live->mesh)) {
+    if (!t->moving || !kn_pointer_hand_reach_fits(&t->reach, &t->live->mesh)) {
         if (m->pressed) t->button = KN_BUTTON_BARRED;
         return;
     }
@@ -171,17 +172,18 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     const bool met = t->button == KN_BUTTON_PRESSES && t->news.depth_m > 0;
     // Move the goal of the tool to the pointer while the button is up, or during a stroke. A press that has not reached
     // the surface yet keeps its place.
-    if (t->button == KN_BUTTON_UP || (met && !t->turned)) kn_reach_aim(&t->reach, m->u, m->v, &t->wish);
+    if (t->button == KN_BUTTON_UP || (met && !t->turned)) kn_pointer_hand_reach_aim(&t->reach, m->u, m->v, &t->wish);
     // A press starts where the object is; a press beside the object does nothing until the button is up.
     if (!m->pressed) {
         t->button = KN_BUTTON_UP;
     } else if (t->button == KN_BUTTON_UP) {
-        t->button = kn_reach_touch(&t->reach, &t->live->mesh, &t->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
+        t->button =
+            kn_pointer_hand_reach_touch(&t->reach, &t->live->mesh, &t->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
         t->turned = false;
         t->wish.press++;
     }
     t->wish.pressed = t->button == KN_BUTTON_PRESSES;
-    t->wish.depth_m = fmin(m->depth_m, kn_reach_deepest(&t->reach, &t->wish));
+    t->wish.depth_m = fmin(m->depth_m, kn_pointer_hand_reach_deepest(&t->reach, &t->wish));
     // Number the event, so that a picture can say which events it shows.
     if (m->number != p->event) {
         int32_t n = ++t->wish.event % KN_PAGE_TOOL_EVENTS;
@@ -231,9 +233,9 @@ void kn_page_tool_take_back(kn_page_tool *t)
 void kn_page_tool_close(kn_page_tool *t)
 {
     post_wish(t);
-    for (int i = 0; t->moving && i < 50 && t->news.mode != KN_POINTER_ABSENT; i++)
+    for (int i = 0; t->moving && i < 50 && t->news.mode != KN_POINTER_HAND_ABSENT; i++)
         usleep(10000), kn_page_tool_listen(t); // wait while the hand lifts the tool
-    if (t->moving) kn_device_stop(&t->device);
-    kn_reach_close(&t->reach);
+    if (t->moving) kn_virtual_device_stop(&t->device);
+    kn_pointer_hand_reach_close(&t->reach);
     kn_ring_free(&t->samples);
 }

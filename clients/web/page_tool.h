@@ -5,9 +5,9 @@
 // a time. All functions are called by the main thread.
 //
 //     kn_page_tool_point -> wish -> (device's thread: pose, force) -> sample -> kn_page_tool_listen
-#include "clients/knead/device.h"
-#include "clients/knead/live.h"
-#include "clients/knead/reach.h"
+#include "clients/hand/virtual_hand.h"
+#include "clients/hand/live_server.h"
+#include "clients/hand/pointer_hand.h"
 #include "clients/web/gateway.h"
 #include "server/mailbox.h"
 #include "server/ring.h"
@@ -20,7 +20,7 @@
 typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_BUTTON_BARRED } kn_button;
 
 typedef struct kn_page_tool_sample { // state of the tool in one millisecond, from the device's thread
-    kn_pointer_news news;
+    kn_pointer_hand_news news;
     // work_mj, round_trip_ms: of the newest force; NaN: no force arrived in this millisecond.
     float work_mj, round_trip_ms;
 } kn_page_tool_sample;
@@ -29,14 +29,14 @@ typedef struct kn_page_tool {
     // Set by the caller. probe: name of the wanted probe, or NULL; url: bus of the poses.
     const char *probe, *url;
     kn_gateway *gateway;
-    kn_live *live;
+    kn_live_server *live;
     // State, read by other modules.
     const kn_probe_def *def; // the tool in the scene of `live`; NULL: none
-    kn_reach reach;
-    bool moving;          // true: the device's thread is running
-    char error[512];      // reason why the device's thread does not run
-    kn_pointer_wish wish; // newest wish
-    kn_pointer_news news; // state of the hand in the newest sample
+    kn_pointer_hand_reach reach;
+    bool moving;               // true: the device's thread is running
+    char error[512];           // reason why the device's thread does not run
+    kn_pointer_hand_wish wish; // newest wish
+    kn_pointer_hand_news news; // state of the hand in the newest sample
     kn_page_tool_sample trace[KN_PAGE_TOOL_TRACE];
     uint64_t traced;  // number of samples received so far; sample n is trace[n % KN_PAGE_TOOL_TRACE]
     int owner;        // index of the page that has the tool, -1: none
@@ -49,11 +49,11 @@ typedef struct kn_page_tool {
     // been freed.
     kn_probe_def held;
     double held_spacing_m;
-    kn_device device;
-    kn_pointer pointer; // used by the device's thread only
-    int stale_ms;       // time since the device's thread last received a wish; used by this thread only
-    kn_mailbox wishes;  // wanted motions of the tool (kn_pointer_wish), from the main thread to the device's thread
-    kn_pointer_wish wish_slots[3];
+    kn_virtual_device device;
+    kn_pointer_hand pointer; // used by the device's thread only
+    int stale_ms;            // time since the device's thread last received a wish; used by this thread only
+    kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
+    kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
     // True: the view was turned during this press, so the pointer's place in the picture no longer stands for a place
     // on the object.

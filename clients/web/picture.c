@@ -29,7 +29,7 @@ static void write_png(kn_picture *p, uint8_t *rgba)
 // Draw the still, compress it, and write a PNG if wanted.
 static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
 {
-    kn_still *s = &p->still;
+    kn_object_still *s = &p->still;
     unsigned long size = 0;
     bool ready = !p->fresh || kn_renderer_mesh(r, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
                                                (const int(*)[3])s->triangle);
@@ -87,22 +87,22 @@ static void *run(void *self)
 // matching KNEAD_SCENE then comes within a second.
 static bool fill_still(kn_picture *p)
 {
-    kn_still *s = &p->still;
+    kn_object_still *s = &p->still;
     char error[400];
     // If the mesh has the same topology as the still, only move the vertices.
-    if (p->mesh_id == p->live->mesh.mesh_id) return kn_still_update(s, p->live), true;
+    if (p->mesh_id == p->live->mesh.mesh_id) return kn_object_still_update(s, p->live), true;
     kn_view_scene view = s->view;
-    kn_still_free(s);
+    kn_object_still_free(s);
     s->view = view;
     s->view.value = NULL; // clear the pointer to values of the old still
     p->mesh_id = 0;
-    if (!kn_still_live(s, p->live, error, sizeof error) || error[0]) return false;
+    if (!kn_object_still_live(s, p->live, error, sizeof error) || error[0]) return false;
     p->mesh_id = p->live->mesh.mesh_id;
     return p->fresh = true;
 }
 
 // Displacement follows from the vertices alone.
-bool kn_picture_measured(const kn_live *live, int measure)
+bool kn_picture_measured(const kn_live_server *live, int measure)
 {
     return measure == KN_MEASURE_DISPLACEMENT || (measure == KN_MEASURE_STRESS && live->mesh.stress_pa) ||
            (measure == KN_MEASURE_RESIDUAL && live->mesh.residual_strain);
@@ -115,11 +115,11 @@ static void color(kn_picture *p)
     // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
     static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
     p->still.view.value = NULL;
-    if (p->measure < 0 || !kn_still_told(&p->still, p->live, (kn_measure)p->measure)) return;
-    const double top = kn_scale_round(fmax(kn_still_most(&p->still), least[p->measure]));
+    if (p->measure < 0 || !kn_object_still_told(&p->still, p->live, (kn_measure)p->measure)) return;
+    const double top = kn_scale_round(fmax(kn_object_still_most(&p->still), least[p->measure]));
     // Raise the top of the scale at once, but lower it only if the largest value is below 30 % of the top.
     if (top > p->top || top < 0.3 * p->top) p->top = top;
-    kn_still_scale(&p->still, p->top);
+    kn_object_still_scale(&p->still, p->top);
 }
 
 // Prepare the label of a picture, and request a PNG copy of the picture if a page waits for one.
@@ -140,7 +140,7 @@ void kn_picture_paint(kn_picture *p)
 {
     if (!p->live->scene || !kn_gateway_wants(p->gateway) || p->drawing) return;
     kn_page_tool_listen(p->tool);
-    int64_t now_ms = kn_live_now_ms();
+    int64_t now_ms = kn_live_server_now_ms();
     int32_t newest = kn_page_tool_answered(p->tool, p->painting, p->live->mesh.tick);
     bool moves = kn_page_tool_idle_ms(p->tool) < MOVES_MS && newest == p->painting;
     const double period_ms = 1000.0 / p->rate_hz;
@@ -237,7 +237,7 @@ static const char *request_png(kn_picture *p, int page, uint32_t id)
     if (p->png_page >= 0) return "Another picture is being saved.";
     p->png_page = page;
     p->png_id = id;
-    p->png_ms = kn_live_now_ms();
+    p->png_ms = kn_live_server_now_ms();
     p->png_there = false;
     return NULL;
 }
@@ -261,7 +261,7 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
 // Give up a requested PNG that was not drawn in time, because no mesh arrives or no page can take a picture.
 void kn_picture_turn(kn_picture *p)
 {
-    if (p->png_page < 0 || p->png_there || p->drawing || kn_live_now_ms() - p->png_ms < PICTURE_MS) return;
+    if (p->png_page < 0 || p->png_there || p->drawing || kn_live_server_now_ms() - p->png_ms < PICTURE_MS) return;
     kn_gateway_answer(p->gateway, p->png_page, p->png_id, false,
                       "No picture has been drawn for 5 s: is kneadd serving?");
     p->png_page = -1;
@@ -308,7 +308,7 @@ void kn_picture_close(kn_picture *p)
         sem_destroy(&p->wake);
         sem_destroy(&p->opened);
         tjFree(p->drawn_jpeg);
-        kn_still_free(&p->still);
+        kn_object_still_free(&p->still);
     }
     free(p->jpeg);
     if (*p->folder) unlink(p->png_path);

@@ -6,7 +6,7 @@
 // late and forces may not. On request a picture is also written as a PNG.
 //
 //     new mesh -> kn_picture_paint -> (drawing thread) -> jpeg, jpeg_size, count
-#include "clients/knead/still.h"
+#include "clients/picture/object_still.h"
 #include "clients/viewer/label.h"
 #include "clients/web/page_tool.h"
 #include <pthread.h>
@@ -20,7 +20,7 @@ typedef struct kn_picture {
     const char *folder;
     struct ev_loop *ev;
     kn_gateway *gateway;
-    kn_live *live;
+    kn_live_server *live;
     kn_page_tool *tool;
     // State, read by other modules.
     uint8_t *jpeg; // newest finished picture; the thread works on the next one
@@ -36,7 +36,7 @@ typedef struct kn_picture {
     bool png_there;     // true: the requested PNG is ready, at png_path
     char png_path[128];
     // Shared with the thread: they belong to it from the start of a drawing until `drawn` is true.
-    kn_still still;
+    kn_object_still still;
     bool fresh;               // true: `still` has a new topology or rest shape (vertex_count, mesh_id)
     bool png;                 // true: make a PNG copy of the next picture, with the texts in `label`
     kn_label label;           // texts to write on the PNG copy; the thread adds the text of the scale bar
@@ -67,8 +67,9 @@ size_t kn_picture_largest(int width, int height); // returns the largest size of
 // afterwards. If OpenGL is not available, return false and one line in `error`.
 bool kn_picture_open(kn_picture *picture, char *error, size_t error_size);
 kn_camera_view kn_picture_camera(const kn_picture *picture);
-bool kn_picture_measured(const kn_live *live, int measure); // returns true if the mesh messages contain this measure
-void kn_picture_paint(kn_picture *picture);                 // draws the next picture if one is due
+bool kn_picture_measured(const kn_live_server *live,
+                         int measure);      // returns true if the mesh messages contain this measure
+void kn_picture_paint(kn_picture *picture); // draws the next picture if one is due
 // Handle a request of a page: VIEW, STYLE, MEASURE or PICTURE.
 void kn_picture_request(kn_picture *picture, int page, const kn_page_request *request);
 void kn_picture_turn(kn_picture *picture);           // called ten times a second: gives up a PNG that comes too late

@@ -1,5 +1,5 @@
 #include "clients/web/recording.h"
-#include "clients/knead/record.h"
+#include "clients/hand/session_record.h"
 #include "server/clock.h"
 #include <fcntl.h>
 #include <math.h>
@@ -61,12 +61,12 @@ static bool write_path(const char *log_path, const char *probe, const char *path
 }
 
 // Wait for a scene, which every log must begin with. Return false if none came, or if the recording was ended.
-static bool hear_scene(kn_recordings *t, kn_recording *one, kn_record *r)
+static bool hear_scene(kn_recordings *t, kn_recording *one, kn_session_record *r)
 {
     const int64_t end_ns = kn_now_ns() + SCENE_MS * 1000000ll;
-    while (!kn_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns)
+    while (!kn_session_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns)
         ;
-    if (kn_record_scene(r, 0)) return !atomic_load(&t->end);
+    if (kn_session_record_scene(r, 0)) return !atomic_load(&t->end);
     snprintf(one->words, sizeof one->words, "No scene was heard for %d s.", SCENE_MS / 1000);
     return false;
 }
@@ -74,10 +74,10 @@ static bool hear_scene(kn_recordings *t, kn_recording *one, kn_record *r)
 // Record until the end is requested or a limit is reached. The atomic fields report progress to the main thread.
 static bool record(kn_recordings *t, kn_recording *one, const char *path)
 {
-    kn_record *r = kn_record_open(t->url, one->words, sizeof one->words);
+    kn_session_record *r = kn_session_record_open(t->url, one->words, sizeof one->words);
     bool ok = r && hear_scene(t, one, r);
     if (ok) r->log_only = true;
-    ok = ok && kn_record_start(r, t->probe, path, one->words, sizeof one->words);
+    ok = ok && kn_session_record_start(r, t->probe, path, one->words, sizeof one->words);
     if (ok) {
         const int64_t begin_ns = kn_now_ns();
         atomic_store(&one->state, KN_RECORDING_RUNS);
@@ -88,9 +88,9 @@ static bool record(kn_recordings *t, kn_recording *one, const char *path)
             atomic_store(&one->bytes, atomic_load(&r->logged));
             atomic_store(&one->felt, atomic_load(&r->felt));
         }
-        ok = kn_record_stop(r, one->words, sizeof one->words);
+        ok = kn_session_record_stop(r, one->words, sizeof one->words);
     }
-    kn_record_destroy(r);
+    kn_session_record_destroy(r);
     return ok;
 }
 
@@ -291,7 +291,7 @@ static const char *lend(kn_recordings *t, int number)
                                                       : NULL;
     if (why) return why;
     kn_page_tool_lend(t->tool, number);
-    t->lent_ms = kn_live_now_ms();
+    t->lent_ms = kn_live_server_now_ms();
     return NULL;
 }
 
@@ -333,7 +333,7 @@ void kn_recordings_request(kn_recordings *t, int page, const kn_page_request *r)
 bool kn_recordings_turn(kn_recordings *t)
 {
     const bool removed = tidy(t);
-    const int64_t now_ms = kn_live_now_ms();
+    const int64_t now_ms = kn_live_server_now_ms();
     // Save the object at the first force of a recording, so that a replay can start from this state.
     kn_recording *one = t->now;
     if (t->client->save_refused) t->saved_of = 0;
@@ -341,7 +341,7 @@ bool kn_recordings_turn(kn_recordings *t)
     const bool feels = one && atomic_load(&one->felt) && atomic_load(&one->state) == KN_RECORDING_RUNS;
     if (feels && one->number != t->saved_of && kn_control_client_snapshots(t->client) && now_ms - t->saved_ms >= 200) {
         if (kn_control_client_save(t->client)) t->saved_of = one->number;
-        t->saved_ms = kn_live_now_ms();
+        t->saved_ms = kn_live_server_now_ms();
     }
     // Start the child process that plays the recording, once kneadd has ended the session of the page's hand.
     if (!t->tool->lent || !t->lent_ms || now_ms - t->lent_ms < LEAVING_MS) return removed;

@@ -1,7 +1,7 @@
 // knead web: shows the object in a browser and lets the user move a tool. There are three threads. The main thread runs
 // libev and handles messages, the device's thread makes poses at 1 kHz, and the painter's thread draws pictures.
-#include "clients/knead/ask.h"
-#include "clients/knead/commands.h"
+#include "clients/hand/live_server.h"
+#include "clients/cli/commands.h"
 #include "clients/web/web.h"
 #include "server/option_table.h"
 #include <errno.h>
@@ -184,11 +184,11 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
 {
     (void)ev, (void)events;
     kn_web *w = io->data;
-    kn_live_listen(&w->live, 0);
+    kn_live_server_listen(&w->live, 0);
     take_scene(w);
     if (w->live.meshes == w->state.meshes) return;
     w->state.meshes = w->live.meshes;
-    w->state.mesh_ms = kn_live_now_ms();
+    w->state.mesh_ms = kn_live_server_now_ms();
     kn_page_tool_mesh(&w->tool);
     kn_picture_paint(&w->picture);
 }
@@ -198,7 +198,7 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
 {
     (void)ev, (void)events;
     kn_web *w = t->data;
-    int64_t now_ms = kn_live_now_ms();
+    int64_t now_ms = kn_live_server_now_ms();
     kn_page_tool_turn(&w->tool);
     kn_control_client_ask_status(&w->client);
     kn_picture_turn(&w->picture);
@@ -224,8 +224,8 @@ static void on_stop(struct ev_loop *ev, ev_signal *s, int events)
 static void watch(kn_web *w)
 {
     static const int signals[] = {SIGINT, SIGTERM, SIGHUP};
-    ev_io_init(&w->bus_readable, on_readable, kn_join_fd(w->live.bus), EV_READ);
-    ev_io_init(&w->mesh_readable, on_readable, kn_join_fd(w->live.mesh_bus), EV_READ);
+    ev_io_init(&w->bus_readable, on_readable, kn_bus_client_fd(w->live.bus), EV_READ);
+    ev_io_init(&w->mesh_readable, on_readable, kn_bus_client_fd(w->live.mesh_bus), EV_READ);
     ev_timer_init(&w->due, on_due, 0, 0.1);
     w->bus_readable.data = w->mesh_readable.data = w->due.data = w;
     ev_io_start(w->ev, &w->bus_readable);
@@ -280,7 +280,7 @@ static bool open_all(kn_web *w)
     snprintf(w->error, sizeof w->error, "out of memory");
     // The pictures and the gateway come last, so that nothing is served before the rest works.
     return kn_page_tool_open(&w->tool) && w->ev &&
-           kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
+           kn_live_server_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
            kn_picture_open(&w->picture, w->error, sizeof w->error) &&
            kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd,
                            kn_picture_largest(w->width, w->height) + ROOM, w->error, sizeof w->error);
@@ -293,7 +293,7 @@ static void close_all(kn_web *w)
     kn_page_tool_close(&w->tool);
     kn_control_client_close(&w->client);
     kn_picture_close(&w->picture);
-    kn_live_close(&w->live);
+    kn_live_server_close(&w->live);
     kn_recordings_close(&w->recordings);
     free(w->state.about);
     if (w->folder[0]) rmdir(w->folder);
@@ -375,8 +375,8 @@ static int parse(kn_web *w, int argc, char **argv)
     if (w->bind && optind == argc) return fail(KN_EXIT_USAGE, "--bind: expected a command");
     if (!w->bind && optind < argc)
         return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
-    if (!kn_join_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
-        !kn_join_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
+    if (!kn_bus_client_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
+        !kn_bus_client_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
         return fail(KN_EXIT_USAGE, w->error);
     return code;
 }

@@ -49,7 +49,7 @@ typedef struct kn_web {
     ev_signal stops[3];
     char error[512];
     char folder[64]; // folder for the files that this run of `knead web` writes; "": none
-    kn_live live;
+    kn_live_server live;
     kn_gateway gateway;
     kn_control_client client;
     kn_page_tool tool;

@@ -1,6 +1,6 @@
 // Measured curves: converted to SI, sorted by time, thinned, with messages about each correction.
 #include "clients/identify/measured_curve.h"
-#include "clients/knead/commands.h"
+#include "clients/cli/commands.h"
 #include "tests/check.h"
 #include "tests/clients/heard.h"
 #include "tests/dice.h"

@@ -1,5 +1,5 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
-#include "clients/knead/commands.h"
+#include "clients/cli/commands.h"
 #include "server/operator_orders.h"
 #include "server/replay.h"
 #include "server/store.h"

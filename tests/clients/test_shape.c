@@ -7,10 +7,10 @@
 // it is.
 //
 // By default one case is run, at night two, held for 1 s. KN_CASES=10 runs that many, held for 30 s. KN_HOLD sets
-// another time, KN_SCENE another scene, KN_NOISE another noise.
+// another time, KN_SCENE another scene, KN_PARETO_NOISE another noise.
 // gate in release: arithmetic, ten times slower with the sanitizers
 #include "clients/identify/identify.h"
-#include "clients/knead/commands.h"
+#include "clients/cli/commands.h"
 #include "clients/shape/shape_command.h"
 #include "clients/viewer/image.h"
 #include "clients/viewer/range.h"
@@ -221,7 +221,7 @@ static bool blind_case(int number, const blind *b)
 
 TEST("nine of ten blind cases give the structure, and P0 within 10 %, from image and force with 1 % noise")
 {
-    const char *cases = getenv("KN_CASES"), *scene = getenv("KN_SCENE"), *noise = getenv("KN_NOISE"),
+    const char *cases = getenv("KN_CASES"), *scene = getenv("KN_SCENE"), *noise = getenv("KN_PARETO_NOISE"),
                *hold = getenv("KN_HOLD");
     const int count = cases ? atoi(cases) : KN_LENGTH(1, 1, 2);
     const blind b = {scene ? scene : SMALL, hold ? hold : cases ? "30" : "1", noise ? atof(noise) : 0.01};

@@ -1,7 +1,7 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/knead/chart.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/front.h"
+#include "clients/sweep/pareto_chart.h"
+#include "clients/cli/commands.h"
+#include "clients/sweep/pareto_front.h"
 #include "server/log.h"
 #include "server/wire.h"
 #include "tests/check.h"
@@ -253,37 +253,37 @@ TEST("a trace is read back as written, and damaged, foreign and missing files ar
 {
     double force[6][3] = {{1, 2, 3}, {4, 5, 6}}, shape[8][3] = {{7}};
     float us[3] = {0, 8, 9};
-    kn_trace t = {.ticks = 3,
-                  .probes = 2,
-                  .force_n = force,
-                  .us = us,
-                  .nodes = 8,
-                  .grid = {2, 2, 2},
-                  .spacing_m = 0.01,
-                  .shape_m = shape,
-                  .faults = 1,
-                  .median_us = 5,
-                  .p90_us = 6},
-             back;
-    CHECK(kn_trace_save(&t, "one.trace", 77));
-    CHECK(kn_trace_load(&back, "one.trace", 77) == KN_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
+    kn_replay_trace t = {.ticks = 3,
+                         .probes = 2,
+                         .force_n = force,
+                         .us = us,
+                         .nodes = 8,
+                         .grid = {2, 2, 2},
+                         .spacing_m = 0.01,
+                         .shape_m = shape,
+                         .faults = 1,
+                         .median_us = 5,
+                         .p90_us = 6},
+                    back;
+    CHECK(kn_replay_trace_save(&t, "one.trace", 77));
+    CHECK(kn_replay_trace_load(&back, "one.trace", 77) == KN_REPLAY_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
     CHECK(!memcmp(back.force_n, force, sizeof force) && !memcmp(back.shape_m, shape, sizeof shape));
     CHECK(!memcmp(back.us, us, sizeof us));
-    kn_trace_free(&back);
-    CHECK(kn_trace_load(&back, "one.trace", 78) == KN_TRACE_FOREIGN);
-    CHECK(kn_trace_load(&back, "no.trace", 77) == KN_TRACE_MISSING);
+    kn_replay_trace_free(&back);
+    CHECK(kn_replay_trace_load(&back, "one.trace", 78) == KN_REPLAY_TRACE_FOREIGN);
+    CHECK(kn_replay_trace_load(&back, "no.trace", 77) == KN_REPLAY_TRACE_MISSING);
     for (long at = 0; at < 600; at += 40) { // any changed byte is noticed, and no size is trusted
-        CHECK(kn_trace_save(&t, "bad.trace", 77));
+        CHECK(kn_replay_trace_save(&t, "bad.trace", 77));
         FILE *f = fopen("bad.trace", "r+");
         fseek(f, at, SEEK_SET);
         fputc(0xa5, f);
         fclose(f);
-        kn_trace_found found = kn_trace_load(&back, "bad.trace", 77);
-        kn_trace_free(&back);
+        kn_replay_trace_found found = kn_replay_trace_load(&back, "bad.trace", 77);
+        kn_replay_trace_free(&back);
         bool number = at >= 24 && at < 24 + (long)sizeof t; // numbers in the header: a wrong cost cannot be noticed
-        CHECK(number || found == KN_TRACE_DAMAGED || found == KN_TRACE_FOREIGN);
+        CHECK(number || found == KN_REPLAY_TRACE_DAMAGED || found == KN_REPLAY_TRACE_FOREIGN);
     }
-    CHECK(truncate("one.trace", 300) == 0 && kn_trace_load(&back, "one.trace", 77) == KN_TRACE_DAMAGED);
+    CHECK(truncate("one.trace", 300) == 0 && kn_replay_trace_load(&back, "one.trace", 77) == KN_REPLAY_TRACE_DAMAGED);
 }
 
 TEST("the smaller of two times counts for each tick, which removes disturbances")
@@ -291,46 +291,46 @@ TEST("the smaller of two times counts for each tick, which removes disturbances"
     float one[20] = {0}, two[20] = {0};
     for (int i = 5; i < 20; i++) one[i] = two[i] = 10;
     for (int i = 5; i < 11; i++) one[i] = 90, two[i + 6] = 80;
-    kn_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
-    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
+    kn_replay_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
+    CHECK(kn_replay_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
     one[7] = one[8] = two[7] = 30; // expensive in both traces
     one[8] = two[8] = 40;
-    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
+    CHECK(kn_replay_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
 }
 
 // ---- the rules
 
-static kn_row point(const kn_run *run, double us, double solver, double all)
+static kn_pareto_row point(const kn_sweep_run *run, double us, double solver, double all)
 {
-    return (kn_row){.run = run,
-                    .median_us = us,
-                    .p90_us = 1.2 * us,
-                    .force = {.solver = solver, .all = all},
-                    .shape = {.solver = solver, .all = all}};
+    return (kn_pareto_row){.run = run,
+                           .median_us = us,
+                           .p90_us = 1.2 * us,
+                           .force = {.solver = solver, .all = all},
+                           .shape = {.solver = solver, .all = all}};
 }
 
 TEST("the budget limits the p90 time, and points that chatter or latch are never picked")
 {
-    static kn_front front;
-    kn_run run = {.spacing_m = 0.01};
+    static kn_pareto_front front;
+    kn_sweep_run run = {.spacing_m = 0.01};
     front.count = 4;
     front.row[0] = point(&run, 100, 0.03, 0.03);
     front.row[1] = point(&run, 200, 0.01, 0.01);
     front.row[2] = point(&run, 50, 0.001, 0.001);
     front.row[3] = point(&run, 50, 0.001, 0.001);
     front.row[2].chatters = front.row[3].latched = true;
-    CHECK(kn_front_pick(&front, 240) == &front.row[1]);
-    CHECK(kn_front_pick(&front, 239) == &front.row[0]);
-    CHECK(!kn_front_pick(&front, 60));
+    CHECK(kn_pareto_front_pick(&front, 240) == &front.row[1]);
+    CHECK(kn_pareto_front_pick(&front, 239) == &front.row[0]);
+    CHECK(!kn_pareto_front_pick(&front, 60));
 }
 
 // Points of the scene's own lattice, step and precision. Each has a number of iterations per step and a maximum.
 typedef struct naming {
     kn_scene scene;
-    kn_plan *plan;
-    kn_run run[8];
-    kn_front front;
-    const kn_row *named[KN_QUALITY_OWN];
+    kn_sweep_plan *plan;
+    kn_sweep_run run[8];
+    kn_pareto_front front;
+    const kn_pareto_row *named[KN_QUALITY_OWN];
 } naming;
 
 static void begin(naming *n)
@@ -342,22 +342,22 @@ static void begin(naming *n)
     n->plan->scene = &n->scene;
 }
 
-static kn_row *add(naming *n, int iterations, int most, double us, double solver)
+static kn_pareto_row *add(naming *n, int iterations, int most, double us, double solver)
 {
-    kn_run *run = &n->run[n->front.count];
-    kn_row *row = &n->front.row[n->front.count++];
-    *run = (kn_run){.spacing_m = n->scene.model.spacing_m,
-                    .dt_s = n->scene.model.solver.dt_s,
-                    .passes = 1,
-                    .precision = n->scene.model.solver.precision,
-                    .iterations = iterations,
-                    .iterations_max = most};
+    kn_sweep_run *run = &n->run[n->front.count];
+    kn_pareto_row *row = &n->front.row[n->front.count++];
+    *run = (kn_sweep_run){.spacing_m = n->scene.model.spacing_m,
+                          .dt_s = n->scene.model.solver.dt_s,
+                          .passes = 1,
+                          .precision = n->scene.model.solver.precision,
+                          .iterations = iterations,
+                          .iterations_max = most};
     *row = point(run, us, solver, solver);
     row->jump_n = row->same_jump_n = 1;
     return row;
 }
 
-static void name(naming *n) { kn_front_name(&n->front, n->plan, n->named); }
+static void name(naming *n) { kn_pareto_front_name(&n->front, n->plan, n->named); }
 
 TEST("the named points are the cheapest with enough accuracy, at the scene's own spacing, time step and precision")
 {
@@ -365,16 +365,16 @@ TEST("the named points are the cheapest with enough accuracy, at the scene's own
     begin(&n);
     add(&n, 2, 2, 10, 0.0001);
     n.run[0].spacing_m *= 2;
-    const kn_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
+    const kn_pareto_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
     add(&n, 12, 36, 80, 0.02);
-    const kn_row *four = add(&n, 16, 48, 300, 0.0005);
+    const kn_pareto_row *four = add(&n, 16, 48, 300, 0.0005);
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == four);
-    CHECK(kn_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
+    CHECK(kn_pareto_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
     n.scene.budget_s = 2e-4; // no point is accurate enough: take the nearest, and for the other names less work
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == two);
-    CHECK(kn_front_excess(two, KN_QUALITY_ACCURATE) == 4);
+    CHECK(kn_pareto_front_excess(two, KN_QUALITY_ACCURATE) == 4);
     n.front.row[2].force.solver = 0.5; // more work and less accurate: no use for a name
     name(&n);
     CHECK(n.named[1] == one && n.named[2] == one);
@@ -388,7 +388,8 @@ TEST("timing noise of up to 24 % does not change the named points")
 {
     static naming n;
     begin(&n);
-    const kn_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004), *many = add(&n, 8, 8, 50, 0.0005);
+    const kn_pareto_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004),
+                        *many = add(&n, 8, 8, 50, 0.0005);
     add(&n, 2, 24, 20, 0.02);
     add(&n, 4, 24, 30, 0.004);
     unsigned seed = 1;
@@ -396,7 +397,7 @@ TEST("timing noise of up to 24 % does not change the named points")
         for (int i = 0; i < n.front.count; i++) {
             seed = 1664525 * seed + 1013904223;
             double us = (n.run[i].iterations == 2 ? 20 : n.run[i].iterations == 4 ? 30 : 50);
-            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_NOISE
+            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_PARETO_NOISE
         }
         name(&n);
         CHECK(n.named[0] == two && n.named[1] == four && n.named[2] == many);
@@ -408,9 +409,9 @@ TEST("each named point needs at least as many iterations, usual and maximum, as 
 {
     static naming n;
     begin(&n);
-    const kn_row *loose = add(&n, 2, 24, 20, 0.02);
+    const kn_pareto_row *loose = add(&n, 2, 24, 20, 0.02);
     add(&n, 4, 4, 30, 0.003); // more accurate than loose, but its maximum of iterations is lower
-    const kn_row *tight = add(&n, 4, 24, 90, 0.002);
+    const kn_pareto_row *tight = add(&n, 4, 24, 90, 0.002);
     name(&n);
     CHECK(n.named[0] == loose && n.named[1] == tight && n.named[2] == tight);
     free(n.plan);
@@ -420,10 +421,10 @@ TEST("the accurate point meets its error bound even if a cheaper point fits the 
 {
     static naming n;
     begin(&n);
-    const kn_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
+    const kn_pareto_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
     add(&n, 16, 16, 50, 0.002); // more work than one, and more accurate; but two is not more work than this point
     name(&n);
-    CHECK(n.named[0] == one && n.named[2] == two && kn_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
+    CHECK(n.named[0] == one && n.named[2] == two && kn_pareto_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
     free(n.plan);
 }
 
@@ -431,8 +432,8 @@ TEST("a point is not named if its force jumps by more than 1.5 times the converg
 {
     static naming n;
     begin(&n);
-    kn_row *rough = add(&n, 2, 2, 20, 0.01);
-    const kn_row *smooth = add(&n, 3, 3, 40, 0.009);
+    kn_pareto_row *rough = add(&n, 2, 2, 20, 0.01);
+    const kn_pareto_row *smooth = add(&n, 3, 3, 40, 0.009);
     rough->jump_n = 1.6;
     name(&n);
     CHECK(n.named[0] == smooth);
@@ -454,7 +455,7 @@ TEST("the chart is drawn when a point chatters")
     add(&n, 2, 2, 20, 0.02);
     add(&n, 4, 4, 30, 0.004)->chatters = true;
     name(&n);
-    CHECK(kn_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
+    CHECK(kn_pareto_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
     free(n.plan);
 }
 
@@ -463,14 +464,14 @@ TEST("a better point of another lattice is reported if it meets the budget and t
     static naming n;
     begin(&n);
     add(&n, 4, 4, 30, 0.004);
-    kn_row *fine = add(&n, 4, 4, 200, 0.002);
+    kn_pareto_row *fine = add(&n, 4, 4, 200, 0.002);
     n.run[1].spacing_m /= 2;
     name(&n);
-    CHECK(n.named[0] == &n.front.row[0] && kn_front_elsewhere(&n.front, n.plan, n.named) == fine);
+    CHECK(n.named[0] == &n.front.row[0] && kn_pareto_front_elsewhere(&n.front, n.plan, n.named) == fine);
     fine->p90_us = 900; // over the budget
-    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
     fine->p90_us = 200, fine->force.all = 0.005;
-    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
     free(n.plan);
 }
 

@@ -1,6 +1,5 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/knead/arm.h"
-#include "clients/knead/buzz.h"
+#include "clients/hand/haptic_loop.h"
 #include "core/contact_fit.h"
 #include "core/local/patch.h"
 #include "tests/check.h"
@@ -186,7 +185,7 @@ static bare bare_make(bool jelly)
     return b;
 }
 
-static void bare_step(bare *b, const kn_arm *arm, const double rendered_n[3])
+static void bare_step(bare *b, const kn_held_device *arm, const double rendered_n[3])
 {
     kn_output out;
     memcpy(b->in.probe[0].position_m, arm->x_m, sizeof arm->x_m);
@@ -204,15 +203,15 @@ static loop close_loop(bool jelly, bool far, gesture what)
 {
     AT_END(rig_free) rig r = rig_make(jelly);
     r.loss = far ? 0.2 : 0;
-    kn_arm arm;
-    kn_arm_def def = {
+    kn_held_device arm;
+    kn_held_device_def def = {
         .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
     double force[3] = {0}, path[3], rate[3], work = 0, last_n = 0;
     bare b = bare_make(jelly);
     loop l = {0};
     kn_buzz buzz;
     follow(what, 0, path, rate);
-    kn_arm_init(&arm, &def, path);
+    kn_held_device_init(&arm, &def, path);
     kn_buzz_init(&buzz, 1e-3, 0);
     for (int n = 0; n < 2500; n++) {
         step(&r, arm.position_m, arm.velocity_m_s, force);
@@ -227,7 +226,7 @@ static loop close_loop(bool jelly, bool far, gesture what)
         double deeper = fmin(1, fmax(0, 5 * (1e-3 * n - 0.3)));
         path[2] -= 0.006 * deeper;
         rate[2] -= deeper > 0 && deeper < 1 ? 0.030 : 0;
-        kn_arm_tick(&arm, force, path, rate);
+        kn_held_device_tick(&arm, force, path, rate);
         for (int k = 0; k < 3; k++) work -= 1e3 * arm.force_n[k] * (arm.position_m[k] - before[k]);
         l.given_mj = fmax(l.given_mj, -work);
         kn_buzz_add(&buzz, force[2]);
@@ -266,10 +265,10 @@ TEST("a rigid plate's unit covers all nodes ahead; 30 ms away the plate returns 
         def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.010, 0.060}};
         AT_END(rig_free) rig r = rig_of(def);
         r.loss = 0.2;
-        kn_arm arm;
-        kn_arm_def device = {
+        kn_held_device arm;
+        kn_held_device_def device = {
             .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
-        kn_arm_init(&arm, &device, (double[]){0, 0, TOP_M + 0.003});
+        kn_held_device_init(&arm, &device, (double[]){0, 0, TOP_M + 0.003});
         kn_contact_unit ahead = {0}, pressed = {0};
         double force[3] = {0}, work = 0, given_mj = 0;
         for (int n = 0; n < 2000; n++) {
@@ -279,7 +278,7 @@ TEST("a rigid plate's unit covers all nodes ahead; 30 ms away the plate returns 
             else if (!(pressed.force_n > 0)) ahead = *now;
             double before = arm.position_m[2], down = fmin(0.010, fmax(0, 0.02 * (1e-3 * n - 0.3)));
             double path[3] = {0, 0, TOP_M + 0.003 - down}, rate[3] = {0, 0, down > 0 && down < 0.010 ? -0.02 : 0};
-            kn_arm_tick(&arm, force, path, rate);
+            kn_held_device_tick(&arm, force, path, rate);
             work -= 1e3 * arm.force_n[2] * (arm.position_m[2] - before);
             given_mj = fmax(given_mj, -work);
         }

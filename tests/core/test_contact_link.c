@@ -1,5 +1,4 @@
-#include "clients/knead/arm.h"
-#include "clients/knead/buzz.h"
+#include "clients/hand/haptic_loop.h"
 #include "core/contact_model.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -202,13 +201,13 @@ static result run(const trial *c)
     bare.rigid = true;
     there = (link){.delay_ms = c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 5};
     back = (link){.delay_ms = c->rtt_ms - c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 9};
-    kn_arm_def def = {
+    kn_held_device_def def = {
         .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
-    kn_arm arm;
+    kn_held_device arm;
     kn_contact_model model;
     kn_contact_model_def model_def = {.session = 7, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC, .force_limit_n = 12};
     kn_contact_model_init(&model, &model_def);
-    kn_arm_init(&arm, &def, (double[]){0, 0, 0.004});
+    kn_held_device_init(&arm, &def, (double[]){0, 0, 0.004});
     kn_buzz loop;
     kn_buzz_init(&loop, DT, 0);
     double force[3] = {0}, last[3] = {0}, x[3] = {0, 0, 0.004}, v[3] = {0}, path[3], path_v[3];
@@ -248,7 +247,7 @@ static result run(const trial *c)
 
         double z = arm.position_m[2], at[3] = {arm.position_m[0], arm.position_m[1], z};
         follow(c->what, c->depth_m > 0 ? c->depth_m : 0.010, now * DT, path, path_v);
-        kn_arm_tick(&arm, force, path, path_v);
+        kn_held_device_tick(&arm, force, path, path_v);
         for (int k = 0; k < 3; k++) work -= 1e3 * arm.force_n[k] * (arm.position_m[k] - at[k]);
         r.given_mj = fmax(r.given_mj, -work);
         for (int k = 0; k < 3; k++) {

@@ -1,8 +1,8 @@
 // libFuzzer target: any bytes as a table of creep, relaxation or a sweep give curves that a fit accepts, or one line
 // of error.
 #include "clients/identify/measured_curve.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "tests/fuzz/memory_file.h"
 #include <math.h>
 #include <stdarg.h>

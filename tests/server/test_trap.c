@@ -5,7 +5,7 @@
 // KN_TICKS=N: ticks of the first run, 1e5. KN_LIVE_TICKS=N: ticks of each live run, 4000, 1 ms each.
 // without sanitizers: they allocate themselves
 // a program of its own: malloc and its kin are interposed
-#include "clients/knead/path.h"
+#include "clients/hand/tool_path.h"
 #include "server/keeper.h"
 #include "tests/allocations.h"
 #include "tests/check.h"
@@ -45,7 +45,7 @@ typedef struct rig {
     long faulted;
     kn_keeper keeper;
     char directory[32];
-    kn_path *path;
+    kn_tool_path *path;
     int64_t forces, contacts, pressed, ticks;
 } rig;
 
@@ -57,7 +57,8 @@ static void rig_open(rig *r, const char *const *how)
     if (how) r->board = kn_board_start(r->how = how);
     if (how) strcat(r->board.uri, "?miss=10"); // allows for a busy machine
     kn_loop_fixture_open_on(&r->fixture, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
-    r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
+    r->path =
+        kn_tool_path_press(&(kn_tool_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
     // a tick then does all it can do
     bool identifies = how || kn_backend_cpu_identify(&r->fixture.backend, (kn_coupling){600, 1.5});
     if (!r->path || !identifies) exit(1);
@@ -82,7 +83,7 @@ static void remove_saved(const rig *r)
 
 static void rig_close(rig *r)
 {
-    kn_path_destroy(r->path);
+    kn_tool_path_destroy(r->path);
     remove_saved(r);
     kn_keeper_close(&r->keeper);
     kn_loop_fixture_close(&r->fixture);
@@ -119,8 +120,8 @@ static long faults(void) // page faults of this thread
 static void play(rig *r, int64_t round, int ms)
 {
     double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
-    kn_path_point point;
-    kn_path_at(r->path, 1e-3 * (ms - 500), &point);
+    kn_tool_path_point point;
+    kn_tool_path_at(r->path, 1e-3 * (ms - 500), &point);
     if (ms == 5900) kn_loop_post(&r->fixture.loop, 0, NULL);
     if ((ms >= stall_ms && ms < stall_ms + 50) || ms >= 5700) return;
     kn_pose pose = {.session = 1 + round, .seq = 1 + ms, .orientation_wxyz = {1}};

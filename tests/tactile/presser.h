@@ -69,7 +69,7 @@ static inline void kn_presser_give(kn_tactile *device, const double force_n[3], 
 }
 
 // Start at x_m. render: the definition used by the bridge.
-static inline void kn_presser_init(kn_presser *p, double x_m, const kn_render_def *render)
+static inline void kn_presser_init(kn_presser *p, double x_m, const kn_haptic_render_def *render)
 {
     *p = (kn_presser){.base = {.name = "presser",
                                .open = kn_presser_open,

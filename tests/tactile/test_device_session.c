@@ -8,9 +8,9 @@ static double now_s, age_s = 1e-3; // age of every force's pose
 static const double here[3], push_n[3] = {0, 0, 2};
 static int64_t ticks; // ticks of kneadd
 
-static kn_render_def upright(double force_limit_n)
+static kn_haptic_render_def upright(double force_limit_n)
 {
-    kn_render_def def = {0};
+    kn_haptic_render_def def = {0};
     kn_mount_init(&def.device);
     def.device.force_limit_n = force_limit_n;
     return def;
@@ -18,7 +18,7 @@ static kn_render_def upright(double force_limit_n)
 
 static void begin(void)
 {
-    kn_render_def def = upright(3.3);
+    kn_haptic_render_def def = upright(3.3);
     kn_device_session_init(&tested, 100, &def);
     now_s = tested.given_s;
 }
@@ -167,7 +167,7 @@ TEST("the impulse guard's latch begins a new session, and a latch that lifting c
 
 TEST("an object that gives out energy is damped by the passivity controller, and an object at rest is not")
 {
-    kn_render_def def = upright(3.3);
+    kn_haptic_render_def def = upright(3.3);
     def.device.mass_kg = 0.05;
     def.device.hand.stiffness_n_m = 500.0;
     kn_device_session_init(&tested, 100, &def);
@@ -252,7 +252,7 @@ static void live_local(int ms, bool poses, bool forces)
             unit.pose_seq = tested.seq;
             unit.utime = (int64_t)(1e6 * now_s);
             unit.force_n = 500.0 * deep_m;
-            kn_render_contact(&tested.render, &unit);
+            kn_haptic_render_contact(&tested.render, &unit);
         }
         if (forces) force(tested.session, push_n, KN_FLAG_ENGAGED, 0);
         tick(1);
@@ -261,7 +261,7 @@ static void live_local(int ms, bool poses, bool forces)
 
 static void begin_local(void)
 {
-    kn_render_def def = upright(3.3);
+    kn_haptic_render_def def = upright(3.3);
     def.local = true;
     def.coupling_n_m = 500.0;
     def.coupling_n_s_m = 1.5;
@@ -346,7 +346,7 @@ TEST("repeated or older forces do not feed the watchdog: 0 N by 20 ms, then a ne
 
 TEST("a fading force changes by at most 0.5 N per ms, even if the hand shakes and is damped")
 {
-    kn_render_def def = upright(3.3);
+    kn_haptic_render_def def = upright(3.3);
     def.device.mass_kg = 0.08;
     def.device.hand.stiffness_n_m = 600.0;
     for (double shake_m_s = 0.05; shake_m_s < 0.5; shake_m_s += 0.05) {

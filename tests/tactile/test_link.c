@@ -1,6 +1,6 @@
 // The forces of kneadd and of the motors of two devices, one of which renders forces and the other the local model.
 // The cases are a bad link, a delay, a kill and a freeze, all in virtual time.
-#include "clients/knead/profile.h"
+#include "clients/hand/haptic_loop.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 #include "tests/rig.h"
@@ -39,11 +39,11 @@ static void join(kn_presser *presser, const char *probe, double x_m, bool local,
     kn_rig_end *e = kn_rig_join(&p.rig, fault, delay_ms, 370000 + 340000 * n);
     kn_bridge_def def = {
         .url = KN_MEMORY_URL, .probe = probe, .session = 1000 * (n + 1), .render = {.radius_m = 0.015, .local = local}};
-    CHECK(kn_profile_load(&def.render.device, "presser", "touch", NULL, 0) == 0);
+    CHECK(kn_device_profile_load(&def.render.device, "presser", "touch", NULL, 0) == 0);
     kn_presser_init(presser, x_m, &def.render);
     e->bridge = &p.bridge[n];
     bool opened = kn_bridge_open(e->bridge, &def, &presser->base, error, sizeof error);
-    kn_rig_joined(e, opened, kn_join_memory(e->bridge->bus), error);
+    kn_rig_joined(e, opened, kn_bus_client_memory(e->bridge->bus), error);
 }
 
 static void begin(void) // end the servers and hands that ran before
@@ -205,13 +205,14 @@ TEST("the local model gives kneadd's force calmly, even 20 ms away; plain forces
     double far_n, behind_n;
     start(&(kn_link_fault){0}, 0, NULL);
     CHECK(restless(2500, &far_n) < 0.03);
-    const kn_render *near = &p.bridge[0].now.session.render, *far = &p.bridge[1].now.session.render;
+    const kn_haptic_render *near = &p.bridge[0].now.session.render, *far = &p.bridge[1].now.session.render;
     CHECK(far->guards == 0 && far->reflexes == 0 && far->model.taken > 2000 && p.far.rules.pressed > 1000);
     CHECK_NEAR(p.far.rules.largest_n, p.near.rules.largest_n, 0.1 * p.near.rules.largest_n);
 
     start(&(kn_link_fault){0}, 20, NULL);
     CHECK(restless(2500, &behind_n) < 0.03);
-    CHECK(near->stop == KN_RENDER_FAR && near->refusals == 1 && strstr(kn_render_why(near->stop), "--local render"));
+    CHECK(near->stop == KN_HAPTIC_RENDER_FAR && near->refusals == 1 &&
+          strstr(kn_haptic_render_why(near->stop), "--local render"));
     CHECK(p.near.rules.largest_n == 0);
     CHECK(far->round_trip_s > 0.015 && far->guards == 0 && p.far.rules.pressed > 1000);
     CHECK_NEAR(behind_n, far_n, 0.1 * far_n);

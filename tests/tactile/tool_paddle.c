@@ -11,8 +11,8 @@
 //     mute=MS:MS      from then on, for so long, no frames are sent
 //     hangup=MS:MS    from then on, for so long, the line is gone
 //     unwatched=0     there is no watchdog
-#include "clients/knead/arm.h"
-#include "clients/knead/join.h"
+#include "clients/hand/haptic_loop.h"
+#include "clients/hand/bus_client.h"
 #include "clients/tactile/paddle.h"
 #include "core/safety.h"
 #include "server/clock.h"
@@ -32,7 +32,7 @@ typedef struct paddle {
     const char *link;
     int fd, keep; // master; slave, held open so that a leaving computer does not hang up the line
     span garbage, flip, mute, hangup, unwatched;
-    kn_arm arm;
+    kn_held_device arm;
     kn_paddle_decoder deframer;
     kn_watchdog watchdog;
     double asked_n, given_n;
@@ -138,24 +138,25 @@ int main(int argc, char **argv)
                 .random = 1,
                 .deframer.kind = KN_PADDLE_FRAME_COMMAND};
     // A Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most.
-    const kn_arm_def def = {.mass_kg = 0.04,
-                            .damping_n_s_m = 0.1,
-                            .coulomb_n = 0.05,
-                            .encoder_m = 15e-6,
-                            .force_limit_n = 5.0,
-                            .axes = 1,
-                            .grip = KN_GRIP_NORMAL};
+    const kn_held_device_def def = {.mass_kg = 0.04,
+                                    .damping_n_s_m = 0.1,
+                                    .coulomb_n = 0.05,
+                                    .encoder_m = 15e-6,
+                                    .force_limit_n = 5.0,
+                                    .axes = 1,
+                                    .grip = KN_GRIP_NORMAL};
     int seconds = argc > 2 ? atoi(argv[2]) : 0;
     for (int i = 3; i < argc; i++)
         if (!option(&p, argv[i])) return fprintf(stderr, "paddle: %s?\n", argv[i]), 2;
     if (seconds <= 0) return fprintf(stderr, "usage: paddle LINK SECONDS [EVENT=MS[:MS]]...\n"), 2;
     p.link = argv[1];
     if (!plug_in(&p)) return fprintf(stderr, "paddle: no pty\n"), 3;
-    kn_arm_init(&p.arm, &def, (double[3]){0});
+    kn_held_device_init(&p.arm, &def, (double[3]){0});
     kn_watchdog_init(&p.watchdog, 0, 0);
 
     kn_clock clock;
-    kn_join_priority(60); // a microcontroller has no other work; without priority the paddle is as late as any process
+    kn_bus_client_priority(
+        60); // a microcontroller has no other work; without priority the paddle is as late as any process
     kn_clock_start(&clock, kn_now_ns());
     setvbuf(stdout, NULL, _IOLBF, 0); // a reader sees each ms at once
     printf("ms,z_m,asked_n,given_n,enabled,tripped,commands,bad,skipped\n");
@@ -167,7 +168,7 @@ int main(int argc, char **argv)
         for (int n = 0; n<elapsed_ms; n++, ms += p.deframer.frames> 0) {
             double path_m[3] = {0}, path_m_s[3] = {0};
             path_m[2] = kn_person_z(ms, &path_m_s[2]);
-            kn_arm_tick(&p.arm, (double[3]){0, 0, p.given_n}, path_m, path_m_s);
+            kn_held_device_tick(&p.arm, (double[3]){0, 0, p.given_n}, path_m, path_m_s);
         }
         tell_computer(&p, ms);
         const kn_paddle_decoder *d = &p.deframer;

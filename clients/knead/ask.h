@@ -1,1 +1,0 @@
-#include "clients/knead/live_server.h"

@@ -1,1 +1,0 @@
-#include "clients/knead/tool_height.h"

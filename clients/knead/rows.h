@@ -1,1 +1,0 @@
-#include "clients/knead/session_record.h"

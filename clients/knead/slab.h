@@ -1,1 +1,0 @@
-#include "clients/knead/haptic_loop.h"

@@ -1,1 +1,0 @@
-#include "clients/knead/replay_trace.h"
