@@ -264,7 +264,7 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
     return kn_control_error("no tick ran for %d ms", PATIENCE_MS);
 }
 
-// Begin or end an emergency stop, for every later start as well. If one part fails, the safer state remains: a stop
+// Begin or end an emergency stop that also persists over restarts. If a step fails, the safer state remains: a stop
 // begins in the loop before it is on disk, and the mark on disk is removed only after a tick has ended the stop.
 static json_t *hold(kn_operator *o, bool estopped)
 {

@@ -20,8 +20,8 @@
 
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
-// Largest number of read-only files of a scene; an operator's further snapshots are refused until the owner removes
-// some.
+// Largest number of snapshots of a scene that an operator has kept (read-only files). At this number, an operator's new
+// snapshot is refused until the owner of the directory deletes an old one.
 #define KN_STORE_STAY 100
 
 // The system calls of a save or a load, so that a test can make any of them fail. They behave like the system's calls,

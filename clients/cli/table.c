@@ -144,7 +144,8 @@ static void write_axes(FILE *f, const kn_table *t, const kn_axes *a)
     write_names(f, t, a);
 }
 
-// Return the number of rows in the legend, three series per panel and row. A single series needs no legend.
+// Return the number of rows in the legend. A row has room for three series under each panel. A single series needs no
+// legend, so return 0.
 static int legend_rows(const kn_table *t, int count)
 {
     const int across = 3 * count;

@@ -64,7 +64,7 @@ bool kn_session_record_stop(kn_session_record *record, char *error, size_t error
 void kn_session_record_destroy(kn_session_record *record);
 
 // Summary of a session of `knead probe`: the table of forces, the counts of echoes and the CSV file. A force echoes the
-// session and number of the pose that it answers. Pure functions of the hand and the record of its messages.
+// session and number of the pose that it answers. The functions depend only on the hand and the record of its messages.
 
 typedef struct kn_session_report {
     // Results of the last try (the last time the path was played). Times count from the begin of the path. A contact

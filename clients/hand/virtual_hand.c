@@ -234,7 +234,7 @@ void kn_hand_player_init(kn_hand_player *p, const kn_hand_def *def)
 kn_hand_out kn_hand_player_tick(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_hand_player *p = self;
-    // Between two tries, take over the path that another thread has made for the next one.
+    // Between two tries, fetch the path that another thread has prepared for the next try.
     if (p->hand.mode == KN_HAND_SILENT && atomic_load(&p->next_path))
         kn_hand_take_path(&p->hand, atomic_exchange(&p->next_path, NULL));
     kn_hand_out out = kn_hand_tick(&p->hand, force, elapsed_ms);

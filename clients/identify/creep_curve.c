@@ -158,7 +158,8 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
     int begin = 0;
     *least_s = -INFINITY;
     for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
-    // the first strain is clearly below the level, so the gauge was not set to 0
+    // If the first strain is clearly below the mean strain before the load, the gauge was not set to 0, and no onset can
+    // be found.
     if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
     // Skip the readings that are still at the level. Then try lines of 3, 6, 12, ... readings up to half of the strain.
     // Keep the line whose lower limit of the time (the meeting time minus four standard deviations) is the latest.
@@ -174,8 +175,9 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
 
 // ---- the load of a curve
 
-// Turn the stress into the nominal stress. If the stress falls as the section grows, it is W h/(S0 h0). Divided by 1 -
-// strain, such a stress is constant under each load. Set c->constant_area if the stress is nominal already.
+// Convert the stress to the nominal stress, the load W over the initial area S0. The data may hold the true stress
+// instead. For a specimen of height h, initially h0, the true stress is W h/(S0 h0); divided by 1 - strain, it is
+// constant under each load. If the stress is nominal already, set c->constant_area.
 static void to_nominal(const kn_curve_file *f, kn_curve *c)
 {
     c->constant_area = true;

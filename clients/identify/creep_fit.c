@@ -472,7 +472,8 @@ static void interval(work *w, int i)
     kn_parameter_estimate_set(&w->joint->number[i], u->name, kn_estimate_unit[i], u->value, known);
 }
 
-// Set the words of each parameter that is not known: the reason, or the value used instead.
+// For each parameter that is not known, set the text that stands beside it: why it is unknown, or which value is used
+// instead.
 static void say(const work *w)
 {
     static const char *const why[] = {"", "these curves cannot tell it from 0",

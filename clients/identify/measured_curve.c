@@ -401,7 +401,7 @@ static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
                                "10 %%' or '# section: constant', --strain or --constant-area");
     for (int i = 0; i < c->count; i++) {
         const double strain = c->other ? c->other[i] : c->strain;
-        // Stress is the load over the current area; a modulus times the strain is a stress.
+        // Compute the stress: a load is divided by the current area, a modulus is multiplied by the strain.
         if (what == KN_LOAD) c->value[i] *= (c->constant_area ? 1 : 1 - strain) / f->area_m2;
         else if (what == KN_MODULUS && c->strain > 0) c->value[i] *= strain;
     }

@@ -129,7 +129,7 @@ typedef struct kn_table_reader {
         // first text, and its position in that line
         int lines, line, at;
         char text[32];
-        const char *name; // name of the column that holds the text; NULL: no text was found in place of a number
+        const char *name; // name of the column in which text was found instead of a number; NULL: no such column
     } strange;
 } kn_table_reader;
 

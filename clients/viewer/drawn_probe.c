@@ -301,7 +301,7 @@ void kn_dirty_region_find(const kn_dirty_region_def *d, const kn_drawn_shapes *t
     kn_view_probe hand;
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (kn_drawn_probe_hand(scene, &scene->probe[i], &hand)) cover_probe(d, tools, &e, &hand);
-    // Include the table around the object's footprint, where the table is darker.
+    // The object darkens the table around its footprint (dim_m). Include this part of the table in the region.
     const float dim = d->dim_m;
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,

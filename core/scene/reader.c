@@ -42,8 +42,8 @@ static FILE *open_file(const char *path, const char **why)
     return file;
 }
 
-// Return the bytes of a file; kind: for the error message. A file that is too large gives one byte more than the limit.
-// Return NULL with one line in error if it cannot be read.
+// Read at most FILE_MAX_BYTES + 1 bytes of a file, so that the caller can see that a file is too large. `kind` names the
+// file in the error message. If the file cannot be read, return NULL with one line in `error`.
 static char *load_file(const char *path, const char *kind, size_t *size, char *error, size_t error_size)
 {
     const char *why = NULL;

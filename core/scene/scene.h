@@ -52,8 +52,8 @@ typedef struct kn_scene {
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size);
-// Parse text that the file `beside` holds. A mesh that is not at its path in the text is also looked for by its base
-// name in that file's folder. kn_scene_parse looks in the folder of `name`.
+// Parse the text of the scene file whose path is `beside`. If a mesh is not found at the path given in the text, look
+// for its base name in the folder of `beside`. (kn_scene_parse does so in the folder of `name`.)
 kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
                                 const char *const *sets, int set_count, char *error, size_t error_size);
 void kn_scene_destroy(kn_scene *scene); // does nothing if `scene` is NULL
