@@ -4,7 +4,7 @@
 // ODEs II, table IV.6.5. The method is stiffly accurate: its last stage is the result of the step. The header is for
 // sources that integrate springs and dampers; every such source includes it once.
 //
-// Division by KN_SDIRK_GAMMA is exact. If a stage yields D = GAMMA h times the rate, then row[j][m] / GAMMA * D is the
+// Division by KN_SDIRK_GAMMA is exact. If a stage yields D = KN_SDIRK_GAMMA h times the rate, then row[j][m] / GAMMA * D is the
 // part of stage m in stage j.
 #define KN_SDIRK_STAGES 5
 #define KN_SDIRK_GAMMA 0.25 // diagonal of the method

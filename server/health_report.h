@@ -2,7 +2,7 @@
 #define KN_SERVER_HEALTH_REPORT_H
 // Reports of the health of the server, gathered from the counters of its modules: status_t and health_t, as published on
 // KNEAD_STATUS and KNEAD_HEALTH and as printed by `knead ctl status`; and the lines of kneadd on stdout and stderr. Not
-// real-time safe; no call blocks.
+// real-time safe; no call but kn_health_report_end blocks, which waits for a circuit to catch up.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/exchange.h"

@@ -176,7 +176,7 @@ static bool has_place(const char *text)
 
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args)
 {
-    char text[1024];
+    char text[16384]; // room for a value as long as four paths
     vsnprintf(text, sizeof text, format, args);
     // Print a message that begins with a place in a file without a prefix, so that the place stays at the beginning of
     // the line.

@@ -26,7 +26,12 @@ static void on_signal(int number) { kn_interrupted = number; }
 static void handle(void (*handler)(int))
 {
     static const int deadly[] = {SIGINT, SIGTERM, SIGHUP};
-    for (int i = 0; i < 3; i++) sigaction(deadly[i], &(struct sigaction){.sa_handler = handler}, NULL);
+    struct sigaction before;
+    for (int i = 0; i < 3; i++) {
+        // Under nohup the hang-up is ignored. Leave it so.
+        if (deadly[i] == SIGHUP && sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler == SIG_IGN) continue;
+        sigaction(deadly[i], &(struct sigaction){.sa_handler = handler}, NULL);
+    }
 }
 
 void kn_interrupt_watch(void) { handle(on_signal); }

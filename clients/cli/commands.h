@@ -1,7 +1,6 @@
 #ifndef KN_CLIENTS_COMMANDS_H
 #define KN_CLIENTS_COMMANDS_H
-// The subcommands of `knead SUBCOMMAND ...`. A new subcommand needs one line here and a file <name>.c with
-// kn_<name>_main.
+// The subcommands of `knead SUBCOMMAND ...`. A new subcommand needs one line here and a function kn_<name>_main.
 //
 //     X(name, "summary, as `knead --help` prints it")
 //

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_CLOSED_LOOP_HAND_H
 #define KN_CLIENTS_CLOSED_LOOP_HAND_H
 // A virtual hand (virtual_hand.h) that holds a simulated device (haptic_loop.h). The path is the intended motion. Arm,
-// grip and returned forces determine where the tool goes. The grasp runs in the thread of a virtual device
+// grip and returned forces determine where the tool goes. The closed-loop hand runs in the thread of a virtual device
 // (virtual_hand.h), so the loop is closed over the real bus.
 //
 //     path --> arm --> pose --> kneadd --> force, contact --> delay, loss --> output stage --+

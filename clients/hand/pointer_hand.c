@@ -9,7 +9,7 @@ static const double air_m_s = 0.15, sideways_m_s = 0.4;
 static const double air_m_s2 = 3.0, sideways_m_s2 = 6.0;
 static const double press_m_s[2] = {0.03, 0.01};   // speed of a press into the object: of a round tool, of a flat tool
 static const double stroke_m_s[2] = {0.03, 0.004}; // sideways speed in the object: of a round tool, of a flat tool
-// Speed at the first touch of the object: of a round tool, of a flat tool (see add_landing in path.c).
+// Speed at the first touch of the object: of a round tool, of a flat tool (see add_landing in tool_path.c).
 static const double touch_m_s[2] = {0.03, 1e-4};
 // Acceleration in the object: 0 to 1 cm/s in 50 ms, to which dough (1 kN s/m) answers with 0.2 N/ms.
 static const double object_m_s2 = 0.2;

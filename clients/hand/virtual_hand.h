@@ -165,7 +165,7 @@ typedef struct kn_hand_player {
     // The device's thread owns `hand` while it runs. Other threads may then read hand.trip[0 .. trips-1] only. After
     // the thread has ended, the caller owns `hand`.
     kn_hand hand;
-    // Record of the motor forces, if gripped is false. A grasp (closed_loop_hand.h) keeps a record of its own.
+    // Record of the motor forces, if gripped is false. A closed-loop hand (closed_loop_hand.h) keeps a record of its own.
     kn_motor_record motors;
     bool gripped; // true: the hand grips a simulated device (closed_loop_hand.h)
     // mode: a kn_hand_mode. trips: number of faults after which the hand retreated. tries: number of times that the

@@ -172,7 +172,7 @@ static int out_of_memory(const kn_identification *w, const char *path)
 
 // Draw figures 6 to 9 of the first paper for one creep curve whose load was removed. Each figure shows the identified
 // element beside the data. If the load was never removed, or if the curve is too short for the paper's two stages
-// (stages.h), only figures 6 and 7 are drawn.
+// (creep_fit.h), only figures 6 and 7 are drawn.
 static int paper_figures(const kn_identification *w, const char *path, const kn_curve *curve)
 {
     curve_values n;

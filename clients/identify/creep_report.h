@@ -7,7 +7,7 @@
 // Draw all creep curves in one PNG. The first panels show the strain with the fit, on linear and on logarithmic axes.
 // The next panel shows the residuals: means over neighbouring readings, each divided by the standard deviation that
 // noise gives to a mean of so many readings. The last panel shows the damper law c2(P) over the measured stresses, with
-// each curve's result of the paper's two stages (stages.h).
+// each curve's result of the paper's two stages (creep_fit.h).
 int kn_creep_draw(kn_identification *w, const char *path);
 
 // Fill an open page: all printed results with plots, and for the first curves figures 6 to 9 of the first paper. If

@@ -49,7 +49,7 @@ typedef struct kn_trust_region {
 bool kn_trust_region_run(kn_trust_region *search);
 void kn_trust_region_free(kn_trust_region *search);
 
-// Return the 95 % interval of an unknown by the method "curvature" of fit.h. `independent` is the number of independent
+// Return the 95 % interval of an unknown by the method "curvature" of least_squares.h. `independent` is the number of independent
 // readings (kn_measurement_independent).
 kn_fit_interval kn_trust_region_interval(const kn_trust_region *search, int unknown, double independent);
 

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_PICTURE_H
 #define KN_CLIENTS_PICTURE_H
 // Pictures for the pages of `knead web`: the view, the colours and the time of each picture, and a thread that draws
-// one still (still.h) at a time as a JPEG, while the main thread handles messages. The thread opens, uses and closes
+// one still (object_still.h) at a time as a JPEG, while the main thread handles messages. The thread opens, uses and closes
 // OpenGL itself, because an OpenGL context belongs to one thread. The thread runs at nice 5, because pictures may be
 // late and forces may not. On request a picture is also written as a PNG.
 //

@@ -1,5 +1,5 @@
 // knead web: shows the object in a browser and lets the user move a tool. There are three threads. The main thread runs
-// libev and handles messages, the device's thread makes poses at 1 kHz, and the painter's thread draws pictures.
+// libev and handles messages, the device's thread makes poses at 1 kHz, and the thread of picture.c draws pictures.
 #include "clients/hand/live_server.h"
 #include "clients/cli/commands.h"
 #include "clients/web/web.h"

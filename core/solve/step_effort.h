@@ -81,7 +81,7 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 
 // Limit on the work of one step, in units of work that the step itself counts. The count depends on the input alone. So
 // a step that the deadline ends early has the same bits on every machine. A unit is about one nanosecond of one core
-// with AVX-512. The caller that sets the deadline measures the length of a unit on its own machine (server/served.h).
+// with AVX-512. The caller that sets the deadline measures the length of a unit on its own machine (server/served_object.h).
 //
 //     spent  |find|line i i i i|look|i i|line i i i i|look|i i        most
 //            '-----------------------------------------------------'   the next part would not fit: the step ends

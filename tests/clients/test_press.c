@@ -1,4 +1,4 @@
-// clients/shape/press.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
+// clients/shape/press_protocol.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
 #include "clients/shape/press_protocol.h"
 #include "clients/shape/structure_candidate.h"
 #include "server/replay.h"

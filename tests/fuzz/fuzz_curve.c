@@ -8,7 +8,7 @@
 #include <stdarg.h>
 #include <string.h>
 
-static int complaints; // replaces clients/knead/complain.c
+static int complaints; // replaces kn_complain of clients/cli/command.c
 
 int kn_complain(const char *subcommand, int code, const char *format, ...)
 {
