@@ -5,13 +5,11 @@
 //
 //     bench_loop [--quick]     847 nodes, ten minutes; --quick: 144 nodes, three
 //
-// The device moves along three axes. Force is judged as in clients/knead/rig.h, above 10 Hz, and taps by their turns.
-// A device without a hand leans on the object only where no second hand moves the object. Exit 1 if a coupled tool
-// buzzes, gives a stroke over a millijoule, or renders 10 % more or less than its springs in series.
+// The device moves along three axes. Force is judged as in clients/hand/haptic_loop.h, above 10 Hz, and taps by their
+// turns. A device without a hand leans on the object only where no second hand moves the object. Exit 1 if a coupled
+// tool buzzes, gives a stroke over a millijoule, or renders 10 % more or less than its springs in series.
 #include "bench/bench.h"
-#include "clients/knead/buzz.h"
-#include "clients/knead/profile.h"
-#include "clients/knead/rig.h"
+#include "clients/hand/haptic_loop.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include <math.h>
@@ -33,7 +31,7 @@ typedef struct block { // the object of a rig: the lattice, its tool, and possib
     kn_output output;
     double touch_m; // height at which the first tool just touches
     bool two;
-    kn_arm other; // the second hand's device: it gets the force of the last tick, as from a server
+    kn_held_device other; // the second hand's device: it gets the force of the last tick, as from a server
     kn_turns turns;
     long tick;
     bool diverged;
@@ -110,7 +108,7 @@ static void move_other(block *b, const double force_n[3])
 {
     double w = 3.141592653589793, t = 1e-3 * (double)b->tick++, path_m[3] = {0, 0, 0.006 * cos(w * t)};
     double path_m_s[3] = {0, 0, -0.006 * w * sin(w * t)};
-    kn_arm_tick(&b->other, force_n, path_m, path_m_s);
+    kn_held_device_tick(&b->other, force_n, path_m, path_m_s);
     kn_turns_add(&b->turns, b->other.force_n[2]);
 }
 
@@ -134,46 +132,50 @@ typedef struct tally {
     double worst_n;
 } tally;
 
-static kn_rig_def rig_of(const kn_device_def *device, kn_coupling coupling, int trip_ms, kn_grip grip,
-                         kn_rig_motion motion)
+static kn_haptic_loop_def rig_of(const kn_device_def *device, kn_coupling coupling, int trip_ms, kn_grip grip,
+                                 kn_haptic_loop_motion motion)
 {
-    kn_rig_def def = {
-        .arm = kn_arm_of(device), .coupling = coupling, .trip_ms = trip_ms, .passivity = true, .motion = motion};
+    kn_haptic_loop_def def = {.arm = kn_held_device_of(device),
+                              .coupling = coupling,
+                              .trip_ms = trip_ms,
+                              .passivity = true,
+                              .motion = motion};
     def.arm.grip = grip;
     return def;
 }
 
-static void add(tally *t, const kn_rig_result *r, bool buzzes, kn_rig_motion motion, const char *what)
+static void add(tally *t, const kn_haptic_loop_result *r, bool buzzes, kn_haptic_loop_motion motion, const char *what)
 {
     double loud = r->force_rms_n + (buzzes ? 1e3 : 0);
     t->runs++;
     t->buzzes += buzzes;
     t->gave += r->returned_j > 1e-3;
     t->loudest_n = fmax(t->loudest_n, r->force_rms_n);
-    bool held = motion == KN_RIG_LEAN || motion == KN_RIG_PRESS;
+    bool held = motion == KN_HAPTIC_LOOP_LEAN || motion == KN_HAPTIC_LOOP_PRESS;
     if (held) t->floors = fmax(t->floors, r->force_rms_n / r->resolution_n);
     t->returned_j = fmax(t->returned_j, r->returned_j);
-    if (motion >= KN_RIG_TAP) t->turns = fmax(t->turns, r->turns);
+    if (motion >= KN_HAPTIC_LOOP_TAP) t->turns = fmax(t->turns, r->turns);
     if (loud > t->worst_n) t->worst_n = loud, snprintf(t->worst, sizeof t->worst, "%s", what);
 }
 
 static void run(tally *t, const kn_device_def *device, const char *material, bool quick, int tool, int trip_ms,
-                kn_grip grip, kn_rig_motion motion)
+                kn_grip grip, kn_haptic_loop_motion motion)
 {
     block b;
     kn_coupling coupling =
         kn_coupling_default(device->mass_kg, device->damping_n_s_m, 1e-3, 1e-3 * trip_ms, device->hand);
-    kn_rig_def def = rig_of(device, coupling, trip_ms, grip, motion);
+    kn_haptic_loop_def def = rig_of(device, coupling, trip_ms, grip, motion);
     block_open(&b, material, quick, tool, &coupling);
-    kn_arm_def other = def.arm;
+    kn_held_device_def other = def.arm;
     other.grip = KN_GRIP_NORMAL;
-    kn_arm_init(&b.other, &other, (double[]){0, 0, 0.006});
+    kn_held_device_init(&b.other, &other, (double[]){0, 0, 0.006});
     b.turns.hysteresis = 2 * (1.5 * device->encoder_m * coupling.stiffness_n_m + 2e-3);
-    kn_rig_result r = kn_rig_run(&def, touch, &b);
+    kn_haptic_loop_result r = kn_haptic_loop_run(&def, touch, &b);
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    bool other_buzzes = b.two && b.turns.count > 2 * KN_RIG_TURNS; // two strokes, and the effect of the first hand
+    bool other_buzzes =
+        b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS; // two strokes, and the effect of the first hand
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);
 }
@@ -183,13 +185,14 @@ static bool grid_of(int tool, bool quick)
     tally t = {0};
     for (int c = 0; c < CLASSES; c++) {
         kn_device_def device;
-        if (kn_profile_load(&device, "bench_loop", classes[c], NULL, 0) != 0) exit(3);
+        if (kn_device_profile_load(&device, "bench_loop", classes[c], NULL, 0) != 0) exit(3);
         for (int trip = 0; trip <= 1; trip++)
             for (int m = 0; m < MATERIALS; m++) {
-                if (tool != PAIR) run(&t, &device, materials[m], quick, tool, trip, KN_GRIP_NONE, KN_RIG_LEAN);
+                if (tool != PAIR) run(&t, &device, materials[m], quick, tool, trip, KN_GRIP_NONE, KN_HAPTIC_LOOP_LEAN);
                 for (int g = KN_GRIP_LIGHT; g <= KN_GRIP_FIRM; g++)
-                    for (int how = KN_RIG_PRESS; how <= (tool == PAIR ? KN_RIG_TAP : KN_RIG_SLIDE); how++)
-                        run(&t, &device, materials[m], quick, tool, trip, (kn_grip)g, (kn_rig_motion)how);
+                    for (int how = KN_HAPTIC_LOOP_PRESS;
+                         how <= (tool == PAIR ? KN_HAPTIC_LOOP_TAP : KN_HAPTIC_LOOP_SLIDE); how++)
+                        run(&t, &device, materials[m], quick, tool, trip, (kn_grip)g, (kn_haptic_loop_motion)how);
             }
     }
     printf("| %-12s | %4d | %6d | %7.3f | %6.2f | %6.1f | %8.2f | %6d | %s\n", tools[tool], t.runs, t.buzzes,
@@ -231,7 +234,7 @@ static bool rendered(bool quick)
            "|---------|-------------:|-----------:|----------:|---------:|------:|\n");
     for (int c = 0; c < CLASSES; c++) {
         kn_device_def device;
-        if (kn_profile_load(&device, "bench_loop", classes[c], NULL, 0) != 0) exit(3);
+        if (kn_device_profile_load(&device, "bench_loop", classes[c], NULL, 0) != 0) exit(3);
         double k = device.hand.stiffness_n_m, series = k * object / (k + object), felt = stiffness(&device.hand, quick);
         printf("| %-7s | %12.0f | %10.0f | %9.0f | %8.0f | %+5.1f |\n", classes[c], k, object, series, felt,
                100 * (felt / series - 1));

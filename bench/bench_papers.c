@@ -1,7 +1,7 @@
 // One experiment of the papers: a scene, pressed by its first probe or left to its weight. bench/papers makes its
 // figures from such experiments. The program writes pictures and curves beside --prefix, and the measures as one line
 // of JSON.
-#include "clients/knead/still.h"
+#include "clients/picture/object_still.h"
 #include "clients/viewer/image.h"
 #include "core/scene/scene.h"
 #include "core/surface.h"
@@ -176,14 +176,14 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
 {
     if (!x->opt->pictures) return;
     char error[300], path[600];
-    kn_still still = {.view = x->opt->look};
+    kn_object_still still = {.view = x->opt->look};
     kn_renderer *r = kn_renderer_open(PICTURE_WIDTH, PICTURE_HEIGHT, 4, error, sizeof error);
     uint8_t *rgba = malloc((size_t)PICTURE_WIDTH * PICTURE_HEIGHT * 4);
     if (!r) fail(error);
-    if (!rgba || !kn_still_state(&still, x->model, x->state)) fail("out of memory");
+    if (!rgba || !kn_object_still_state(&still, x->model, x->state)) fail("out of memory");
     if (in && in->probe[0].attached)
-        kn_still_probe(&still, &x->model->def.probe[0], x->state->probe[0].position_m, (double[4]){1}, (double[3]){0},
-                       1);
+        kn_object_still_probe(&still, &x->model->def.probe[0], x->state->probe[0].position_m, (double[4]){1},
+                              (double[3]){0}, 1);
     still.view.xyz = (const float(*)[3])still.now;
     if (!kn_renderer_mesh(r, still.vertex_count, (const float(*)[3])still.rest, still.triangle_count,
                           (const int(*)[3])still.triangle))
@@ -193,7 +193,7 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
     if (!kn_image_write_png(path, PICTURE_WIDTH, PICTURE_HEIGHT, rgba, error, sizeof error)) fail(error);
     free(rgba);
     kn_renderer_close(r);
-    kn_still_free(&still);
+    kn_object_still_free(&still);
 }
 
 // ---- the experiment

@@ -16,9 +16,9 @@
 // stirring has neither of the last two, since it depends on which node lets go first. Exit 1: a tick above 1 ms, or a
 // force that is not a number.
 #include "bench/bench.h"
-#include "core/deadline.h"
+#include "core/solve/step_effort.h"
 #include "server/clock.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include <glob.h>
 #include <math.h>
 #include <string.h>
@@ -81,7 +81,7 @@ static double off_n(int probe, const double force_n[3])
     return apart(output.probe[probe].force_n, force_n);
 }
 
-static double touch_height(const kn_served *on, int p)
+static double touch_height(const kn_served_object *on, int p)
 {
     double low = 0, high = 0.3, at[3] = {0};
     for (int i = 0; i < 50; i++) {
@@ -111,7 +111,8 @@ static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose
 }
 
 // reference: solver for the errors of capped ticks; then no time is taken. NULL: only times are taken.
-static void run(kn_served *on, kn_served *reference, const struct stroke *s, int probe, int64_t deadline, track *to)
+static void run(kn_served_object *on, kn_served_object *reference, const struct stroke *s, int probe, int64_t deadline,
+                track *to)
 {
     static kn_servo servo;
     static kn_tick_out out;
@@ -172,11 +173,11 @@ static void add(tally *sum, const struct stroke *s, const track *t, const track 
     }
 }
 
-static void load(kn_served *on, const char *path, const char *const *sets, int count)
+static void load(kn_served_object *on, const char *path, const char *const *sets, int count)
 {
     char error[400];
-    int code =
-        kn_served_load(on, &(kn_served_def){.scene_path = path, .sets = sets, .set_count = count}, error, sizeof error);
+    int code = kn_served_object_load(on, &(kn_served_object_def){.scene_path = path, .sets = sets, .set_count = count},
+                                     error, sizeof error);
     if (code) fprintf(stderr, "bench_strike: %s\n", error), exit(code);
 }
 
@@ -184,13 +185,13 @@ static void load(kn_served *on, const char *path, const char *const *sets, int c
 static int strike(const char *path, bool finer, int64_t units)
 {
     static track t, exact;
-    kn_served on, reference;
+    kn_served_object on, reference;
     load(&on, path, (const char *const[]){"device.guard=100 N/ms", "object.spacing=2.5mm"}, finer ? 2 : 1);
     load(&reference, path,
          (const char *const[]){"device.guard=100 N/ms", "solver.iterations_max=300", "solver.tolerance=1e-5",
                                "solver.passes=12"},
          4);
-    const int64_t deadline = units < 0 ? kn_served_deadline(&on.backend, on.model, on.scene->budget_s) : units;
+    const int64_t deadline = units < 0 ? kn_served_object_deadline(&on.backend, on.model, on.scene->budget_s) : units;
     int over = 0;
     for (int p = 0; p < on.model->def.probe_count; p++) {
         const bool rigid = on.model->def.probe[p].shape == KN_PROBE_PLATE;
@@ -212,8 +213,8 @@ static int strike(const char *path, bool finer, int64_t units)
         fflush(stdout);
         over += sum.over;
     }
-    kn_served_free(&reference);
-    kn_served_free(&on);
+    kn_served_object_free(&reference);
+    kn_served_object_free(&on);
     return over;
 }
 

@@ -2,7 +2,7 @@
 // of this process together. wall: the time that a caller waits, which on a busy machine includes the work of others.
 #include "bench/bench.h"
 #include "clients/viewer/renderer.h"
-#include "core/order.h"
+#include "core/algebra/algebra.h"
 #include "core/surface.h"
 #include <string.h>
 #include <sys/utsname.h>
@@ -76,6 +76,6 @@ int main(void)
     bench(3, 1280, 720, 4, 0);
     bench(3, 1280, 720, 1, 0); // a frame of a large page
     bench(3, 1280, 720, 1, 1);
-    bench(3, 1280, 720, 4, 1); // a frame of a film with --orbit
+    bench(3, 1280, 720, 4, 1); // a frame of the live page whose view is turned
     return 0;
 }

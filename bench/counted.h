@@ -1,7 +1,7 @@
 #ifndef KN_BENCH_COUNTED_H
 #define KN_BENCH_COUNTED_H
-// Count the work of the loops of a block's step by running them. counted.c is core/kernel.c itself with a counter in
-// every operation on 16 lanes, so it always agrees with the code.
+// Count the work of the loops of a block's step by running them. counted.c is core/solve/kernel_grid.c itself with
+// a counter in every operation on 16 lanes, so it always agrees with the code.
 //
 // An operation is one vector instruction of the arithmetic pipes for each lane. Add, subtract, multiply, divide,
 // root, minimum and fused multiply-add count one each; comparing and choosing count two. Flops follow textbooks: a

@@ -1,7 +1,7 @@
 // Two resolutions in one block, compared with a block that is fine everywhere. The cases are the shipped scene,
 // pressed in the allowed places of its tools, and a strip, which has more coarse surroundings than a spatula.
 #include "bench/throughput.h"
-#include "core/composite.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"
 

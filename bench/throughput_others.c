@@ -1,6 +1,6 @@
 // Nets, and the cost of each feature of a scene.
 #include "bench/throughput.h"
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "tests/physics/bcc.h"
 #include "tests/physics/press.h"
 

@@ -1,6 +1,6 @@
 #include "bench/turns.h"
 #include "bench/bench.h"
-#include "core/order.h"
+#include "core/algebra/algebra.h"
 #include "tests/physics/press.h"
 
 enum { TURN = 20 };

@@ -1,17 +1,15 @@
 #include "core/contact_fit.h"
-#include "core/ahead.h"
-#include "core/mobility.h"
-#include "core/patch.h"
-#include "core/scratch.h"
+#include "core/local/patch.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/tool.h"
-#include "core/vec.h"
+#include "core/solve/tool.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define ITERATIONS 2   // number of iterations of the mobility solve (core/mobility.h) per step
+#define ITERATIONS 2   // number of iterations of the mobility solve (patch.h) per step
 #define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
 #define REACH 3.0      // largest distance at which a plane ahead of the tool is reported, in radii of the tool
 #define PLATE_M 0.01   // radius used for a plate
@@ -50,33 +48,19 @@ struct kn_contact_fit {
     fitted probe[KN_PROBES_MAX];
     int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
-    int round; // probe for which a mobility solve (core/mobility.h) is running; -1: none
+    int round; // probe for which a mobility solve (patch.h) is running; -1: none
 };
 
 // --- the object's outside -------------------------------------------------------------------------------------------
 
-// Mark all nodes on faces that a tool can touch, or on the skin of a net.
-static void mark_skin(const kn_model *m, bool *mark)
-{
-    for (int f = 0; f < m->face_count; f++)
-        for (int v = 0; v < m->face[f].len[1]; v++)
-            for (int u = 0; u < m->face[f].len[0]; u++)
-                mark[m->face[f].origin + u * m->face[f].step[0] + v * m->face[f].step[1]] = true;
-    for (int i = 0; i < m->skin_count; i++)
-        for (int k = 0; k < 3; k++) mark[m->skin[i][k]] = true;
-}
-
+// List the nodes of the skin: those that have neighbours on it.
 static bool list_skin(kn_contact_fit *fit)
 {
-    const kn_model *m = fit->model;
-    bool *mark = calloc((size_t)m->node_count, sizeof *mark);
-    fit->skin = malloc((size_t)m->node_count * sizeof *fit->skin);
-    if (mark && fit->skin) {
-        mark_skin(m, mark);
-        for (int i = 0; i < m->node_count; i++)
-            if (mark[i]) fit->skin[fit->skin_count++] = i;
+    fit->skin = malloc((size_t)fit->model->node_count * sizeof *fit->skin);
+    for (int i = 0, near; fit->skin && i < fit->model->node_count; i++) {
+        kn_patches_near(fit->patches, i, &near);
+        if (near > 0) fit->skin[fit->skin_count++] = i;
     }
-    free(mark);
     return fit->skin_count > 0;
 }
 

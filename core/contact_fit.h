@@ -3,7 +3,7 @@
 // Identification of the local contact model: find the three-element units that answer like the lattice under a tool
 // when a client renders them (core/contact_model.h). The fit observes the steps and does not change them. Below, t is
 // the contact force along the normal n, and w is the speed at which the surface goes in. A round is one solve of
-// core/mobility.h, spread over several ticks.
+// core/local/patch.h, spread over several ticks.
 //
 //     A     damping of the contact, from the mobility of the contact's own pattern of forces, one round at a time
 //     k1    stiffness: A k1/(c1 + dt k1) of an edge, since all edges have one material
@@ -30,7 +30,7 @@
 // than a round has the average A. When patches merge, the sums of their k1, A, c2 and H go on. When a patch breaks, the
 // parts share k1, A, c2 and H by load. The generation stays the same in both cases.
 //
-// A tool of several parts also gets the planes where another part is about to touch (ahead.h).
+// A tool of several parts also gets the planes where another part is about to touch (patch.h).
 //
 // A flat face that presses everywhere at once is one unit. Only the arm of its place resists a turn of the tool.
 // Friction is one force for all units, shared by load. A plate has neither friction nor foundation here. In contact,
@@ -51,8 +51,9 @@ void kn_contact_fit_reset(kn_contact_fit *fit);   // forget all contacts; call w
 // safe.
 void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
 
-// Do two iterations of the mobility solve (core/mobility.h) for the present contact, and group the pressed nodes into
-// patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
+// Do two iterations of the mobility solve (core/local/patch.h) for the present contact, and group the pressed nodes
+// into patches for the next step. Call once per tick, after the forces and units have been sent. Real-time
+// safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
 // Store the units of probe p after the last step, physical fields only: unit[0 .. contact_count - 1]. contact_count is

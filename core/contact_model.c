@@ -592,7 +592,8 @@ static bool too_far(const kn_contact_model *m)
         most = t;
     }
     if (!n) return false;
-    // distance from the message's place, across the normal of the unit that presses most
+    // Compute how far the tool has moved from the position in the message, perpendicular to the normal of the contact
+    // unit with the largest force.
     for (int i = 0; i < 3; i++) way[i] = x[i] - m->taken_m[i];
     add(way, -dot(n, way), n);
     if (norm(way) > 0.5 * m->def.radius_m) return true;

@@ -1,6 +1,6 @@
 #include "core/field.h"
 #include "core/hash.h"
-#include "core/vec.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -75,7 +75,8 @@ static int keep_near(const filler *fill, const double middle[3], double diagonal
         fill->distance[i] = sqrt(kn_dot(from, from)) - ball[3];
         if (fill->distance[i] < nearest) nearest = fmin(nearest, to_candidate(fill->field, middle, candidate[i]));
     }
-    // a point of the block is at most half a diagonal from the middle, so either distance changes by at most that much
+    // Every point of the block is within half a diagonal of its middle. Both the nearest distance and a candidate's
+    // distance therefore change by at most half a diagonal within the block.
     const double most = (nearest + diagonal) * (1 + 1e-12);
     for (int i = 0; i < count; i++)
         if (fill->distance[i] <= most && to_candidate(fill->field, middle, candidate[i]) <= most)

@@ -41,9 +41,9 @@ typedef struct kn_field {
 // `cell_m`: side of a cell.
 double kn_field_points(const double extent_m[3], double cell_m);
 
-// Build the grid of a closed surface whose triangles all run the same way round (scene/shell.h). An inside-out surface
-// is allowed. Points and triangles must not exceed the limits above. The new field has one holder. Return NULL if
-// memory is short, or if rounding leaves a row of points inside at its end.
+// Build the grid of a closed surface whose triangles all run the same way round (scene/mesh_file.h). An inside-out
+// surface is allowed. Points and triangles must not exceed the limits above. The new field has one holder. Return NULL
+// if memory is short, or if rounding leaves a row of points inside at its end.
 kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_count, const int (*triangle)[3],
                          double cell_m);
 

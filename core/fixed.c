@@ -1,5 +1,5 @@
 #include "core/fixed.h"
-#include "core/arena.h"
+#include "core/algebra/bytes.h"
 
 #include <string.h>
 

@@ -43,7 +43,7 @@ typedef struct kn_material {
     double c1_pa_s; // modulus of the dashpot, >= 0; k1 and c1 must not both be 0
     kn_damper damper;
     double c2_pa_s;     // CONSTANT: modulus c2 of the damper, > 0
-    double alpha_pa_s;  // EXPONENTIAL: c2 at zero stress if p0 is 0, > 0
+    double alpha_pa_s;  // EXPONENTIAL: factor alpha of c2 = alpha exp(-beta P), > 0; it is c2 at zero stress if p0 = 0
     double beta_per_pa; // EXPONENTIAL: fall of ln c2 per stress, >= 0 (shear thinning)
     double p0_pa;       // EXPONENTIAL, RAMP: stress up to which c2 is constant, 0 <= p0 < p1
     double p1_pa;       // EXPONENTIAL, RAMP: stress from which c2 is constant again

@@ -106,7 +106,7 @@ typedef struct kn_model_def {
     kn_structure structure;
     double diagonal_stiffness; // ratio of a diagonal's stiffness to a side's, in (0, 1]; ignored without diagonals
     // Block: first and last corner, in cells, of the box of fine cells. Cells outside the box are twice as wide
-    // (composite.h). All six numbers are even; all 0: the whole block has fine cells.
+    // (lattice.h). All six numbers are even; all 0: the whole block has fine cells.
     int fine[2][3];
     kn_pressure pressure;
     double inside_pressure_pa; // absolute gas pressure inside the object at rest; > 0 with pressure
@@ -132,7 +132,7 @@ typedef struct kn_face { // one flat side of the block as a grid of nodes, for c
     double spacing_m;
 } kn_face;
 
-struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/kernel.h)
+struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/solve/kernel.h)
 struct kn_composite;
 struct kn_shape;
 
@@ -168,7 +168,7 @@ typedef struct kn_model {
     int outside_count;          // number of all faces; faces that a probe cannot touch come last
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
     struct kn_shape *shape;     // [probe_count] shape of every probe but plates
-    int base_count;             // number of nodes of the outside that the table can push: see outside.h
+    int base_count;             // number of nodes of the outside that the table can push: see lattice.h
     int *base;                  // [base_count] ids of the nodes that the table can push
     double *base_area_m2;       // [base_count] area of the outside that each of the base nodes stands for
     kn_edge *edges;             // [edge_count] list of edges of a net, or for RK4 and FIXED; else NULL
@@ -202,6 +202,28 @@ double kn_model_mass(const kn_model *model); // mass of the object without the f
 static inline size_t kn_model_field(const kn_model *model, int components)
 {
     return (size_t)model->row_count * (size_t)components * model->stride;
+}
+
+// Return true if the fields of the model's states are floats, false if they are doubles.
+static inline bool kn_model_single(const kn_model *model) { return model->def.solver.precision == KN_PRECISION_F32; }
+static inline size_t kn_model_real(const kn_model *model) // size of a real in those fields [bytes]
+{
+    return kn_model_single(model) ? sizeof(float) : sizeof(double);
+}
+
+// Get, set or add to element i of a field in the model's precision. For the few scalar places (contact, output).
+static inline double kn_real_get(const kn_model *model, const void *field, size_t i)
+{
+    return kn_model_single(model) ? (double)((const float *)field)[i] : ((const double *)field)[i];
+}
+static inline void kn_real_set(const kn_model *model, void *field, size_t i, double value)
+{
+    if (kn_model_single(model)) ((float *)field)[i] = (float)value;
+    else ((double *)field)[i] = value;
+}
+static inline void kn_real_add(const kn_model *model, void *field, size_t i, double value)
+{
+    kn_real_set(model, field, i, kn_real_get(model, field, i) + value);
 }
 
 #endif

@@ -1,9 +1,9 @@
 #include "core/network.h"
-
+#include "core/sdirk.h"
 #include <math.h>
 #include <string.h>
 
-enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = 5, NEWTON_MAX = 80 };
+enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = KN_SDIRK_STAGES, NEWTON_MAX = 80 };
 
 // ---- the parts
 
@@ -297,16 +297,6 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
 
 // ---- time
 
-// Coefficients of the Runge-Kutta method, see network.h.
-#define GAMMA 0.25
-static const double along[STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
-static const double row[STAGES][STAGES] = {{0},
-                                           {1. / 2},
-                                           {17. / 50, -1. / 25},
-                                           {371. / 1360, -137. / 2720, 15. / 544},
-                                           {25. / 24, -49. / 48, 125. / 16, -85. / 12}};
-static const double against[STAGES] = {-3. / 16, -27. / 32, 25. / 32, 0, 1. / 4}; // order 4 minus order 3
-
 // Return the local error of the integrated strains: those of the dampers, and the prescribed
 // one. Springs follow from them.
 static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
@@ -320,7 +310,7 @@ static double error_of(const kn_network *net, const kn_network_state *state, kn_
         if (e->node[n].kind >= KN_ELEMENT_SERIES) continue;
         next->largest = fmax(next->largest, fabs(next->part_strain[i]));
         if (e->node[n].kind == KN_ELEMENT_SPRING) continue;
-        for (int j = 0; j < STAGES; j++) difference += against[j] / GAMMA * taken[j][i];
+        for (int j = 0; j < STAGES; j++) difference += kn_sdirk_error[j] / KN_SDIRK_GAMMA * taken[j][i];
         error = fmax(error, fabs(difference));
     }
     if (drive->kind == KN_DRIVE_STRAIN) {
@@ -336,13 +326,13 @@ static double step(const kn_network *net, const kn_network_state *state, const k
                    kn_network_state *next)
 {
     double taken[STAGES][KN_ELEMENT_MAX] = {0}; // D of each stage: GAMMA h times the rate
-    stage g = stage_from(net, state, GAMMA * h);
+    stage g = stage_from(net, state, KN_SDIRK_GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         for (int i = 0; i < net->element.leaves; i++) {
             g.base[i] = state->part_strain[i];
-            for (int m = 0; m < j; m++) g.base[i] += row[j][m] / GAMMA * taken[m][i];
+            for (int m = 0; m < j; m++) g.base[i] += kn_sdirk_row[j][m] / KN_SDIRK_GAMMA * taken[m][i];
         }
-        demand want = demand_at(&g, drive, state->time_s + along[j] * h);
+        demand want = demand_at(&g, drive, state->time_s + kn_sdirk_time[j] * h);
         if (!solve(&g, &want, &next->stress_pa)) return INFINITY;
         memcpy(taken[j], g.taken, sizeof g.taken);
     }
@@ -384,4 +374,85 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
     }
     state->time_s = until_s;
     return observe(net, state, drive);
+}
+
+// ---- conversion of the papers' material to an element, and back
+
+static kn_network from_text(const char *text)
+{
+    kn_network net = {0};
+    char error[64];
+    kn_element_parse(&net.element, text, error, sizeof error); // always one of the texts below
+    return net;
+}
+
+kn_network kn_network_of(const kn_material *mat)
+{
+    static const char *const text[2][4] = {{"", "s", "d", "s|d"}, {"", "s-d", "d-d", "(s|d)-d"}};
+    double in, out;
+    bool damper = !kn_material_stroke(mat, &in, &out);
+    kn_network net = from_text(text[damper][(mat->k1_pa > 0) + 2 * (mat->c1_pa_s > 0)]);
+    int at = 0;
+    if (mat->k1_pa > 0) net.part[at++].modulus = mat->k1_pa;
+    if (mat->c1_pa_s > 0) net.part[at++].modulus = mat->c1_pa_s;
+    if (!damper) return net;
+    if (mat->damper == KN_DAMPER_CONSTANT) net.part[at].modulus = mat->c2_pa_s;
+    if (mat->damper == KN_DAMPER_EXPONENTIAL)
+        net.part[at] = (kn_part){
+            .modulus = mat->alpha_pa_s, .beta_per_pa = mat->beta_per_pa, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa};
+    if (mat->damper == KN_DAMPER_RAMP)
+        net.part[at] = (kn_part){
+            .modulus = mat->c_max_pa_s, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa, .c_min_pa_s = mat->c_min_pa_s};
+    net.part[at].stroke = mat->stroke[1] > 0;
+    // compression is positive on the bench: the stops change sign and place
+    if (net.part[at].stroke) net.part[at].stop[0] = -out, net.part[at].stop[1] = -in;
+    return net;
+}
+
+static void set_damper(kn_material *mat, const kn_part *p)
+{
+    mat->damper = p->beta_per_pa > 0 ? KN_DAMPER_EXPONENTIAL : p->c_min_pa_s > 0 ? KN_DAMPER_RAMP : KN_DAMPER_CONSTANT;
+    mat->c2_pa_s = mat->alpha_pa_s = p->modulus;
+    mat->beta_per_pa = p->beta_per_pa;
+    mat->p0_pa = p->p0_pa;
+    mat->p1_pa = p->p1_pa;
+    mat->c_max_pa_s = p->modulus;
+    mat->c_min_pa_s = p->c_min_pa_s;
+}
+
+// Take a spring as k1 or a linear damper as c1. Return false if the material already has such a part.
+static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_material *mat)
+{
+    double *to = n->kind == KN_ELEMENT_SPRING ? &mat->k1_pa : &mat->c1_pa_s;
+    if (n->kind >= KN_ELEMENT_SERIES || *to > 0 || kn_part_thins(&net->part[n->leaf])) return false;
+    *to = net->part[n->leaf].modulus;
+    return true;
+}
+
+// Take a spring, a linear damper, or both side by side.
+static bool take_part(const kn_network *net, int node, kn_material *mat)
+{
+    const kn_element_node *n = &net->element.node[node];
+    if (n->kind != KN_ELEMENT_PARALLEL) return take_voigt(net, n, mat);
+    for (int i = 0; i < n->count; i++)
+        if (!take_voigt(net, &net->element.node[n->child[i]], mat)) return false;
+    return true;
+}
+
+bool kn_network_material(const kn_network *net, kn_material *mat)
+{
+    const kn_element *e = &net->element;
+    const kn_element_node *n = &e->node[e->root];
+    *mat = (kn_material){.damper = KN_DAMPER_NONE};
+    if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
+    if (n->count != 2) return false;
+    // choose as c2 the last of the two members that is a damper and leaves a Voigt element as the rest
+    for (int last = 1; last >= 0; last--) {
+        const kn_element_node *d = &e->node[n->child[last]];
+        *mat = (kn_material){.damper = KN_DAMPER_NONE};
+        if (d->kind != KN_ELEMENT_DAMPER || !take_part(net, n->child[!last], mat)) continue;
+        set_damper(mat, &net->part[d->leaf]);
+        return true;
+    }
+    return false;
 }

@@ -1,5 +1,5 @@
 #include "core/safety.h"
-#include "core/vec.h"
+#include "core/algebra/algebra.h"
 #include <math.h>
 #include <string.h>
 

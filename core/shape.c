@@ -1,6 +1,6 @@
 #include "core/shape.h"
 #include "core/field.h"
-#include "core/vec.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <string.h>

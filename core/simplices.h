@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SIMPLICES_H
 #define KN_CORE_SIMPLICES_H
 // An object that is not a block: nodes and the tetrahedra between them, or triangles in two dimensions. Plain data that
-// knows no file. scene/msh.h reads it from a file, and a program that links libknead may fill it in itself.
+// knows no file. scene/mesh_file.h reads it from a file, and a program that links libknead may fill it in itself.
 //
 //          3                        2
 //         /|\                      / \        positive: node 3 sees 0, 1, 2 turn counter-clockwise,

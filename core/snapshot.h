@@ -1,8 +1,8 @@
 #ifndef KN_CORE_SNAPSHOT_H
 #define KN_CORE_SNAPSHOT_H
-// A state as bytes and back. The bytes hold all that the next step depends on. So a state that is written, read back
-// and stepped has the same bits as the original state after the same step. The bytes hold field after field in the
-// order of state.h, little-endian, without padding:
+// A state as bytes and back; and carried over to another material. The bytes hold all that the next step depends on. So
+// a state that is written, read back and stepped has the same bits as the original state after the same step. The bytes
+// hold field after field in the order of state.h, little-endian, without padding:
 //
 //     layout 1 | kind of lattice: hashes, nodes, reals of an edge field, precision, plate nodes
 //     tick | 4 probes | chatter watch | 4 tools | fields, each with its count | held | anchors
@@ -45,5 +45,25 @@ kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, si
 // by the mean spacing. Comparing strains is far cheaper than comparing every edge's length. A change of the probes
 // alone is not noticed. Real-time safe: reads both fields once.
 bool kn_state_moved(const kn_model *model, const kn_state *a, const kn_state *b, double by_m);
+
+// --- another material -----------------------------------------------------------------------------------------------
+
+// Change of an object's material: turn the state of one model into a state of another model with the same lattice.
+//
+// Positions, velocities, held nodes, anchors and the flow that the dampers have gone through stay the same. So does the
+// extension p - p0 = u gamma L0 of each Voigt part (p0: its natural length). The stored strain u belongs to the
+// beginning of the last step (law.h), so the new material decides how u developed in that step. Forces jump, and so
+// does the stored energy. Call kn_energy_of (measure.h) for both states to find the difference. The new density and
+// gravity act from the next step on.
+
+// Return NULL if a state of `from` can become a state of `to`, else the reason, e.g. "another lattice". A change is
+// refused if nodes, edges, skin, step method, precision, support, kind of gas pressure, tools or stops of the damper
+// differ. A change is also refused if only one of the two models has a damper, or contact that sticks, or if contact
+// reaches farther in one of them.
+const char *kn_carry_misfit(const kn_model *from, const kn_model *to);
+
+// Convert the state `now` of the model `from` into the state `then` of the model `to`. `then` may come from
+// kn_state_keep. Real-time safe: reads and writes each state once.
+void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_state *then);
 
 #endif

@@ -1,7 +1,6 @@
 #include "core/solver_fixed.h"
-#include "core/arena.h"
-#include "core/gas.h"
-#include "core/scratch.h"
+#include "core/algebra/bytes.h"
+#include "core/solve/solver.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -15,7 +15,7 @@
 // of its cells at the beginning of the step. Both reach a circuit as loads of nodes. A model for which this would be
 // unstable is refused.
 #include "core/fixed.h"
-#include "core/step.h"
+#include "core/state.h"
 
 #define KN_FIXED_TRIAL 4        // ticks of the trial that measures `error`
 #define KN_FIXED_ERROR 0.02     // relative error of the force above which the user gets a warning

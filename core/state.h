@@ -1,6 +1,7 @@
 #ifndef KN_CORE_STATE_H
 #define KN_CORE_STATE_H
-// The state: everything that changes. It is one allocation. A copy is a snapshot; the hash serves as a test.
+// The state: everything that changes. It is one allocation. A copy is a snapshot; the hash serves as a test. Below it:
+// the input and output of one step (step.h).
 #include "core/model.h"
 #include <stdint.h>
 
@@ -23,7 +24,7 @@ typedef struct kn_tool_state {
 
 // An anchor: the memory of sticking contact at one sample, which is a point of the skin under one tool.
 typedef struct kn_anchor {
-    uint64_t key;        // key of the sample (sampling.c); anchors are stored in ascending order of their keys
+    uint64_t key;        // key of the sample (contact.c); anchors are stored in ascending order of their keys
     double stretch_m[3]; // elastic slip of the skin against the tool since it stuck
     int64_t flags;       // KN_ANCHOR_*
 } kn_anchor;
@@ -60,6 +61,41 @@ typedef struct kn_state {
     size_t bytes;      // size of the arena that starts at this struct
 } kn_state;
 
+typedef struct kn_probe_input {
+    bool attached;          // false: the probe does not touch the object (no session, or latched and faded)
+    double position_m[3];   // tool pose, scene frame
+    double velocity_m_s[3]; // velocity of the tool as the device reports it, never a difference of poses
+    // Rotation from tool to scene, a unit quaternion; all 0: identity. Plates stay level, smooth spheres do not turn.
+    double orientation_wxyz[4];
+    bool grip; // the tool grips the skin that it touches, up to the force grip_n of the probe
+} kn_probe_input;
+
+typedef struct kn_input {
+    kn_probe_input probe[KN_PROBES_MAX];
+    double top_load_n; // dead load spread evenly over the top face, downwards (creep tests)
+    kn_effort effort;  // IMPLICIT: effort of this step; all 0: the model's own effort
+    int64_t deadline;  // IMPLICIT: units of work that the step may take (step_effort.h); 0: no deadline
+} kn_input;
+
+typedef struct kn_probe_output {
+    double force_n[3];          // force of the object on the probe
+    double torque_n_m[3];       // torque of the object on the probe, about the probe's position
+    double position_m[3];       // position of the simulated tool (proxy)
+    double orientation_wxyz[4]; // orientation of the proxy; identity for a plate and a smooth sphere
+    double work_j;              // work of the probe on the object since the probe was attached
+    int contacts;               // number of nodes (plate) or samples (other shapes) that carry load
+} kn_probe_output;
+
+typedef struct kn_output {
+    kn_probe_output probe[KN_PROBES_MAX];
+    double residual; // norm |P^1/2 r| of the residual at the end of the step, relative to the largest of recent steps
+    int iterations;  // number of conjugate gradient iterations of the last linearisation
+    int passes;      // number of linearisations solved; fewer than requested if the law was met within the tolerance
+    int64_t units;   // units of work that the step took, see step_effort.h
+    bool capped;     // iterations_max or the deadline ended the step with the residual above the tolerance
+    bool secant;     // the step used the secant linearisation because chatter was detected
+} kn_output;
+
 size_t kn_state_size(const kn_model *model);      // memory of a state with its arena [bytes]
 kn_state *kn_state_create(const kn_model *model); // a new state, already reset; NULL: memory is short
 // Allocate a state without solver scratch, all 0. It can be copied, read, written and hashed, but not stepped or reset.
@@ -69,6 +105,8 @@ size_t kn_state_kept(const kn_model *model);                 // memory of a stat
 void kn_state_destroy(kn_state *state);                      // does nothing if `state` is NULL
 void kn_state_reset(const kn_model *model, kn_state *state); // set the object undeformed and at rest
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
+// size of a field of the state with that many components; 0: the model does not store the field [bytes]
+size_t kn_state_field(const kn_model *model, int components);
 
 // Return a 64-bit hash of all saved fields except the tick. Equal for all compilers, optimisation levels and
 // instruction sets. Real-time safe.
@@ -78,5 +116,9 @@ uint64_t kn_state_hash(const kn_model *model, const kn_state *state);
 void kn_state_position(const kn_model *model, const kn_state *state, int node, double x_m[3]);
 // Store the velocity of a node over the last step, m/s. Real-time safe.
 void kn_state_velocity(const kn_model *model, const kn_state *state, int node, double v_m_s[3]);
+
+// Return the distance of a pose of probe p from the object, m: > 0 clear, <= 0 in contact or inside. Real-time safe.
+double kn_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3],
+                    const double orientation_wxyz[4]);
 
 #endif

@@ -1,27 +1,21 @@
 #include "core/step.h"
-#include "core/scratch.h"
+#include "core/solve/solver.h"
 #include "core/solver_fixed.h"
-#include "core/solver_implicit.h"
 
 #include <math.h>
 #include <string.h>
 
-// --- RK4's boundary -------------------------------------------------------------------------------------------------
-
-// Set the boundary of the Runge-Kutta step: the support's constraints, zero velocities, and the dead load on the top.
-static void fill_boundary(const kn_model *m, const kn_input *input, kn_scratch *s)
-{
-    memcpy(s->fixed, m->support, (size_t)m->node_count);
-    memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
-    memset(s->force, 0, (size_t)m->node_count * sizeof *s->force);
-    for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
-}
+// --- Runge-Kutta ----------------------------------------------------------------------------------------------------
 
 // Take one Runge-Kutta step. Contact enters the step as prescribed velocities and as external forces.
 static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 {
     kn_scratch *s = kn_state_scratch(state);
-    fill_boundary(m, input, s);
+    // the boundary begins with the support's constraints, zero velocities, and the dead load on the top
+    memcpy(s->fixed, m->support, (size_t)m->node_count);
+    memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
+    memset(s->force, 0, (size_t)m->node_count * sizeof *s->force);
+    for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
     // a held node moves with its plate, except in components that the support already fixes
     for (int i = 0; i < s->contact.hold_count; i++) {
         const kn_hold *hold = &s->contact.hold[i];
@@ -36,7 +30,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
         for (int a = 0; a < sample->nodes; a++)
             for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n[k];
     }
-    kn_rk4_step(m, state, &s->boundary, s->stages);
+    const kn_boundary boundary = {s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
+    kn_rk4_step(m, state, &boundary, s->stages);
     // the force on the plate is the reaction of the held node with the opposite sign
     for (int i = 0; i < s->contact.hold_count; i++)
         for (int k = 0; k < 3; k++) s->contact.hold[i].force_n[k] = -s->reaction[s->contact.hold[i].node][k];
@@ -100,7 +95,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     else kn_solve_implicit(model, state, input, output);
     // sum the forces on the probes, then move the probes and the lattice
     kn_contact_end(model, state, input, contact, output);
-    if (kind == KN_SOLVER_IMPLICIT) kn_advance_implicit(model, state);
+    if (kind == KN_SOLVER_IMPLICIT) model->kernels->integrate(model, state);
     // watch the force for chatter
     if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);

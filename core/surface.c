@@ -1,6 +1,6 @@
 #include "core/surface.h"
 
-#include "core/composite.h"
+#include "core/lattice/lattice.h"
 
 #include <stdlib.h>
 #include <string.h>

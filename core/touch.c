@@ -1,7 +1,7 @@
 #include "core/touch.h"
-#include "core/scratch.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/vec.h"
+#include "core/algebra/algebra.h"
 
 #include <math.h>
 #include <string.h>
@@ -47,7 +47,7 @@ typedef struct piece {          // a sample or a held node, in the scene's frame
 // Compute the skin's velocity relative to the tool, tangential part only.
 static void slip_of(const kn_model *m, const kn_state *state, const kn_sample *s, double slip[3])
 {
-    kn_tool_velocity(&kn_state_scratch(state)->contact.tool[s->probe], s->arm_m, slip);
+    kn_six_velocity(kn_state_scratch(state)->contact.tool[s->probe].velocity, s->arm_m, slip);
     for (size_t k = 0; k < 3; k++) {
         slip[k] = -slip[k];
         for (int a = 0; a < s->nodes; a++)

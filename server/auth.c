@@ -1,6 +1,7 @@
 #include "server/auth.h"
-#include "server/bytes.h"
+#include "server/bus.h"
 #include "server/clock.h"
+#include "server/console.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <sodium.h>
@@ -34,7 +35,7 @@ static const char *read_key(kn_auth *auth, int fd)
 
 bool kn_auth_load(kn_auth *auth, const char *path, char *error, size_t error_size)
 {
-    if (sodium_init() < 0) return snprintf(error, error_size, "%s: cannot initialise libsodium", path), false;
+    if (sodium_init() < 0) return kn_refuse(error, error_size, "%s: cannot initialise libsodium", path);
     // O_NONBLOCK: opening a FIFO must not wait for a writer. read_key refuses anything but a regular file.
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     const char *why = read_key(auth, fd);

@@ -1,5 +1,5 @@
 #include "server/bus.h"
-#include "server/bytes.h"
+#include "server/console.h"
 #include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>
@@ -43,32 +43,27 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     bus->url = url;
     bus->lan = lan;
     bus->device = lan ? (int)if_nametoindex(lan) : LO;
-    if (bus->device == 0) return snprintf(error, error_size, "%s: no such network interface", lan), false;
+    if (bus->device == 0) return kn_refuse(error, error_size, "%s: no such network interface", lan);
     if (lan && bus->device == LO)
-        return snprintf(error, error_size, "%s: is the loopback interface, expected an interface of a network", lan),
-               false;
+        return kn_refuse(error, error_size, "%s: is the loopback interface, expected an interface of a network", lan);
     // Accept a multicast group and a port only. %c matches only if something follows the port.
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
-        !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535) {
-        snprintf(error, error_size,
-                 "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
-                 "LCM's other providers are not supported",
-                 url);
-        return false;
-    }
+        !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535)
+        return kn_refuse(error, error_size,
+                         "%s: expected udpm://GROUP:PORT?ttl=0 with a multicast group; "
+                         "LCM's other providers are not supported",
+                         url);
     const char *query = strchr(url, '?');
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
-        return snprintf(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url), false;
+        return kn_refuse(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url);
     // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
-    if (!lan != (hops == 0)) {
-        snprintf(error, error_size,
-                 lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
-                     : "%s: expected ttl=0: anyone on a bus can move the tool, so it stays on this machine",
-                 url, lan);
-        return false;
-    }
+    if (!lan != (hops == 0))
+        return kn_refuse(error, error_size,
+                         lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
+                             : "%s: expected ttl=0: anyone on a bus can move the tool, so it stays on this machine",
+                         url, lan);
     bus->group.sin_family = AF_INET;
     bus->group.sin_port = htons((uint16_t)port);
     return true;

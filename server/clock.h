@@ -6,7 +6,7 @@
 //     due(n) = start + n * period        |----n----|---n+1---|---n+2---|---n+3---|
 //                                        run n           woken here: tick n+2, missed 1, late_ns from due(n+1)
 //
-// The owner of the clock may move the whole grid a little between two ticks (phase.h).
+// The owner of the clock may move the whole grid a little between two ticks (tick_timing.h).
 //
 // A tick's number is its place on the grid. Cycles that pass while the thread cannot run are counted and skipped, never
 // caught up, because two ticks at once would push the hand twice.
@@ -29,7 +29,7 @@ typedef struct kn_wake {
     int64_t asked_ns; // time at which the thread began to wait, after the previous tick had ended, ns
     int64_t late_ns;  // delay added by the machine: time from the later of due_ns and asked_ns to the wake, ns
     int64_t now_ns;   // time at which the tick started, ns
-    int64_t held_ns;  // time that the thread, already awake, waited for a pose before now_ns (phase.h), ns
+    int64_t held_ns;  // time that the thread, already awake, waited for a pose before now_ns (tick_timing.h), ns
 } kn_wake;
 
 // The times at which a thread was busy in its latest KN_BUSY ticks. A second thread, the sentinel, reads them.

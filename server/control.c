@@ -1,6 +1,6 @@
 #include "server/control.h"
 #include "server/clock.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <errno.h>
 #include <inttypes.h>
 #include <poll.h>
@@ -74,8 +74,8 @@ json_t *kn_control_error(const char *format, ...)
 static void tell_untold(kn_control *c, int64_t now_ns)
 {
     if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
-    kn_say("kneadd: control: malformed lines, or more than %d a second: %d, the last from uid %d pid %d", KN_CONTROL_HZ,
-           c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
+    kn_console_err("kneadd: control: malformed lines, or more than %d a second: %d, the last from uid %d pid %d",
+                   KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
     c->untold = 0;
     c->untold_ns = now_ns;
 }
@@ -223,7 +223,7 @@ static void greet(kn_control *c)
         *make_place(c) = one;
         return;
     }
-    kn_say("kneadd: control: uid %d pid %d: refused", (int)one.who.uid, (int)one.who.pid);
+    kn_console_err("kneadd: control: uid %d pid %d: refused", (int)one.who.uid, (int)one.who.pid);
     send_reply(&one, kn_control_error("uid %d may not command this server", (int)one.who.uid));
     if (one.fd >= 0) hang_up(&one);
 }
@@ -265,8 +265,9 @@ static void tell_audit(const peer *p, const json_t *request, const json_t *answe
                  (int64_t)json_integer_value(generation));
     else if (tick) snprintf(outcome, sizeof outcome, "tick %" PRId64, (int64_t)json_integer_value(tick));
     for (; strlen(rest) > AUDIT_PIECE; rest += AUDIT_PIECE, more = "... ")
-        kn_say("kneadd: control: uid %d pid %d: %s%.*s ...", (int)p->who.uid, (int)p->who.pid, more, AUDIT_PIECE, rest);
-    kn_say("kneadd: control: uid %d pid %d: %s%s: %s", (int)p->who.uid, (int)p->who.pid, more, rest, outcome);
+        kn_console_err("kneadd: control: uid %d pid %d: %s%.*s ...", (int)p->who.uid, (int)p->who.pid, more,
+                       AUDIT_PIECE, rest);
+    kn_console_err("kneadd: control: uid %d pid %d: %s%s: %s", (int)p->who.uid, (int)p->who.pid, more, rest, outcome);
     free(asked);
 }
 

@@ -1,15 +1,12 @@
 #include "server/daemon.h"
-#include "core/composite.h"
-#include "core/solver_fixed.h"
 #include "proto/knead_status_t.h"
-#include "server/backend/fpga.h"
 #include "server/bus.h"
 #include "server/control.h"
 #include "server/exchange.h"
-#include "server/health.h"
+#include "server/health_report.h"
 #include "server/keeper.h"
 #include "server/operator.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <ev.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -33,12 +30,11 @@
 #define SCENE_S 1              // period of the scene message, s; a new client waits for a scene at most this long
 // longest wait of the control thread for requests, ms; a stop is delayed by at most this time
 #define CONTROL_TURN_MS 20
-// longest acceptable tick without contact, ns; a tick with contact takes twice as long, and may take 1 ms
-#define REST_TICK_NS 500000
+
+enum { SERVO, SENTINEL, MESH, CONTROL, WORKER, KEEPER, THREADS }; // threads beside the main thread
 
 typedef struct server {
-    kn_served on;    // the scene being served
-    int64_t rest_ns; // time of a tick while nothing touches the object, ns
+    kn_served_object on; // the scene being served
     kn_bus bus, mesh_bus;
     int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
     kn_exchange exchange;      // used by the main thread
@@ -52,7 +48,7 @@ typedef struct server {
     kn_keeper keeper;
     kn_sentinel sentinel;
     kn_rt rt;
-    pthread_t servo_thread, sentinel_thread, mesh_thread, control_thread, worker_thread, keeper_thread;
+    pthread_t thread[THREADS];
     pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
     atomic_bool ending;   // set to end the threads of normal priority; the keeper has a flag of its own
     struct ev_loop *ev;
@@ -62,15 +58,12 @@ typedef struct server {
     char next_name[sizeof((kn_scene *)0)->name];
     atomic_bool goes_on; // true: serve the scene `next` after the present scene has ended
     bool stuck;          // true if the worker thread did not end in time
-    bool estopped;       // true if an emergency stop is in force from the first tick on
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    int64_t stop_ns;   // time of the first signal to end, ns; 0: none yet
-    unsigned refusals; // reasons of rejected poses that have been reported already, one bit per kn_verdict
-    int budget;        // datagrams that may still be read before the next tick
-    int64_t start_ns;
+    int64_t stop_ns; // time of the first signal to end, ns; 0: none yet
+    int budget;      // datagrams that may still be read before the next tick
     int32_t mode_told;
-    kn_checkup checkup;
+    kn_health_check check;
 } server;
 
 // --- main thread ---
@@ -93,24 +86,11 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (d->budget <= 0) ev_io_stop(ev, w); // pause reading until the next tick
 }
 
-// Report each reason for which every message of a sender is refused. Each reason is reported once.
-static void tell_refusals(server *d)
-{
-    static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK,
-                                      KN_REJECT_TYPE};
-    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
-        if (d->exchange.receiver.rejected[told[i]] == 0 || d->refusals >> told[i] & 1) continue;
-        d->refusals |= 1u << told[i];
-        kn_say("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts", kn_verdict_name(told[i]),
-               kn_verdict_meaning(told[i]));
-    }
-}
-
 // Publish the status and the health.
 static void tell_status(server *d)
 {
     kn_health health;
-    kn_checkup_tell(&d->checkup, &health);
+    kn_health_publication(&d->check, &health);
     d->mode_told = health.status.mode;
     kn_publisher_status(&d->exchange.publisher, &health.status);
     kn_publisher_health(&d->exchange.publisher, &health.more);
@@ -135,7 +115,7 @@ static void on_status_due(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)ev, (void)events;
     tell_status(w->data);
-    tell_refusals(w->data);
+    kn_health_report_refusals(&((server *)w->data)->check);
 }
 
 static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
@@ -159,7 +139,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     (void)ev, (void)events;
     server *d = w->data;
     kn_health *health = kn_mailbox_back(&d->operator.health);
-    kn_checkup_now(&d->checkup, health);
+    kn_health_now(&d->check, health);
     memcpy(health->force, d->exchange.force, sizeof health->force);
     kn_mailbox_post(&d->operator.health);
 }
@@ -191,14 +171,7 @@ static void ask(void *arg)
     ev_async_send(d->ev, &d->asked);
 }
 
-// Lock the memory that a change has allocated. Runs in the worker thread, as does load_next().
-static void lock(void *arg)
-{
-    server *d = arg;
-    kn_rt_lock_more(&d->rt);
-}
-
-// Keep a copy of the text that was checked, so that a later change of the file has no effect.
+// Keep a copy of the text that was checked, so that a later change of the file has no effect. Runs in the worker thread.
 static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
@@ -293,98 +266,18 @@ static void *sentinel_main(void *arg)
     return kn_sentinel_run(&d->sentinel);
 }
 
-// Report missed cycles with the wording of ros2_control, which operators and their scripts know. Print at most one line
-// a second, with the number of misses since the last line.
-static void tell_overruns(server *d, int64_t *told)
-{
-    int64_t missed = atomic_load_explicit(&d->loop.account.missed, memory_order_relaxed);
-    if (missed == *told) return;
-    double loop_ms = 1e-6 * (double)atomic_load_explicit(&d->loop.account.late_loop_ns, memory_order_relaxed);
-    kn_say("Overrun detected! The servo loop missed its desired rate of 1000 Hz. The loop took %.3f ms "
-           "(missed cycles : %" PRId64 ").",
-           loop_ms, missed - *told);
-    *told = missed;
-}
-
-// Report that the object created energy. The simulation went wrong, but the hand did not feel it, because the passivity
-// controller of each client keeps the force on the hand passive.
-static void tell_audit(server *d, int64_t *told)
-{
-    int64_t created = atomic_load_explicit(&d->loop.account.created, memory_order_relaxed);
-    if (created != *told)
-        kn_say("kneadd: in %" PRId64
-               " s the object created energy: it gave more than it had and received, by over %g %% of the work",
-               created - *told, 100 * KN_AUDIT_SHARE);
-    *told = created;
-}
-
-// Report to the systemd watchdog of kneadd.service once a second, if the servo ticks and the main thread takes the
-// servo's records.
-static void tell_alive(server *d, int64_t *tick, int64_t *unpublished)
-{
-    const kn_account *a = &d->loop.account;
-    int64_t now = atomic_load_explicit(&a->tick, memory_order_relaxed);
-    int64_t lost = atomic_load_explicit(&a->unpublished, memory_order_relaxed);
-    if (now > *tick && lost == *unpublished) sd_notify(0, "WATCHDOG=1");
-    *tick = now;
-    *unpublished = lost;
-}
-
-// Report that the quality has changed, or that no lower quality is left. A log has the same information from
-// KNEAD_EVENT.
-static void tell_quality(server *d, kn_quality *told, bool *told_exhausted)
-{
-    kn_account *a = &d->loop.account;
-    kn_quality now = (kn_quality)atomic_load_explicit(&a->quality, memory_order_relaxed),
-               asked = (kn_quality)atomic_load_explicit(&a->asked, memory_order_relaxed);
-    bool exhausted = atomic_load_explicit(&a->exhausted, memory_order_relaxed);
-    double budget_ms = 1e3 * atomic_load_explicit(&a->budget_s, memory_order_relaxed);
-    const char *before = kn_quality_name(*told), *name = kn_quality_name(now);
-    if (now != *told && now == asked) kn_say("kneadd: quality %s -> %s, as commanded", before, name);
-    else if (now != *told)
-        kn_say("kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
-               before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
-    if (exhausted && !*told_exhausted)
-        kn_say("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",
-               KN_OVER_TICKS, budget_ms, name);
-    *told = now;
-    *told_exhausted = exhausted;
-}
-
-// Report that the circuit was lost or is in step again, at most one line a second. If the circuit was lost and came
-// back within this second, one line reports both, with the number of losses.
-static void tell_losses(server *d, bool *told_lost)
-{
-    char line[KN_FPGA_LINE];
-    kn_fpga_counts n;
-    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
-    bool lost = kn_backend_fpga_news(&d->on.backend, line);
-    if (lost)
-        kn_say("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
-               n.in_step ? ", and in step again" : "");
-    else if (*told_lost && n.in_step)
-        kn_say("kneadd: circuit in step again, loaded %lld times so far", (long long)n.loads);
-    *told_lost = (lost || *told_lost) && !n.in_step;
-}
-
 // The mesh thread: publish surface meshes, and report once a second what the real-time threads have counted.
 static void *mesh_main(void *arg)
 {
     server *d = arg;
     pthread_barrier_wait(&d->go);
     const int64_t rest_ns = (d->skin.period_ticks - 1) * (int64_t)KN_PERIOD_NS;
-    int64_t second_ns = 0, missed_told = 0, created_told = 0, tick_told = -1, unpublished_told = 0;
-    kn_quality quality_told = d->on.scene->quality;
-    bool exhausted_told = false, lost_told = false;
+    int64_t second_ns = 0;
     while (!atomic_load_explicit(&d->ending, memory_order_relaxed)) {
         if (kn_now_ns() - second_ns >= 1000000000) {
             second_ns = kn_now_ns();
             kn_skin_publish_topology(&d->skin, kn_stamp_us());
-            tell_alive(d, &tick_told, &unpublished_told);
-            tell_losses(d, &lost_told);
-            tell_overruns(d, &missed_told);
-            tell_audit(d, &created_told);
-            tell_quality(d, &quality_told, &exhausted_told);
+            kn_health_report_second(&d->check);
         }
         kn_trace_drain(&d->trace);
         // Sleep until just before the next frame is due, however long this frame took to measure. Then look for the
@@ -419,6 +312,26 @@ static void *keeper_main(void *arg)
     return kn_keeper_run(&d->keeper);
 }
 
+static const struct {
+    const char *name;
+    int priority;
+    bool pinned;
+    void *(*run)(void *server);
+} threads[THREADS] = {[SERVO] = {"servo", KN_RT_SERVO, true, servo_main},
+                      [SENTINEL] = {"sentinel", KN_RT_SENTINEL, true, sentinel_main},
+                      [MESH] = {"mesh", KN_RT_NORMAL, false, mesh_main},
+                      [CONTROL] = {"control", KN_RT_NORMAL, false, control_main},
+                      [WORKER] = {"worker", KN_RT_NORMAL, false, worker_main},
+                      [KEEPER] = {"keeper", KN_RT_NORMAL, false, keeper_main}};
+
+// Return whether this run of the server needs a thread: control and worker need a control socket, the keeper needs a
+// directory of snapshots.
+static bool needs(const server *d, int thread)
+{
+    if (thread == KEEPER) return d->keeper.store.dir >= 0;
+    return d->control || (thread != CONTROL && thread != WORKER);
+}
+
 // --- start and stop ---
 
 // Parse the two URLs, and load the key if there is one.
@@ -427,11 +340,9 @@ static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_
     // without an option, take the URL from the environment, as every LCM client does
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL");
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
-    if (!kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) ||
-        !kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) ||
-        (def->key && !kn_auth_load(&d->auth, def->key, error, error_size)))
-        return false;
-    return true;
+    return kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) &&
+           kn_bus_parse(&d->mesh_bus, def->mesh_url ? def->mesh_url : own_mesh, def->lan, error, error_size) &&
+           (!def->key || kn_auth_load(&d->auth, def->key, error, error_size));
 }
 
 // Claim and open both buses, then set up the modules that use them.
@@ -462,43 +373,47 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     if (kn_loop_init(&d->loop, d->on.scene, d->on.model, &d->on.backend, &d->skin, d->on.audit) &&
         (!def->touch || kn_loop_touch(&d->loop)) && kn_sentinel_init(&d->sentinel) && watch_events(d)) {
         // Set up the loop, the restored state and an emergency stop that is still in force.
-        d->loop.servo.sets = &d->on.sets;
-        kn_keeper_start(&d->keeper, &d->loop);
+        d->loop.servo.settings = &d->on.settings;
+        d->loop.keeper = &d->keeper;
+        kn_keeper_start(&d->keeper, &d->loop.servo, &d->loop.orders);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
-        d->estopped = def->estopped || kept;
-        if (d->estopped) { // tick 0 takes the order and publishes an event for the log
-            kn_loop_order(&d->loop, KN_ORDER_ESTOP, 0);
+        bool estopped = def->estopped || kept;
+        if (estopped) { // tick 0 takes the order and publishes an event for the log
+            kn_orders_give(&d->loop.orders, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
-        d->checkup = (kn_checkup){.served = &d->on,
-                                  .loop = &d->loop,
-                                  .receiver = &x->receiver,
-                                  .publisher = &x->publisher,
-                                  .keeper = &d->keeper,
-                                  .sentinel = &d->sentinel,
-                                  .rt = &d->rt,
-                                  .fd = d->fd};
+        d->check = (kn_health_check){.served = &d->on,
+                                     .loop = &d->loop,
+                                     .exchange = x,
+                                     .keeper = &d->keeper,
+                                     .rt = &d->rt,
+                                     .bus = &d->bus,
+                                     .mesh_bus = &d->mesh_bus,
+                                     .fd = d->fd,
+                                     .estopped = estopped,
+                                     .has_control = def->control,
+                                     .tick_told = -1,
+                                     .quality_told = d->on.scene->quality};
         return true;
     }
-    snprintf(error, error_size, "out of memory or file descriptors");
-    return false;
+    return kn_refuse(error, error_size, "out of memory or file descriptors");
 }
 
 // Set up the operator, and open the control socket if there is one.
 static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    kn_operated on = {.served = &d->on,
-                      .def = &def->object,
-                      .limits = def->limits ? def->limits : &d->on.base->limits,
-                      .loop = &d->loop,
-                      .keeper = &d->keeper,
-                      .skin = &d->skin,
-                      .ask = ask,
-                      .goes_on = goes_on,
-                      .stop = leave,
-                      .load = load_next,
-                      .built = lock,
-                      .arg = d};
+    kn_operator_def on = {.served = &d->on,
+                          .def = &def->object,
+                          .limits = def->limits ? def->limits : &d->on.base->limits,
+                          .loop = &d->loop,
+                          .keeper = &d->keeper,
+                          .rt = &d->rt,
+                          .skin = &d->skin,
+                          .ask = ask,
+                          .goes_on = goes_on,
+                          .stop = leave,
+                          .load = load_next,
+                          .arg = d};
     kn_operator_init(&d->operator, & on);
     kn_control_def control = kn_operator_control(&d->operator);
     if (def->control) d->control = kn_control_open(def->control, &control, error, error_size);
@@ -508,174 +423,39 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
 // Measure the object, create the threads, lock the memory and let the threads run.
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    d->loop.deadline = kn_served_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
+    d->loop.deadline = kn_served_object_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
     // Enter real-time priority only now, because building a scene takes longer than LimitRTTIME allows a real-time
     // thread to run.
     kn_rt_enter(&d->rt, def->realtime);
-    d->rest_ns = kn_served_measure(&d->on.backend, NULL);
-    d->operator.served_ns = kn_served_measure(&d->on.backend, d->on.model);
+    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL);
+    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
-    bool keeps = d->keeper.store.dir >= 0;
-    // The barrier's count: main, servo, sentinel and mesh; control and worker; keeper.
-    pthread_barrier_init(&d->go, NULL, 4u + 2u * !!d->control + keeps);
-    int failed = kn_rt_thread(&d->rt, &d->servo_thread, "servo", KN_RT_SERVO, true, servo_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->sentinel_thread, "sentinel", KN_RT_SENTINEL, true, sentinel_main, d);
-    if (!failed) failed = kn_rt_thread(&d->rt, &d->mesh_thread, "mesh", KN_RT_NORMAL, false, mesh_main, d);
-    if (!failed && d->control)
-        failed = kn_rt_thread(&d->rt, &d->control_thread, "control", KN_RT_NORMAL, false, control_main, d);
-    if (!failed && d->control)
-        failed = kn_rt_thread(&d->rt, &d->worker_thread, "worker", KN_RT_NORMAL, false, worker_main, d);
-    if (!failed && keeps)
-        failed = kn_rt_thread(&d->rt, &d->keeper_thread, "keeper", KN_RT_NORMAL, false, keeper_main, d);
+    // The barrier's count: the main thread and the threads below.
+    unsigned count = 1;
+    for (int i = 0; i < THREADS; i++) count += needs(d, i);
+    pthread_barrier_init(&d->go, NULL, count);
+    int failed = 0;
+    for (int i = 0; i < THREADS && !failed; i++)
+        if (needs(d, i))
+            failed = kn_rt_thread(&d->rt, &d->thread[i], threads[i].name, threads[i].priority, threads[i].pinned,
+                                  threads[i].run, d);
     // Lock the memory now that all stacks exist and no thread runs yet.
     if (!failed) kn_rt_lock_memory(&d->rt);
-    if (failed) snprintf(error, error_size, "cannot start a thread: %s", strerror(failed));
-    else if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
-        snprintf(error, error_size, "not real time: %s", d->rt.missing);
-    else {
-        // Start the grids of servo and sentinel, then release the threads.
-        d->start_ns = d->checkup.start_ns = kn_now_ns() + START_DELAY_NS;
-        kn_loop_start(&d->loop, d->start_ns);
-        d->sentinel.beside = &d->loop.start_ns;
-        d->sentinel.busy = &d->loop.busy;
-        kn_clock_start(&d->sentinel.clock, d->start_ns + KN_SENTINEL_OFFSET_NS);
-        d->budget = DATAGRAMS_PER_TICK;
-        pthread_barrier_wait(&d->go);
-        return true;
-    }
-    return false; // give up; the threads that wait at the barrier end with the process
-}
-
-// Print the settings that were restored from the last run.
-static void tell_sets(FILE *out, const kn_sets *sets)
-{
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
-    for (int i = 0; i < count; i++) fprintf(out, "%s%s", i == 0 ? "kneadd: settings restored: " : ", ", list[i]);
-    if (count > 0) fputc('\n', out);
-}
-
-// Print what is being served, and everything that prevents real-time operation, accuracy or authentication.
-static void tell_ready(server *d, FILE *out)
-{
-    fprintf(out, "kneadd: serving %s, %d nodes", d->on.scene->name,
-            d->on.model->node_count - kn_composite_tied(d->on.model));
-    for (int p = 0; p < d->on.model->def.probe_count; p++) fprintf(out, ", probe %s", d->on.model->def.probe[p].name);
-    fprintf(out, ", on %s, meshes on %s; %s, %s\n", d->bus.url, d->mesh_bus.url,
-            d->rt.fifo ? "SCHED_FIFO" : "normal priority", d->rt.locked ? "memory locked" : "memory not locked");
-    tell_sets(out, &d->on.sets);
-    if (d->estopped)
-        fprintf(out, "kneadd: an emergency stop is in force: every force stays 0 until %sknead ctl recover\n",
-                d->control ? "" : "a start with --control and ");
-    if (*d->rt.missing) fprintf(out, "kneadd: not real time: %s\n", d->rt.missing);
-    if (d->exchange.receiver.auth)
-        fprintf(out, "kneadd: poses must be signed with the key, forces are signed with it\n");
-    else if (d->exchange.receiver.peers > 0)
-        fprintf(
-            out,
-            "kneadd: poses are accepted from %d addresses; this is no authentication, since an address can be forged\n",
-            d->exchange.receiver.peers);
-    if (d->on.model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
-    // The servo is already running and may lower the deadline, so print the deadline of the start.
-    if (d->loop.priced > 0)
-        fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", d->loop.priced);
-    const kn_fixed_model *fixed = d->on.model->fixed;
-    if (fixed && fixed->error > KN_FIXED_ERROR)
-        fprintf(out,
-                "kneadd: not accurate: %d passes of %d iterations leave %.2g %% of the force of a press unsolved, "
-                "expected %g %% at most\n",
-                d->on.model->def.solver.passes, d->on.model->def.solver.iterations, 100 * fixed->error,
-                100 * KN_FIXED_ERROR);
-    kn_fpga_counts circuit;
-    if (kn_backend_fpga_counts(&d->on.backend, &circuit)) {
-        fprintf(out,
-                "kneadd: on a circuit: a tick without contact takes %.2g ms there and back, a state takes %.2g s "
-                "to load; the queue holds %lld ticks\n",
-                1e-6 * (double)d->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
-        if (d->rest_ns > REST_TICK_NS)
-            fprintf(out,
-                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin computes the object\n",
-                    1e-6 * REST_TICK_NS);
-    } else if (d->rest_ns > REST_TICK_NS)
-        fprintf(
-            out,
-            "kneadd: not real time: a tick takes %.2g ms here without contact, expected %g ms at most; ticks will be "
-            "missed and counted\n",
-            1e-6 * (double)d->rest_ns, 1e-6 * REST_TICK_NS);
-}
-
-// Print the counters of the circuit. The circuit's final state is compared with its twin's.
-static void tell_circuit(server *d)
-{
-    kn_fpga_counts n;
-    kn_device_stats link;
-    char why[KN_LINK_WHY];
-    if (!kn_backend_fpga_counts(&d->on.backend, &n)) return;
-    bool agrees = kn_backend_fpga_agrees(&d->on.backend, why, &link);
-    kn_say("kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
-           "different %lld, loaded %lld; at the end %s%s",
-           (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
-           (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
-    if (agrees)
-        kn_say("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
-               "broken",
-               1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
-               (long long)(link.link.crc + link.link.coding));
-}
-
-// Print the totals of the run.
-static void tell_summary(server *d, FILE *out)
-{
-    kn_account *a = &d->loop.account;
-    const kn_receiver *r = &d->exchange.receiver;
-    fprintf(out,
-            "kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
-            " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
-            a->ticks, a->missed, kn_sentinel_judge(&d->sentinel, INT64_MAX), a->overruns,
-            d->exchange.publisher.published, a->unpublished);
-    const kn_sentinel *s = &d->sentinel;
-    fprintf(out,
-            "kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
-            "); its sentinel %" PRId64 " and %" PRId64 " times in %" PRId64 " wakes\n",
-            s->whole.count, s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
-    fprintf(out, "kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
-    for (int i = 0; i < KN_REJECT_COUNT; i++)
-        if (r->rejected[i]) fprintf(out, ", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
-    fprintf(out, "; %" PRId64 " dropped by the kernel\n", kn_checkup_drops(&d->checkup));
-    const kn_audit_news *audit = d->loop.audit ? kn_audit_read(d->loop.audit) : NULL;
-    if (audit && audit->windows)
-        fprintf(out,
-                "kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
-                " stored of %.3g mJ of work\n",
-                audit->windows, audit->created, 1e3 * audit->most_j, 1e3 * kn_energy_sum(&audit->stored),
-                1e3 * audit->work_j);
-    kn_keeper *k = &d->keeper;
-    if (k->store.dir >= 0)
-        fprintf(out,
-                "kneadd: %" PRId64 " snapshots, the last generation %" PRId64 ", %.1f ms at most; %" PRId64 " errors\n",
-                k->saves, k->store.generation, 1e-3 * (double)k->most_us, k->errors);
-    if (d->trace.lost) fprintf(out, "kneadd: %" PRId64 " rows of the trace lost\n", d->trace.lost);
-    if (d->loop.phase.driven)
-        fprintf(out,
-                "kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
-                ", held back for one in %" PRId64 "\n",
-                d->loop.phase.driven, d->loop.phase.followed, d->loop.phase.held);
-}
-
-// Print a text in whole lines, even if tell() writes a line in several pieces.
-static void say_all(server *d, void (*tell)(server *, FILE *))
-{
-    char *text = NULL;
-    size_t size;
-    FILE *out = open_memstream(&text, &size);
-    if (!out) return;
-    tell(d, out);
-    fclose(out);
-    kn_say_lines(STDOUT_FILENO, text ? text : "");
-    free(text);
+    // On failure, the threads that wait at the barrier end with the process.
+    if (failed) return kn_refuse(error, error_size, "cannot start a thread: %s", strerror(failed));
+    if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
+        return kn_refuse(error, error_size, "not real time: %s", d->rt.missing);
+    // Start the grids of servo and sentinel, then release the threads.
+    const int64_t start_ns = d->check.start_ns = kn_now_ns() + START_DELAY_NS;
+    kn_loop_start(&d->loop, start_ns);
+    d->sentinel.beside = &d->loop.start_ns;
+    d->sentinel.busy = &d->loop.busy;
+    kn_clock_start(&d->sentinel.clock, start_ns + KN_SENTINEL_OFFSET_NS);
+    d->budget = DATAGRAMS_PER_TICK;
+    pthread_barrier_wait(&d->go);
+    return true;
 }
 
 // time after which a further signal ends the process, as in on_signal, ns; 0: no signal yet
@@ -698,8 +478,8 @@ static void join_worker(server *d)
     struct timespec until;
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
-    d->stuck = pthread_timedjoin_np(d->worker_thread, NULL, &until) != 0;
-    if (d->stuck) kn_say("kneadd: stops without an answer to a request that takes too long");
+    d->stuck = pthread_timedjoin_np(d->thread[WORKER], NULL, &until) != 0;
+    if (d->stuck) kn_console_err("kneadd: stops without an answer to a request that takes too long");
 }
 
 // Stop all threads and save the object. Return false if the object could not be saved.
@@ -714,17 +494,15 @@ static bool stop_threads(server *d)
     if (d->control) kn_control_end(d->control);
     atomic_store(&d->ending, true);
     atomic_store(&d->sentinel.stop, true);
-    pthread_join(d->servo_thread, NULL);
-    pthread_join(d->sentinel_thread, NULL);
-    pthread_join(d->mesh_thread, NULL);
+    for (int i = SERVO; i <= MESH; i++) pthread_join(d->thread[i], NULL);
     if (d->control) {
-        pthread_join(d->control_thread, NULL);
+        pthread_join(d->thread[CONTROL], NULL);
         join_worker(d);
         kn_control_drain(d->control);
     }
     // The keeper ends last, because control and worker may ask it for snapshots.
     atomic_store(&d->keeper.ending, true);
-    if (d->keeper.store.dir >= 0) pthread_join(d->keeper_thread, NULL);
+    if (needs(d, KEEPER)) pthread_join(d->thread[KEEPER], NULL);
     bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
     // Publish the final counters. Then read the remaining datagrams, so that the counts add up.
@@ -748,7 +526,7 @@ static void free_all(server *d)
     kn_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
     kn_operator_free(&d->operator);
-    kn_served_free(&d->on);
+    kn_served_object_free(&d->on);
 }
 
 // Run one life of the server, from loading a scene to the end of its threads. Afterwards d->goes_on tells whether
@@ -759,7 +537,7 @@ static int serve(server *d, const kn_daemon_def *def)
     *d = (server){.claim = -1, .mesh_claim = -1, .fd = -1, .keeper.store.dir = -1};
     // Load the scene, then the snapshots. Bad input (exit code 2) is found before anything is opened.
     bool heard = choose_buses(d, def, error, sizeof error);
-    int code = heard ? kn_served_load(&d->on, &def->object, error, sizeof error) : 2;
+    int code = heard ? kn_served_object_load(&d->on, &def->object, error, sizeof error) : 2;
     if (code == 0)
         code = kn_keeper_open(&d->keeper, def->object.state_dir, d->on.scene, d->on.model, error, sizeof error);
     if (code == 0) {
@@ -767,15 +545,14 @@ static int serve(server *d, const kn_daemon_def *def)
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
             kn_trace_open(&d->trace, def->trace, def->later, error, sizeof error) &&
             start_threads(d, def, error, sizeof error)) {
-            say_all(d, tell_ready);
+            kn_health_report_start(&d->check);
             sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
             // A signal that came between two lives of the server still ends the process.
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
             code = stop_threads(d) ? 0 : 3;
             kn_rt_leave(&d->rt);
-            tell_circuit(d);
-            say_all(d, tell_summary);
+            kn_health_report_end(&d->check);
             if (code)
                 snprintf(error, sizeof error, "--state-dir %s: the last state of the object was not saved",
                          def->object.state_dir);
@@ -786,7 +563,7 @@ static int serve(server *d, const kn_daemon_def *def)
         }
     }
     // print the error; for bad input (code 2) the line already begins with its file or URL
-    if (code) kn_say("%s%s", code == 2 ? "" : "kneadd: ", error);
+    if (code) kn_console_err("%s%s", code == 2 ? "" : "kneadd: ", error);
     return code;
 }
 
@@ -798,7 +575,7 @@ int kn_daemon_run(const kn_daemon_def *def)
     kn_safety_limits limits;
     // path and text of the scene being served; NULL in the first life (run) of the server
     char *path = NULL, *text = NULL;
-    kn_say_start();
+    kn_console_start();
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
@@ -820,7 +597,7 @@ int kn_daemon_run(const kn_daemon_def *def)
         life.estopped = kn_loop_estopped(&d.loop);
         free_all(&d);
         if (!goes_on) return free(path), free(text), code;
-        kn_say_out("kneadd: loading %s", path);
+        kn_console_out("kneadd: loading %s", path);
         stopping_ns = kn_now_ns();
     }
 }

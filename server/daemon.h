@@ -6,7 +6,7 @@
 #include "server/auth.h"
 #include "server/receiver.h"
 #include "server/rt.h"
-#include "server/served.h"
+#include "server/served_object.h"
 
 #define KN_LCM_URL "udpm://239.255.76.67:7667?ttl=0" // LCM's default multicast group and port
 // Bus of the meshes; it needs a port of its own, because stock liblcm receives every group on its port.
@@ -17,7 +17,7 @@
 typedef struct kn_daemon_def {
     // Safety limits that a scene loaded later must not exceed; NULL: the limits of the first scene.
     const kn_safety_limits *limits;
-    kn_served_def object;
+    kn_served_object_def object;
     // LCM URL of the bus for poses and forces; NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or
     // KN_LCM_LAN_URL.
     const char *lcm_url;
@@ -28,11 +28,11 @@ typedef struct kn_daemon_def {
     int peers;                         // number of entries in `peer`; 0: poses are accepted from any address
     const char *key;                   // path of the key file (auth.h); NULL: no key
     kn_rt_mode realtime;
-    const char *trace; // path of the trace file (trace.h); NULL: none
+    const char *trace; // path of the trace file (exchange.h); NULL: none
     // True: an emergency stop of the previous life (run) of kneadd is in force from the first tick on.
     bool estopped;
     bool later; // true: this is not the first scene of the process, so rows are appended to the trace file
-    bool free;  // true: the servo's tick grid does not follow the poses (phase.h)
+    bool free;  // true: the servo's tick grid does not follow the poses (tick_timing.h)
     bool touch; // publish touch patches (KNEAD_TOUCH)
 } kn_daemon_def;
 

@@ -1,6 +1,6 @@
 #include "server/keeper.h"
 #include "core/snapshot.h"
-#include "server/say.h"
+#include "server/console.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
@@ -121,8 +121,8 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
     if (strcmp(why, k->told) == 0 && now_ns - k->told_ns < 1000000000) return;
-    kn_say("kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)", k->store.generation + 1,
-           k->store.path, why, k->untold);
+    kn_console_err("kneadd: snapshot %" PRId64 " was not saved: %s/%s (%" PRId64 " failed)", k->store.generation + 1,
+                   k->store.path, why, k->untold);
     snprintf(k->told, sizeof k->told, "%s", why);
     k->told_ns = now_ns;
     k->untold = 0;
@@ -131,7 +131,8 @@ static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 // If an error message was printed before, print that saving works again.
 static void tell_rest(kn_keeper *k)
 {
-    if (*k->told) kn_say("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
+    if (*k->told)
+        kn_console_err("kneadd: snapshots are saved again in %s (%" PRId64 " more failed)", k->store.path, k->untold);
     *k->told = 0;
     k->untold = 0;
 }
@@ -258,38 +259,44 @@ static bool load_newest(kn_keeper *k, char *name)
     FILE *refused = open_memstream(&told, &size);
     bool fits = kn_store_load(&k->store, 0, &k->incoming, name, refused, why, sizeof why);
     if (refused) fclose(refused);
-    if (told) kn_say_lines(STDERR_FILENO, told);
+    if (told) kn_console_lines(STDERR_FILENO, told);
     free(told);
     return fits;
 }
 
-void kn_keeper_start(kn_keeper *keeper, kn_loop *loop)
+// Order the next tick to restore the snapshot in k->incoming, and keep its file.
+static void order_restore(kn_keeper *k, kn_orders *orders)
+{
+    orders->restore = &k->incoming;
+    kn_store_pin(&k->store, k->incoming.generation);
+    k->incoming_order = kn_orders_give(orders, KN_ORDER_RESTORE, 0);
+}
+
+void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders)
 {
     kn_keeper *k = keeper;
     char name[256], age[32];
-    loop->keeper = k;
-    loop->servo.undo = &k->undo;
+    servo->undo = &k->undo;
     if (k->store.dir < 0) return;
-    kn_backend *backend = loop->servo.backend;
+    kn_backend *backend = servo->backend;
     // Until a snapshot is restored, compare the object with the initial object, so that an untouched object is not
     // saved.
     kn_state_copy(k->model, k->slot[0].saved.state, backend->state(backend->self)); // copy the initial object
-    k->last_hash = loop->servo.scene->text_hash;
+    k->last_hash = servo->scene->text_hash;
     atomic_store(&k->slot[0].saved_whole, true);
-    k->incoming.servo.scene = loop->servo.scene;
+    k->incoming.servo.scene = servo->scene;
     k->incoming.servo.model = k->model;
     if (!load_newest(k, name)) {
-        kn_say_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
+        kn_console_out("kneadd: nothing to restore from %s: the object starts as new", k->store.path);
         return;
     }
     kn_state_copy(k->model, k->slot[0].saved.state, k->incoming.state);
     atomic_store(&k->as_of_ns, kn_now_ns());
-    loop->restore = &k->incoming;
-    kn_store_pin(&k->store, k->incoming.generation);
     atomic_store(&k->generation, k->incoming.generation);
-    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
+    order_restore(k, orders);
     write_age(1e-6 * (double)(kn_wall_us() - k->incoming.utime), age, sizeof age);
-    kn_say_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age, k->incoming.state_hash);
+    kn_console_out("kneadd: restored %s/%s, %s old, state 0x%016" PRIx64, k->store.path, name, age,
+                   k->incoming.state_hash);
 }
 
 // --- the operator's side --------------------------------------------------------------------------------------------
@@ -342,23 +349,20 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
         pthread_mutex_unlock(&k->answering);
         if (done) return !*why;
     }
-    snprintf(why, why_size, "%s: the disk did not answer for %d ms", k->store.path, KN_KEEPER_PATIENCE_MS);
-    return false;
+    return kn_refuse(why, why_size, "%s: the disk did not answer for %d ms", k->store.path, KN_KEEPER_PATIENCE_MS);
 }
 
 // Wait until a tick of the servo has carried out an order.
-static kn_answer await(kn_loop *loop, int64_t number, int64_t generation)
+static kn_answer await(const kn_orders *orders, int64_t number, int64_t generation)
 {
     kn_answer a = {.ok = true, .generation = generation};
-    for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
-        if (!kn_loop_obeyed(loop, number, &a.tick)) continue;
-        a.state_hash = atomic_load(&loop->restored);
-        return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
-    }
-    return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
+    if (!kn_orders_await(orders, number, KN_KEEPER_PATIENCE_MS, &a.tick))
+        return refusal("no tick ran for %d ms", KN_KEEPER_PATIENCE_MS);
+    a.state_hash = atomic_load(&orders->restored);
+    return a.state_hash ? a : refusal("undo: nothing to undo, the object is unchanged since the start");
 }
 
-kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene *scene, const kn_model *model,
                             int64_t generation)
 {
     kn_keeper *k = keeper;
@@ -366,7 +370,7 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
     int64_t tick;
     if (k->store.dir < 0)
         return refusal("restore: there is no directory of snapshots, expected kneadd --state-dir DIR");
-    if (k->incoming_order && !kn_loop_obeyed(loop, k->incoming_order, &tick))
+    if (k->incoming_order && !kn_orders_obeyed(orders, k->incoming_order, &tick))
         return refusal("restore: the restore before has not been done yet");
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
@@ -374,14 +378,8 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *sc
         if (generation > 0) return refusal("restore: generation %" PRId64 ": %s", generation, why);
         return refusal("restore: %s", why);
     }
-    loop->restore = &k->incoming;
-    kn_store_pin(&k->store, k->incoming.generation);
-    k->incoming_order = kn_loop_order(loop, KN_ORDER_RESTORE, 0);
-    return await(loop, k->incoming_order, k->incoming.generation);
+    order_restore(k, orders);
+    return await(orders, k->incoming_order, k->incoming.generation);
 }
 
-kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop)
-{
-    (void)keeper;
-    return await(loop, kn_loop_order(loop, KN_ORDER_UNDO, 0), 0);
-}
+kn_answer kn_keeper_undo(kn_orders *orders) { return await(orders, kn_orders_give(orders, KN_ORDER_UNDO, 0), 0); }

@@ -15,7 +15,8 @@
 // written less and less often, and a crash loses less than a micron of an object that nobody touched. The servo takes
 // no lock and makes no system call to leave a copy. A slot belongs to the servo until the slot is full, and then to the
 // keeper thread until the slot is free again. If the disk is slow or a save fails, the next copy is saved instead.
-#include "server/loop.h"
+#include "server/clock.h"
+#include "server/operator_orders.h"
 #include "server/store.h"
 #include <pthread.h>
 
@@ -80,9 +81,9 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
 void kn_keeper_close(kn_keeper *keeper);
 size_t kn_keeper_bytes(const kn_model *model, bool saves); // return the memory that a keeper takes, bytes
 
-// Connect keeper and loop before the loop runs. Order the first tick to restore the newest snapshot that fits the
-// scene. Print on stdout which snapshot is restored, and on stderr every newer snapshot that was refused.
-void kn_keeper_start(kn_keeper *keeper, kn_loop *loop);
+// Give the servo its undo points, before its first tick. Order the first tick to restore the newest snapshot that fits
+// the scene. Print on stdout which snapshot is restored, and on stderr every newer snapshot that was refused.
+void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders);
 
 // Body of the keeper thread, needed only with a snapshot directory; returns after `ending` is set.
 void *kn_keeper_run(void *keeper);
@@ -110,8 +111,8 @@ bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
 // Functions for the operator's thread; each waits at most KN_KEEPER_PATIENCE_MS. `generation` 0: the newest snapshot.
 kn_answer kn_keeper_snapshot(kn_keeper *keeper);
 // `scene` and `model`: the scene and the model being served now.
-kn_answer kn_keeper_restore(kn_keeper *keeper, kn_loop *loop, const kn_scene *scene, const kn_model *model,
+kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene *scene, const kn_model *model,
                             int64_t generation);
-kn_answer kn_keeper_undo(kn_keeper *keeper, kn_loop *loop);
+kn_answer kn_keeper_undo(kn_orders *orders);
 
 #endif

@@ -1,11 +1,12 @@
 // kneadd serves one object to haptic devices. This file parses the command line; daemon.h does the rest.
+#include "core/scene/keys.h"
 #include "core/scene/scene.h"
 #include "server/control.h"
 #include "server/backend/fpga.h"
 #include "server/daemon.h"
-#include "server/say.h"
+#include "server/console.h"
+#include "server/option_table.h"
 #include <arpa/inet.h>
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -42,89 +43,84 @@ static const char usage[] =
     "\n"
     "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
 
+typedef struct options {
+    kn_daemon_def def;
+    const char **sets; // settings of the scene, in the order of the options that made them
+} options;
+
 static int bad(const char *what, const char *expected)
 {
     fprintf(stderr, "kneadd: %s: expected %s\n", what, expected);
     return 2;
 }
 
+static const char *take_backend(void *to, const char *text)
+{
+    options *o = to;
+    char why[KN_LINK_WHY];
+    const bool device = kn_backend_is_device(text);
+    if (device && !kn_link_is_uri(text, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), KN_OPTION_TOLD;
+    if (device) o->def.object.device = text;
+    else if (kn_choice_of("cpu|fixed", text) < 0) return "--backend cpu, fixed, uart:, pty:, pcie: or shm:";
+    // The circuit and --backend fixed need the same settings of the scene: the integers of the circuit.
+    for (int i = 0; i < KN_FIXED_SETS && strcmp(text, "cpu") != 0; i++)
+        o->sets[o->def.object.set_count++] = kn_fixed_set[i];
+    return NULL;
+}
+
+static const char *take_peer(void *to, const char *address)
+{
+    kn_daemon_def *def = to;
+    const bool good = def->peers < KN_PEERS_MAX && inet_pton(AF_INET, address, &def->peer[def->peers++]) == 1;
+    return good ? NULL : "--peer with an IPv4 address, 16 of them at most";
+}
+
+static const char *take_control(void *path, const char *text)
+{
+    *(const char **)path = text;
+    return *text && strlen(text) <= KN_CONTROL_PATH ? NULL : "--control PATH of 1 to 107 bytes";
+}
+
 // Parse the options and run the daemon. `sets` has room for 2 * argc entries, because one option may add two settings.
 static int run(int argc, char **argv, const char **sets)
 {
-    static const struct option options[] = {{"scene", required_argument, NULL, 's'},
-                                            {"set", required_argument, NULL, 'k'},
-                                            {"lcm-url", required_argument, NULL, 'l'},
-                                            {"mesh-url", required_argument, NULL, 'm'},
-                                            {"realtime", required_argument, NULL, 'r'},
-                                            {"backend", required_argument, NULL, 'b'},
-                                            {"control", required_argument, NULL, 'c'},
-                                            {"quality", required_argument, NULL, 'q'},
-                                            {"phase", required_argument, NULL, 'p'},
-                                            {"trace", required_argument, NULL, 't'},
-                                            {"state-dir", required_argument, NULL, 'd'},
-                                            {"key", required_argument, NULL, 'K'},
-                                            {"lan", required_argument, NULL, 'L'},
-                                            {"peer", required_argument, NULL, 'P'},
-                                            {"local-model", no_argument, NULL, 'o'},
-                                            {"touch", no_argument, NULL, 'T'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {"version", no_argument, NULL, 'v'},
-                                            {0}};
-    kn_daemon_def def = {.realtime = KN_RT_AUTO, .object.sets = sets};
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("scene", TEXT, AT(def.object.scene_path)),
+        KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, def.object.set_count)),
+        KN_OPTION("lcm-url", TEXT, AT(def.lcm_url)),
+        KN_OPTION("mesh-url", TEXT, AT(def.mesh_url)),
+        KN_OPTION("realtime", CHOICE, AT(def.realtime), .unit = "auto|require|off",
+                  .expected = "--realtime auto, require or off"),
+        KN_OPTION("backend", SPECIAL, .take = take_backend),
+        KN_OPTION("control", SPECIAL, AT(def.control), .take = take_control),
+        KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = kn_quality_set,
+                  .expected = kn_quality_names),
+        KN_OPTION("phase", EITHER, AT(def.free), .unit = "lock|free", .expected = "--phase lock or free"),
+        KN_OPTION("trace", TEXT, AT(def.trace)),
+        KN_OPTION("state-dir", TEXT, AT(def.object.state_dir)),
+        KN_OPTION("key", TEXT, AT(def.key)),
+        KN_OPTION("lan", TEXT, AT(def.lan)),
+        KN_OPTION("peer", SPECIAL, AT(def), .take = take_peer),
+        KN_OPTION("local-model", FLAG, AT(def.object.local_model)),
+        KN_OPTION("touch", FLAG, AT(def.touch)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "kneadd",
+                                          .help = usage,        .version = "kneadd " KN_VERSION,
+                                          .value_first = true,  .always_named = true};
+    options o = {.def = {.realtime = KN_RT_AUTO, .object.sets = sets}, .sets = sets};
+    kn_daemon_def *def = &o.def;
     char why[KN_LINK_WHY];
-    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
-        switch (option) {
-        case 's': def.object.scene_path = optarg; break;
-        case 'k': sets[def.object.set_count++] = optarg; break;
-        case 'q':
-            if (!(sets[def.object.set_count++] = kn_quality_set(optarg))) return bad(optarg, kn_quality_names);
-            break;
-        case 'l': def.lcm_url = optarg; break;
-        case 'm': def.mesh_url = optarg; break;
-        case 'r':
-            if (!kn_rt_mode_parse(optarg, &def.realtime)) return bad(optarg, "--realtime auto, require or off");
-            break;
-        case 'p':
-            def.free = strcmp(optarg, "free") == 0;
-            if (!def.free && strcmp(optarg, "lock") != 0) return bad(optarg, "--phase lock or free");
-            break;
-        case 'b':
-            if (kn_backend_is_device(optarg)) {
-                if (!kn_link_is_uri(optarg, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), 2;
-                def.object.device = optarg;
-            } else if (strcmp(optarg, "cpu") != 0 && strcmp(optarg, "fixed") != 0)
-                return bad(optarg, "--backend cpu, fixed, uart:, pty:, pcie: or shm:");
-            // The circuit and --backend fixed need the same settings of the scene: the integers of the circuit.
-            for (int i = 0; i < KN_FIXED_SETS && strcmp(optarg, "cpu") != 0; i++)
-                sets[def.object.set_count++] = kn_fixed_set[i];
-            break;
-        case 'K': def.key = optarg; break;
-        case 'L': def.lan = optarg; break;
-        case 'P':
-            if (def.peers == KN_PEERS_MAX || inet_pton(AF_INET, optarg, &def.peer[def.peers++]) != 1)
-                return bad(optarg, "--peer with an IPv4 address, 16 of them at most");
-            break;
-        case 't': def.trace = optarg; break;
-        case 'd': def.object.state_dir = optarg; break;
-        case 'o': def.object.local_model = true; break;
-        case 'T': def.touch = true; break;
-        case 'c':
-            def.control = optarg;
-            if (!*optarg || strlen(optarg) > KN_CONTROL_PATH) return bad(optarg, "--control PATH of 1 to 107 bytes");
-            break;
-        case 'h': fputs(usage, stdout); return 0;
-        case 'v': puts("kneadd " KN_VERSION); return 0;
-        default: return 2; // getopt has already reported the bad option
-        }
-    }
+    const int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     // Check combinations of options before anything is opened.
     if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
-    if (def.lan && !def.key && def.peers == 0)
+    if (def->lan && !def->key && def->peers == 0)
         return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
-    if (def.peers > 0 && !def.lan) return bad("--peer", "--lan IFACE beside it");
-    if (!def.object.scene_path) return bad("no scene", "--scene FILE");
+    if (def->peers > 0 && !def->lan) return bad("--peer", "--lan IFACE beside it");
+    if (!def->object.scene_path) return bad("no scene", "--scene FILE");
     if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "kneadd: %s\n", why), 3;
-    return kn_daemon_run(&def);
+    return kn_daemon_run(def);
 }
 
 int main(int argc, char **argv)
@@ -133,7 +129,7 @@ int main(int argc, char **argv)
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
     // Evaluate both: fflush alone does not report an earlier error.
-    if (!(fflush(stdout) | ferror(stdout)) && kn_say_whole(STDOUT_FILENO)) return code;
-    kn_say("kneadd: standard output could not be written completely");
+    if (!(fflush(stdout) | ferror(stdout)) && kn_console_complete(STDOUT_FILENO)) return code;
+    kn_console_err("kneadd: standard output could not be written completely");
     return code ? code : 3;
 }

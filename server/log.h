@@ -1,6 +1,6 @@
 #ifndef KN_SERVER_LOG_H
 #define KN_SERVER_LOG_H
-// LCM event logs, the files that lcm-logger writes and lcm-logplayer plays.
+// LCM event logs, the files that lcm-logger writes and lcm-logplayer plays; and a summary of a log.
 //
 //     magic u32 | number i64 | timestamp i64 us | channel length i32 | data length i32 | channel | data     big-endian
 //
@@ -9,6 +9,7 @@
 // decoders trust the counts in the payload. A log that was cut or is damaged is readable up to the damage.
 // lcm_eventlog_read_next_event is not used. This function allocates as many bytes as a damaged header demands, loses
 // the good record before the damage, and cannot tell damage from the end of the file. Not real-time.
+#include "core/scene/scene.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "proto/knead_scene_t.h"
@@ -67,5 +68,64 @@ void kn_log_close(kn_log *log);
 // Append one record to a log that liblcm writes: lcm_eventlog_create(path, "w"), this function, lcm_eventlog_destroy.
 // Return false if the disk is full.
 bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void *data, size_t size);
+
+// --- summary ---
+//
+// The summary of a log is collected by reading the log once from beginning to end: scenes, events, probes with forces,
+// and the range of ticks. It also gives the end of the part that one run of a server recorded without damage. replay.h
+// replays that part in a second reading.
+
+// kneadd records a checkpoint every second, so the number of records limits the span of a log. This limit prevents a
+// few records with a very large tick number from making a replay run for ever.
+#define KN_LOG_RECORD_MS 1000 // time span that each record allows a log, both in ticks and in log time, ms
+// Additional time span for all pauses together (missed cycles, a wall clock that was set), ms.
+#define KN_LOG_PAUSE_MS 3600000
+// Part of KN_LOG_PAUSE_MS allowed for ticks that a replay runs although their records were lost, ms.
+#define KN_LOG_LOST_MS 60000
+
+typedef struct kn_log_scene {
+    uint64_t hash;
+    char *text;
+} kn_log_scene;
+
+// Settings of the server that were in force when its log begins. A setting that the log does not record has the value
+// that it has at a server's start.
+typedef struct kn_log_initial {
+    bool deadline_told, overload_told, quality_told;
+    int64_t deadline; // largest number of units of work (core/solve/step_effort.h) per step; 0: no limit
+    bool overloaded;
+    kn_quality quality, asked;
+} kn_log_initial;
+
+typedef struct kn_log_summary {
+    knead_event_t *events; // [event_count], in the order of the log
+    size_t event_count, event_capacity;
+    char *scene_name, *scene_text; // name and text of the first scene in the log; NULL: none
+    uint64_t scene_hash;
+    kn_log_scene *others; // [other_count] later scenes, which result from settings made at run time
+    size_t other_count;
+    int64_t forces, records, malformed;
+    int64_t own_records;                             // number of poses, forces, events and scenes among the records
+    char force_probe[KN_PROBES_MAX][64];             // names of the probes for which the log holds forces
+    int64_t first_tick, last_tick, first_force_tick; // numbers of ticks; -1: none
+    int64_t before_tick; // last tick that ran before first_tick; equals first_tick - 1 unless cycles were missed
+    // Log times, us. first_pose_utime: -1 if there is no pose. origin_utime: time of tick 0, extrapolated from
+    // first_tick.
+    int64_t first_utime, last_utime, first_pose_utime, origin_utime;
+    bool started;     // true if the log begins with the server's start
+    bool undoes;      // true if the log contains an undo
+    int64_t restores; // number of restores from a snapshot
+    kn_log_initial initial;
+    int64_t end_offset; // end of the part that can be replayed, bytes from the beginning of the file
+    char damage[160];   // damage found in the file, "" if none; the summary covers the part before the damage
+} kn_log_summary;
+
+// Return the number of cycles missed just before the event's tick if only this checkpoint reports them, else 0.
+int64_t kn_log_missed(const knead_event_t *e);
+
+// Summarise a log. If the log cannot be read, or holds neither poses nor forces, return false and put one line in error.
+// Free the summary in both cases.
+bool kn_log_summarise(kn_log_summary *summary, const char *path, char *error, size_t error_size);
+void kn_log_summary_free(kn_log_summary *summary); // a zeroed summary is allowed
 
 #endif

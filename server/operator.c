@@ -9,17 +9,17 @@
 #define SECRET 64       // room for the text that replaces a quotation in an error message (keep_secret), bytes
 #define PATIENCE_MS 500 // longest wait for a tick or the main thread; a running server answers far sooner
 
-void kn_operator_init(kn_operator *o, const kn_operated *on)
+void kn_operator_init(kn_operator *o, const kn_operator_def *on)
 {
-    *o = (kn_operator){.on = *on, .sets = on->served->sets};
+    *o = (kn_operator){.on = *on, .settings = on->served->settings};
     pthread_mutex_init(&o->setting, NULL);
     kn_mailbox_init(&o->health, o->health_slots, sizeof o->health_slots[0]);
 }
 
 void kn_operator_free(kn_operator *o)
 {
-    kn_change_destroy(o->before);
-    kn_change_destroy(o->now);
+    kn_scene_change_destroy(o->before);
+    kn_scene_change_destroy(o->now);
     o->before = o->now = NULL;
 }
 
@@ -141,11 +141,11 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
 // List the settings made at run time. The worker thread writes them, hence the lock.
 static json_t *settings(kn_operator *o)
 {
-    char room[KN_SETS_BYTES];
-    const char *list[KN_SETS_MAX];
+    char room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
     json_t *array = json_array();
     pthread_mutex_lock(&o->setting);
-    int count = kn_sets_list(&o->sets, room, list);
+    int count = kn_settings_list(&o->settings, room, list);
     pthread_mutex_unlock(&o->setting);
     for (int i = 0; i < count; i++) json_array_append_new(array, json_string(list[i]));
     return array;
@@ -248,11 +248,11 @@ static json_t *tell_status(kn_operator *o)
 // Give the servo loop an order, wait until a tick has taken the order, and answer with that tick.
 static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
-    int64_t tick, number = kn_loop_order(o->on.loop, kind, quality);
+    int64_t tick, number = kn_orders_give(&o->on.loop->orders, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
         // read `done` before asking for the order, because the last tick may still have taken the order
         bool done = atomic_load(&o->on.loop->done);
-        if (kn_loop_obeyed(o->on.loop, number, &tick))
+        if (kn_orders_obeyed(&o->on.loop->orders, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
         // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
         // disk
@@ -264,7 +264,7 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
     return kn_control_error("no tick ran for %d ms", PATIENCE_MS);
 }
 
-// Begin or end an emergency stop, for every later start as well. If one part fails, the safer state remains: a stop
+// Begin or end an emergency stop that also persists over restarts. If a step fails, the safer state remains: a stop
 // begins in the loop before it is on disk, and the mark on disk is removed only after a tick has ended the stop.
 static json_t *hold(kn_operator *o, bool estopped)
 {
@@ -327,28 +327,24 @@ static json_t *restore(kn_operator *o, const json_t *argument)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
     const kn_scene *scene = o->now ? o->now->scene : o->on.served->scene;
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
-    kn_answer a = kn_keeper_restore(o->on.keeper, o->on.loop, scene, model, generation);
+    kn_answer a = kn_keeper_restore(o->on.keeper, &o->on.loop->orders, scene, model, generation);
     return of_keeper(&a);
 }
 
 static json_t *undo(kn_operator *o, const json_t *argument)
 {
     (void)argument;
-    kn_answer a = kn_keeper_undo(o->on.keeper, o->on.loop);
+    kn_answer a = kn_keeper_undo(&o->on.loop->orders);
     return of_keeper(&a);
 }
 
 // --- another scene ---
 
 // Parse the scene of the start again, overridden by these settings.
-static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, size_t error_size)
+static kn_scene *parse(const kn_operator *o, const kn_settings *settings, char *error, size_t error_size)
 {
-    char room[KN_SETS_BYTES], why[400];
-    const char *list[KN_SETS_MAX];
-    int count = kn_sets_list(sets, room, list);
-    const kn_scene *base = o->on.served->base;
-    kn_scene *scene = kn_scene_parse_beside(o->on.def->scene_path, base->name, base->text, strlen(base->text), list,
-                                            count, why, sizeof why);
+    char why[400];
+    kn_scene *scene = kn_settings_parse(settings, o->on.served->base, o->on.def->scene_path, why, sizeof why);
     // the parser names the option --set; here it is the command `set`
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
     return scene;
@@ -359,7 +355,8 @@ static kn_scene *parse(const kn_operator *o, const kn_sets *sets, char *error, s
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
-    if (o->now && !kn_loop_obeyed(o->on.loop, o->ordered, &tick)) return "no tick has applied the last change yet";
+    if (o->now && !kn_orders_obeyed(&o->on.loop->orders, o->ordered, &tick))
+        return "no tick has applied the last change yet";
     if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not reported the last change yet";
     if (o->now && !kn_skin_follows(o->on.skin, o->now->model))
         return "the mesh thread has not shown the last change yet";
@@ -377,13 +374,13 @@ static const char *retire(kn_operator *o)
         user = user_of_the_last(o);
     }
     if (user) return user;
-    kn_change_destroy(o->before);
+    kn_scene_change_destroy(o->before);
     o->before = NULL;
     return NULL;
 }
 
 // Return whether the settings change only limits of the hand, and nothing that affects the physics.
-static bool only_limits(const kn_operator *o, const json_t *values, const kn_change *change)
+static bool only_limits(const kn_operator *o, const json_t *values, const kn_scene_change *change)
 {
     const kn_device_def *now = o->now ? &o->now->scene->device : &o->on.served->scene->device,
                         *next = &change->scene->device;
@@ -396,24 +393,24 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_cha
 
 // Return whether ticks of the new model would take longer than 1 ms, and more than twice as long as before. If not,
 // measure the deadline of the new model's steps.
-static bool too_slow(kn_operator *o, const json_t *values, kn_change *change, char *why, size_t why_size)
+static bool too_slow(kn_operator *o, const json_t *values, kn_scene_change *change, char *why, size_t why_size)
 {
     if (only_limits(o, values, change)) return false;
-    int64_t now_ns = kn_served_measure(&change->backend, change->model), was_ns = o->served_ns;
+    int64_t now_ns = kn_served_object_measure(&change->backend, change->model), was_ns = o->served_ns;
     if (now_ns > KN_PERIOD_NS && now_ns > 2 * was_ns) {
         snprintf(why, why_size, "a tick would take %.2g ms here, expected 1 ms at most", 1e-6 * (double)now_ns);
         return true;
     }
     o->served_ns = now_ns;
-    change->deadline = kn_served_deadline(&change->backend, change->model, change->scene->budget_s);
+    change->deadline = kn_served_object_deadline(&change->backend, change->model, change->scene->budget_s);
     return false;
 }
 
 // Build the change that the settings ask for, without touching the object. On failure return NULL and put one line in
 // error.
-static kn_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
+static kn_scene_change *prepare(kn_operator *o, const json_t *values, char *error, size_t error_size)
 {
-    kn_sets sets = o->sets;
+    kn_settings settings = o->settings;
     const json_t *value;
     size_t i;
     if (o->on.def->device) {
@@ -422,9 +419,10 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
         return NULL;
     }
     // add the new settings to those in force
-    json_array_foreach(values, i, value) if (!kn_sets_add(&sets, json_is_string(value) ? json_string_value(value) : "",
-                                                          error, (int)error_size)) return NULL;
-    kn_scene *scene = parse(o, &sets, error, error_size);
+    json_array_foreach(values, i,
+                       value) if (!kn_settings_add(&settings, json_is_string(value) ? json_string_value(value) : "",
+                                                   error, (int)error_size)) return NULL;
+    kn_scene *scene = parse(o, &settings, error, error_size);
     if (!scene) return NULL;
     // at run time the safety limits of a hand must not exceed those of the start
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
@@ -438,21 +436,21 @@ static kn_change *prepare(kn_operator *o, const json_t *values, char *error, siz
     }
     // build the model and its backend, while ticks continue with the old ones
     char why[300];
-    kn_change *change =
-        kn_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
-                         o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
+    kn_scene_change *change =
+        kn_scene_change_create(scene, o->now ? o->now->scene : o->on.served->scene,
+                               o->now ? o->now->model : o->on.served->model, o->on.def->local_model, why, sizeof why);
     if (change && too_slow(o, values, change, why, sizeof why)) {
-        kn_change_destroy(change);
+        kn_scene_change_destroy(change);
         change = NULL;
     }
-    if (change) change->sets = sets;
+    if (change) change->settings = settings;
     else snprintf(error, error_size, "set: %s", why);
     return change;
 }
 
 // Add the energy that the object stores before and after the change. The old lattice can be read here, since nothing
 // steps it any more.
-static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_change *change)
+static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_scene_change *change)
 {
     kn_energy before, after;
     if (!change->audit || !kn_energy_of(model, left->state(left->self), &before) ||
@@ -471,24 +469,21 @@ static json_t *set(kn_operator *o, const json_t *argument)
     // only two changes are kept, so first free the one before the latest
     const char *busy = retire(o);
     if (busy) return kn_control_error("set: %s, try again", busy);
-    kn_change *change = prepare(o, argument, error, sizeof error);
+    kn_scene_change *change = prepare(o, argument, error, sizeof error);
     if (!change) return kn_control_error("%s", error);
     const kn_model *model = o->now ? o->now->model : o->on.served->model;
     kn_backend *left = o->now ? &o->now->backend : &o->on.served->backend;
     // lock the new memory before a tick uses it, then hand the change to the loop
-    o->on.built(o->on.arg);
+    kn_rt_lock_more(o->on.rt);
     o->before = o->now;
-    o->now = o->on.loop->change = change;
+    o->now = o->on.loop->orders.change = change;
     pthread_mutex_lock(&o->setting);
-    o->sets = change->sets;
+    o->settings = change->settings;
     pthread_mutex_unlock(&o->setting);
     // from here on the change counts as made, even if no tick takes it in time
-    o->ordered = kn_loop_order(o->on.loop, KN_ORDER_CHANGE, 0);
-    for (int i = 0; !kn_loop_obeyed(o->on.loop, o->ordered, &tick); i++) {
-        if (i == 2 * PATIENCE_MS)
-            return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
-        rest();
-    }
+    o->ordered = kn_orders_give(&o->on.loop->orders, KN_ORDER_CHANGE, 0);
+    if (!kn_orders_await(&o->on.loop->orders, o->ordered, PATIENCE_MS, &tick))
+        return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);
     json_t *answer = json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
     add_energies(answer, model, left, change);
     return answer;
@@ -517,12 +512,12 @@ static void keep_secret(char *why, size_t size, const char *path)
 static json_t *load(kn_operator *o, const json_t *argument)
 {
     char error[512 + SECRET];
-    kn_served trial;
-    kn_served_def def = *o->on.def;
+    kn_served_object trial;
+    kn_served_object_def def = *o->on.def;
     def.name = def.text = NULL; // clear the checked text, so that the file is read again
     if (argument) def.scene_path = json_string_value(argument);
     def.device = NULL; // load without the circuit, which is busy with the object being served
-    if (kn_served_load(&trial, &def, error, sizeof error - SECRET) != 0) {
+    if (kn_served_object_load(&trial, &def, error, sizeof error - SECRET) != 0) {
         keep_secret(error, sizeof error - SECRET, def.scene_path);
         return kn_control_error("%s", error);
     }
@@ -534,7 +529,7 @@ static json_t *load(kn_operator *o, const json_t *argument)
                                def.scene_path, raised)
             : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
     if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
-    kn_served_free(&trial);
+    kn_served_object_free(&trial);
     return answer;
 }
 
@@ -551,18 +546,19 @@ static const struct command {
     // name of the command's only argument field; NULL: the command has none
     const char *argument;
     json_type type;
-    bool needed;
-} commands[] = {{"status", status, NULL, JSON_NULL, false},
-                {"reset", reset, NULL, JSON_NULL, false},
-                {"quality", quality, "name", JSON_STRING, true},
-                {"snapshot", snapshot, NULL, JSON_NULL, false},
-                {"restore", restore, "generation", JSON_INTEGER, false},
-                {"undo", undo, NULL, JSON_NULL, false},
-                {"recover", recover, NULL, JSON_NULL, false},
-                {"estop", estop, NULL, JSON_NULL, false},
-                {"set", set, "values", JSON_ARRAY, true},
-                {"load", load, "scene", JSON_STRING, false},
-                {"stop", stop, NULL, JSON_NULL, false}};
+    bool needed; // the argument must be given
+    bool slow;   // waits for the disk, for a restored state or for a model, so it runs on the worker thread
+} commands[] = {{"status", status, NULL, JSON_NULL, false, false},
+                {"reset", reset, NULL, JSON_NULL, false, false},
+                {"quality", quality, "name", JSON_STRING, true, false},
+                {"snapshot", snapshot, NULL, JSON_NULL, false, true},
+                {"restore", restore, "generation", JSON_INTEGER, false, true},
+                {"undo", undo, NULL, JSON_NULL, false, true},
+                {"recover", recover, NULL, JSON_NULL, false, false},
+                {"estop", estop, NULL, JSON_NULL, false, false},
+                {"set", set, "values", JSON_ARRAY, true, true},
+                {"load", load, "scene", JSON_STRING, false, true},
+                {"stop", stop, NULL, JSON_NULL, false, false}};
 #define COMMANDS (sizeof commands / sizeof *commands)
 
 static json_t *no_command(const char *name)
@@ -590,12 +586,11 @@ static bool audits(void *op, const json_t *request)
     return !c || c->run != status;
 }
 
-// Return true for commands that wait for the disk, for a restored state or for a model. They run on the worker thread.
 static bool is_slow(void *op, const json_t *request)
 {
     (void)op;
     const struct command *c = command_of(request);
-    return c && (c->run == snapshot || c->run == restore || c->run == undo || c->run == set || c->run == load);
+    return c && c->slow;
 }
 
 // Return true for an emergency stop, which is carried out before everything else.

@@ -26,45 +26,44 @@
 // change comes when a tick has made the change, and gives the number of that tick. An event on KNEAD_EVENT records the
 // tick as well.
 #include "server/control.h"
-#include "server/health.h"
+#include "server/health_report.h"
 #include "server/keeper.h"
 #include "server/loop.h"
 #include "server/receiver.h"
-#include "server/served.h"
+#include "server/served_object.h"
 
 // The parts of the daemon that commands act on. Every callback gets `arg` as its first argument. `ask` and `goes_on`
 // are thread-safe.
-typedef struct kn_operated {
-    kn_served *served;              // object and scene at the start
-    const kn_served_def *def;       // options that `served` was loaded with
-    const kn_safety_limits *limits; // safety limits that a later `load` must not raise
+typedef struct kn_operator_def {
+    kn_served_object *served;        // object and scene at the start
+    const kn_served_object_def *def; // options that `served` was loaded with
+    const kn_safety_limits *limits;  // safety limits that a later `load` must not raise
     kn_loop *loop;
     kn_keeper *keeper;
+    const kn_rt *rt;            // locks new memory that ticks will use, so that it is not swapped out
     const kn_skin *skin;        // skin (surface mesh) that the mesh thread publishes
     void (*ask)(void *arg);     // make the main thread post a health report
     bool (*goes_on)(void *arg); // return whether kneadd starts again when the loop has ended
     void (*stop)(void *arg);    // shut the server down in order
     void (*load)(void *arg, const char *path, const kn_scene *scene); // shut down, then start with this checked scene
-    // Lock new memory that ticks will use, so that it is not swapped out.
-    void (*built)(void *arg);
     void *arg;
-} kn_operated;
+} kn_operator_def;
 
 typedef struct kn_operator {
-    kn_operated on;
+    kn_operator_def on;
     // `now`: latest change that was ordered; `before`: the change before `now`; NULL: none; used by the worker thread
     // only.
-    kn_change *now, *before;
-    int64_t ordered;           // number of the loop order with which a tick applies `now`
-    _Atomic(kn_change *) told; // change whose scene the main thread publishes; NULL: none
-    int64_t served_ns;         // measured time of a tick of the served object, ns
-    kn_sets sets;              // settings that override those of the scene served->base
-    pthread_mutex_t setting;   // guards `sets`
-    kn_mailbox health;         // health reports from the main thread
+    kn_scene_change *now, *before;
+    int64_t ordered;                 // number of the loop order with which a tick applies `now`
+    _Atomic(kn_scene_change *) told; // change whose scene the main thread publishes; NULL: none
+    int64_t served_ns;               // measured time of a tick of the served object, ns
+    kn_settings settings;            // settings that override those of the scene served->base
+    pthread_mutex_t setting;         // guards `settings`
+    kn_mailbox health;               // health reports from the main thread
     kn_health health_slots[3];
 } kn_operator;
 
-void kn_operator_init(kn_operator *o, const kn_operated *on);
+void kn_operator_init(kn_operator *o, const kn_operator_def *on);
 // Call this when all threads have ended; a zeroed operator is allowed.
 void kn_operator_free(kn_operator *o);
 kn_control_def kn_operator_control(kn_operator *o); // return the handlers of the control socket; borrows `o`

@@ -111,13 +111,6 @@ static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t 
     return knead_probe_pose_t_decode(packet->payload, 0, size, message) == size ? KN_ACCEPTED : KN_REJECT_TYPE;
 }
 
-static bool all_finite(const double *value, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (!isfinite(value[i])) return false;
-    return true;
-}
-
 static double length(const double *value, int count)
 {
     double sum = 0;
@@ -129,7 +122,8 @@ static double length(const double *value, int count)
 static kn_verdict check_fields(const knead_probe_pose_t *m)
 {
     if (m->frame != KNEAD_PROBE_POSE_T_FRAME_SCENE) return KN_REJECT_FRAME;
-    if (!all_finite(m->position_m, 3) || !all_finite(m->orientation_wxyz, 4) || !all_finite(m->velocity_m_s, 3))
+    if (!kn_wire_finite(m->position_m, 3) || !kn_wire_finite(m->orientation_wxyz, 4) ||
+        !kn_wire_finite(m->velocity_m_s, 3))
         return KN_REJECT_NONFINITE;
     if (fabs(length(m->orientation_wxyz, 4) - 1) > QUATERNION_BOUND) return KN_REJECT_QUATERNION;
     if (length(m->position_m, 3) > WORKSPACE_M) return KN_REJECT_WORKSPACE;

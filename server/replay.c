@@ -1,17 +1,18 @@
 #include "server/replay.h"
 #include "server/backend/fpga.h"
 #include "proto/knead_event_t.h"
-#include "server/change.h"
+#include "server/console.h"
+#include "server/scene_change.h"
 #include "server/log.h"
+#include "server/operator_orders.h"
 #include "server/receiver.h"
+#include "server/rt.h"
 #include "server/store.h"
-#include "server/survey.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // number of poses remembered per probe, a power of two: up to this many poses may lie between a pose and its force in
 // the log
@@ -24,10 +25,10 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES] remembered poses; pose number seq is at index seq % POSES
 
-    kn_survey found;   // result of the first reading of the log
-    size_t next_event; // index in found.events of the next event to apply
+    kn_log_summary found; // result of the first reading of the log
+    size_t next_event;    // index in found.events of the next event to apply
     // `change`: latest change that a tick applied; `next`: change that the next tick applies; NULL: none
-    kn_change *change, *next;
+    kn_scene_change *change, *next;
     kn_replay_def def;
 
     const char *snapshot_path;
@@ -49,15 +50,15 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
 } reading;
 
 // Return the largest number of ticks without a record that a replay runs for this log.
-static int64_t most_untold(const reading *v) { return KN_SURVEY_LOST_MS + KN_SURVEY_RECORD_MS * v->found.told; }
+static int64_t most_untold(const reading *v) { return KN_LOG_LOST_MS + KN_LOG_RECORD_MS * v->found.own_records; }
 
 // ---- scene, model and servo of the replay
 
-// First reading: survey the log.
+// First reading: summarise the log.
 static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
-    bool found = kn_survey_log(&v->found, def->log_path, error, error_size);
+    bool found = kn_log_summarise(&v->found, def->log_path, error, error_size);
     v->tick = -1;
     r->forces_logged = v->found.forces > 0;
     r->tally.malformed = v->found.malformed;
@@ -81,16 +82,13 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
     // refuse a scene other than the log's, unless settings show that the difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
-    if (!def->scene_path) {
-        snprintf(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
-                 v->found.scene_name);
-        return false;
-    }
-    snprintf(error, error_size,
-             "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
-             "difference with --set, --quality, --solver, --precision or --dt",
-             def->scene_path, v->found.scene_name);
-    return false;
+    if (!def->scene_path)
+        return kn_refuse(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
+                         v->found.scene_name);
+    return kn_refuse(error, error_size,
+                     "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
+                     "difference with --set, --quality, --solver, --precision or --dt",
+                     def->scene_path, v->found.scene_name);
 }
 
 // Build the model, its backend and the servo.
@@ -98,15 +96,10 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
 {
     char why[200];
     r->model = kn_model_build(&r->scene->model, why, sizeof why);
-    if (!r->model) {
-        snprintf(error, error_size, "%s: %s", r->scene->name, why);
-        return false;
-    }
-    if (kn_backend_steps(r->scene->model.solver.dt_s) == 0) {
-        snprintf(error, error_size, "%s: solver.dt is %g s, expected 1 ms divided by a whole number", r->scene->name,
-                 r->scene->model.solver.dt_s);
-        return false;
-    }
+    if (!r->model) return kn_refuse(error, error_size, "%s: %s", r->scene->name, why);
+    if (kn_backend_steps(r->scene->model.solver.dt_s) == 0)
+        return kn_refuse(error, error_size, "%s: solver.dt is %g s, expected 1 ms divided by a whole number",
+                         r->scene->name, r->scene->model.solver.dt_s);
     char said[KN_LINK_WHY];
     bool device = false;
     if (!kn_backend_place(&r->backend, r->model, def->device, true, SIZE_MAX, said, &device)) {
@@ -132,12 +125,11 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     const char *set = NULL;
     for (int i = 0; i < def->set_count; i++)
         if (strstr(def->sets[i], ".name=")) set = def->sets[i];
-    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.felt[i]; i++) {
-        if (probe_of(r, r->private->found.felt[i]) >= 0) continue;
-        snprintf(error, error_size,
-                 "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
-                 set ? "--set " : "", set ? set : r->scene->name, r->private->found.felt[i]);
-        return false;
+    for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.force_probe[i]; i++) {
+        if (probe_of(r, r->private->found.force_probe[i]) >= 0) continue;
+        return kn_refuse(error, error_size,
+                         "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
+                         set ? "--set " : "", set ? set : r->scene->name, r->private->found.force_probe[i]);
     }
     return true;
 }
@@ -195,14 +187,14 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
         if (e->kind == KNEAD_EVENT_T_KIND_SET) break;
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
-        snprintf(error, error_size,
-                 "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
-                 "expected %s",
-                 def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
-                 def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
-                 def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
-                 def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
-        return false;
+        return kn_refuse(
+            error, error_size,
+            "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "
+            "expected %s",
+            def->log_path, (long long)e->tick, e->arg[0], (unsigned long long)e->state_hash,
+            def->snapshot_path ? "; " : "", def->snapshot_path ? def->snapshot_path : "",
+            def->snapshot_path ? ": " : "", def->snapshot_path ? why : "",
+            def->afresh ? "a log without a restore" : "--snapshot with that file or its directory");
     }
     return true;
 }
@@ -218,8 +210,7 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     if (v->found.undoes && fits) r->servo.undo = &v->undo;
     if (def->snapshot_path) fits &= (v->saved.state = kn_state_keep(r->model)) != NULL;
     if (fits) return check_restores(r, def, error, error_size);
-    snprintf(error, error_size, "%s: not enough memory", def->log_path);
-    return false;
+    return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
 }
 
 // Choose where the replay begins. A log that does not begin with the server's start must begin with an untouched
@@ -229,21 +220,17 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     reading *v = r->private;
     char why[200];
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
-    if (wanted && !(r->same && r->forces_logged)) {
-        snprintf(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
-                 def->log_path);
-        return false;
-    }
+    if (wanted && !(r->same && r->forces_logged))
+        return kn_refuse(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
+                         def->log_path);
     if (wanted && kn_store_browse(def->snapshot_path, r->scene, r->model, &v->saved, of_the_run, r, why, sizeof why)) {
         resume(r);
         return true;
     }
-    if (wanted && !restores && !v->found.started) {
-        snprintf(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
-                 def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
-                 (long long)v->found.last_tick - 1);
-        return false;
-    }
+    if (wanted && !restores && !v->found.started)
+        return kn_refuse(error, error_size, "%s: %s, expected a snapshot from the run of %s, from tick %lld to %lld",
+                         def->snapshot_path, why, def->log_path, (long long)v->found.before_tick,
+                         (long long)v->found.last_tick - 1);
     if (!r->same || v->found.started) return true;
     // The first event with a state hash tells whether the object was in its initial state. A reset or restore before
     // the first force makes the past irrelevant.
@@ -255,11 +242,11 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if (replaced && !undone && first) return true;
         if (replaced || e->state_hash == 0) continue;
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
-        snprintf(error, error_size,
-                 "%s: the object was already deformed when this log begins, "
-                 "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
-                 def->log_path);
-        return false;
+        return kn_refuse(
+            error, error_size,
+            "%s: the object was already deformed when this log begins, "
+            "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
+            def->log_path);
     }
     return true;
 }
@@ -271,11 +258,11 @@ static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event
 }
 
 // Take over the deadline, overload and quality that were in force where the replay begins, in mid-run or at a snapshot.
-static void stand(kn_replay *r, const kn_survey *found)
+static void stand(kn_replay *r, const kn_log_summary *found)
 {
-    const kn_survey_stood *stood = &found->stood;
-    r->servo.deadline = stood->deadline;
-    r->servo.overloaded = stood->overloaded;
+    const kn_log_initial *initial = &found->initial;
+    r->servo.deadline = initial->deadline;
+    r->servo.overloaded = initial->overloaded;
     // a snapshot holds neither deadline nor overload: apply the events up to its tick
     for (size_t i = 0; i < found->event_count && found->events[i].tick <= r->resumed_tick; i++) {
         const knead_event_t *e = &found->events[i];
@@ -285,9 +272,9 @@ static void stand(kn_replay *r, const kn_survey *found)
         if (e->kind == KNEAD_EVENT_T_KIND_OVERLOAD) r->servo.overloaded = e->arg[0] != 0;
     }
     // a snapshot holds the quality itself
-    if (!stood->quality_told || r->resumed_tick >= 0 || !r->scene->point[stood->quality].live) return;
-    r->servo.quality = stood->quality;
-    r->servo.asked = stood->asked;
+    if (!initial->quality_told || r->resumed_tick >= 0 || !r->scene->point[initial->quality].live) return;
+    r->servo.quality = initial->quality;
+    r->servo.asked = initial->asked;
 }
 
 static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
@@ -302,10 +289,7 @@ static bool prepare(kn_replay *r, const kn_replay_def *def, char *error, size_t 
     kn_receiver_init(&v->receiver, &r->model->def);
     for (int p = 0; p < r->model->def.probe_count; p++) {
         v->poses[p] = calloc(POSES, sizeof *v->poses[p]);
-        if (!v->poses[p]) {
-            snprintf(error, error_size, "%s: not enough memory", def->log_path);
-            return false;
-        }
+        if (!v->poses[p]) return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
     }
     if (r->same) stand(r, &v->found);
     r->tally.first_gap = r->tally.first_mismatch = -1;
@@ -334,9 +318,9 @@ void kn_replay_destroy(kn_replay *r)
     if (v) {
         kn_log_close(&v->log);
         for (int p = 0; p < KN_PROBES_MAX; p++) free(v->poses[p]);
-        kn_survey_free(&v->found);
-        kn_change_destroy(v->next);
-        kn_change_destroy(v->change);
+        kn_log_summary_free(&v->found);
+        kn_scene_change_destroy(v->next);
+        kn_scene_change_destroy(v->change);
         kn_undo_free(&v->undo);
         kn_state_destroy(v->saved.state);
     }
@@ -435,7 +419,7 @@ static int32_t missed_before(const reading *v, int64_t tick)
         if (v->has[p]) return v->force[p].missed_cycles;
     int64_t missed = 0;
     for (size_t i = v->next_event; !missed && i < v->found.event_count && v->found.events[i].tick == tick; i++)
-        missed = kn_survey_missed(&v->found.events[i]);
+        missed = kn_log_missed(&v->found.events[i]);
     return (int32_t)missed;
 }
 
@@ -448,7 +432,7 @@ static bool afford(kn_replay *r, int64_t tick, int64_t more)
     if (++v->untold + more <= most_untold(v)) return true;
     snprintf(r->damage, sizeof r->damage,
              "%lld ticks without a record up to tick %lld, expected at most 60 000 and 1 000 for each of %lld records",
-             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.told);
+             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.own_records);
     return false;
 }
 
@@ -570,9 +554,10 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         scene = NULL;
     }
     // build the change; it replaces an earlier one that no tick has taken
-    kn_change *change = scene ? kn_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
+    kn_scene_change *change =
+        scene ? kn_scene_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
     if (change) {
-        kn_change_destroy(v->next);
+        kn_scene_change_destroy(v->next);
         in->change = v->next = change;
         return;
     }
@@ -628,23 +613,16 @@ static void check_hashes(kn_replay *r)
     }
 }
 
-static int64_t read_ns(clockid_t clock)
-{
-    struct timespec t;
-    clock_gettime(clock, &t);
-    return 1000000000 * (int64_t)t.tv_sec + t.tv_nsec;
-}
-
 // Run the servo tick, and measure the time it takes.
 static void run_tick(kn_replay *r)
 {
-    int64_t start_ns = read_ns(CLOCK_MONOTONIC), start_cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID);
+    int64_t start_ns = kn_rt_clock_ns(CLOCK_MONOTONIC), start_cpu_ns = kn_rt_clock_ns(CLOCK_THREAD_CPUTIME_ID);
     kn_servo_tick(&r->servo, &r->tick.in, &r->tick.out);
-    r->tick.cpu_ns = read_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
-    r->tick.execution_ns = read_ns(CLOCK_MONOTONIC) - start_ns;
+    r->tick.cpu_ns = kn_rt_clock_ns(CLOCK_THREAD_CPUTIME_ID) - start_cpu_ns;
+    r->tick.execution_ns = kn_rt_clock_ns(CLOCK_MONOTONIC) - start_ns;
     r->private->tick = r->tick.in.tick;
     if (r->tick.out.changed) { // a tick applied a new change, so nothing uses the previous change any more
-        kn_change_destroy(r->private->change);
+        kn_scene_change_destroy(r->private->change);
         r->private->change = r->private->next;
         r->private->next = NULL;
         r->changes++;

@@ -30,15 +30,11 @@ bool kn_rt_files(char *error, size_t error_size)
     return count == FILES;
 }
 
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode)
+int64_t kn_rt_clock_ns(clockid_t clock)
 {
-    static const char *const names[] = {[KN_RT_AUTO] = "auto", [KN_RT_REQUIRE] = "require", [KN_RT_OFF] = "off"};
-    for (int i = 0; i < 3; i++) {
-        if (strcmp(name, names[i]) != 0) continue;
-        *mode = (kn_rt_mode)i;
-        return true;
-    }
-    return false;
+    struct timespec t;
+    clock_gettime(clock, &t);
+    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
 // Add a refused request to rt->missing, with its reason and remedy.

@@ -16,6 +16,8 @@
 #include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
+#include <time.h>
 
 typedef enum kn_rt_mode {
     KN_RT_AUTO,    // use the priorities and the memory lock that the machine grants, and report those that it refuses
@@ -36,8 +38,8 @@ typedef struct kn_rt {
 // hang or abort when they cannot open a file. On failure return false and put one line in error.
 bool kn_rt_files(char *error, size_t error_size);
 
-// Parse "auto", "require" or "off"; return false for any other word.
-bool kn_rt_mode_parse(const char *name, kn_rt_mode *mode);
+// Return a clock of the kernel, ns; CLOCK_THREAD_CPUTIME_ID: processor time of the calling thread.
+int64_t kn_rt_clock_ns(clockid_t clock);
 
 // Move the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Call it before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);

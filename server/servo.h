@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_SERVO_H
 #define KN_SERVER_SERVO_H
 // The servo tick as a pure function, without clock, thread or socket. The daemon, `knead replay`, tests and bench all
-// run this code.
+// run this code. servo.c holds the servo's state, servo_tick.c the tick, and operator_orders.c the orders in a tick.
 //
 //     read     which probes have a session, a fresh pose, a pose clear of the object? are ticks too slow?
 //     watch    silence, ramps, latches: is each probe in the model?          (core/safety.h)
@@ -18,12 +18,11 @@
 //     point, that is, a cheaper solver effort that the scene names. The servo never returns to a higher quality point
 //     by itself.
 //   - When ticks keep taking longer than a millisecond, the force on the hand fades, with FAULT_OVERLOAD as the reason.
-#include "core/energy.h"
+#include "core/lattice/measure.h"
 #include "core/safety.h"
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
-#include "server/sets.h"
-#include "server/undo.h"
+#include "server/scene_change.h"
 #include <stdint.h>
 
 typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the workspace, newer than the last one
@@ -37,7 +36,10 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the wo
 #define KN_BUTTON_GRIP 2            // the object sticks to the tool, up to the probe's grip force
 #define KN_BUTTON_LEAVING (1 << 30) // not a button: this pose is the session's last
 
-typedef struct kn_clutch { // a probe's clutch, see clutch.h
+// The clutch of a probe lets a device reach a scene that is larger than the device's workspace. While the clutch is held,
+// the hand moves and the tool stays. Afterwards the tool is offset from the device by the hand's motion. The force on the
+// hand fades while the clutch is held (core/safety.h).
+typedef struct kn_clutch {
     bool held;
     double offset_m[3], turn_wxyz[4]; // offset and rotation from the device's pose to the tool's pose
     double stays_m[3], stays_wxyz[4]; // pose at which the tool stays while the clutch is held
@@ -48,6 +50,10 @@ typedef struct kn_clutch { // a probe's clutch, see clutch.h
 #define KN_OVER_TICKS 10
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)
+
+// Fraction of the scene's budget_s for a step; the rest is for work that the units of a deadline (core/solve/step_effort.h) do not
+// count, and for delays by a busy hyperthread.
+#define KN_STEP_SHARE 0.7
 
 typedef enum kn_take { // reason why a tick changes to another quality point (a solver effort that the scene names)
     KN_TAKE_NONE,
@@ -65,10 +71,10 @@ typedef struct kn_tick_in {
     const kn_state *restore;
     // Generation and tick of the snapshot that holds `restore`; recorded in the event.
     int64_t restored_generation, restored_tick;
-    bool undo;                // replace the object by the newest undo point (servo->undo), if there is one
-    struct kn_change *change; // change of the scene; the object continues in the change's model; NULL: no change
-    bool recover, estop;      // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
-    // Largest number of units of work (core/deadline.h) per step, from this tick on; 0: unchanged.
+    bool undo;               // replace the object by the newest undo point (servo->undo), if there is one
+    kn_scene_change *change; // change of the scene; the object continues in the change's model; NULL: no change
+    bool recover, estop;     // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
+    // Largest number of units of work (core/solve/step_effort.h) per step, from this tick on; 0: unchanged.
     int64_t deadline;
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.
     int overload;
@@ -116,25 +122,25 @@ typedef struct kn_tick_out {
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // time at which the backend answered (CLOCK_MONOTONIC, ns); 0: no clock
-    int64_t units;      // number of units of work (core/deadline.h) that the step took
+    int64_t units;      // number of units of work (core/solve/step_effort.h) that the step took
     // True if the solver stopped at its iteration cap or its deadline, before it met its tolerance.
     bool capped;
-    bool replaced;             // a reset, restore or undo replaced the object
-    struct kn_change *changed; // change of the scene that this tick applied; NULL: none
-    uint64_t restored_hash;    // hash of the object's state after a restore or an undo; 0: this tick did neither
-    bool stopped;              // true if the server is stopping and every gain is zero, so the loop may end
+    bool replaced;            // a reset, restore or undo replaced the object
+    kn_scene_change *changed; // change of the scene that this tick applied; NULL: none
+    uint64_t restored_hash;   // hash of the object's state after a restore or an undo; 0: this tick did neither
+    bool stopped;             // true if the server is stopping and every gain is zero, so the loop may end
     // Local contact models. Only the first contact_count contact units of a probe are set, and at least the first one.
     kn_contact_unit contact[KN_PROBES_MAX][KN_CONTACT_UNITS];
 } kn_tick_out;
 
 typedef struct kn_servo { // state of the servo; plain data apart from the pointers
-    // Scene being served; a change of the scene replaces the fields scene, model, backend, sets and audit.
+    // Scene being served; a change of the scene replaces the fields scene, model, backend, settings and audit.
     const kn_scene *scene;
     const kn_model *model;
     kn_backend *backend;
-    const kn_sets *sets;        // settings that override those of the scene at the start; NULL: none
-    const kn_audit_news *audit; // energy audit, reported by checkpoint events; NULL: no audit
-    kn_undo *undo;              // undo points of the object; NULL: undo is not available
+    const kn_settings *settings; // settings that override those of the scene at the start; NULL: none
+    const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
+    struct kn_undo *undo;        // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none
     kn_pose tool[KN_PROBES_MAX]; // pose of each tool: the pose in `last` moved by the probe's clutch
@@ -157,16 +163,41 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     bool estopped; // an operator's emergency stop is in force; stored for other modules only
 } kn_servo;
 
+// Working data of one tick. kn_servo_tick creates it; the orders (operator_orders.h) act on it.
+typedef struct kn_tick {
+    kn_servo *servo;
+    const kn_tick_in *in;
+    kn_tick_out *out;
+    kn_safety_in watch[KN_PROBES_MAX];
+    kn_input input;
+    kn_output output;
+    kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
+    bool stepped, diverged;
+    bool shadowed; // the circuit was late or not in step, and its twin's result is used
+    bool change;   // the solver effort or the material changes in this tick, so forces fade to 0 and return
+    bool hashed;
+    uint64_t hash; // state hash before the step, taken when the first event needs it
+} kn_tick;
+
 // Start a servo for an untouched object, which the backend holds. The first tick may have any number. `scene`, `model`,
 // `backend` and every change that a tick applies must outlive the servo.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
+
+// Reset the clutch to no offset, for a new session.
+void kn_clutch_open(kn_clutch *clutch);
+// Compute the pose of the tool from the pose of the device.
+void kn_clutch_move(kn_clutch *clutch, const kn_pose *device, kn_pose *tool);
 
 // Return whether effort `a` is cheaper than `b`: at least one of the two iteration limits (smallest, largest number of
 // iterations) is lower in `a`, and neither is higher. A server that exceeds its time budget changes only to a cheaper
 // quality point.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b);
 
-// Run one tick. Real-time safe: no allocation, lock or I/O.
+// Append an event to the output of a tick, with the hash of the object's state before the step. The caller may fill in
+// the event's arguments.
+kn_event *kn_tick_event(kn_tick *t, int kind, int probe);
+
+// Run one tick (servo_tick.c). Real-time safe: no allocation, lock or I/O.
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out);
 
 #endif

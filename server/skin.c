@@ -4,7 +4,7 @@
 #include "proto/knead_mesh_update_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
-#include "server/say.h"
+#include "server/console.h"
 #include "server/wire.h"
 #include <math.h>
 #include <stdio.h>
@@ -128,20 +128,12 @@ bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
     return !skin->measures || atomic_load(&skin->told) == model;
 }
 
-// Sign and send a message. The buffer must have room for the trailer after the message.
-static void send_bytes(kn_skin *skin, const char *channel, uint8_t *bytes, int size)
-{
-    if (size > 0 && skin->auth)
-        size = (int)kn_auth_sign(skin->auth, channel, bytes, (size_t)size, kn_auth_now(skin->auth, &skin->signed_us));
-    if (size > 0) lcm_publish(skin->lcm, channel, bytes, (unsigned)size);
-}
-
 void kn_skin_publish_topology(kn_skin *skin, int64_t utime)
 {
     knead_mesh_init_t message = topology_message(skin, utime);
     // encode the message again each time, because utime differs
     int size = knead_mesh_init_t_encode(skin->topology, 0, skin->topology_size, &message);
-    send_bytes(skin, "KNEAD_MESH_INIT", skin->topology, size);
+    kn_wire_send(skin->lcm, skin->auth, &skin->signed_us, "KNEAD_MESH_INIT", skin->topology, size);
 }
 
 // Measure a frame's state at the nodes, and copy the values to the vertices. Return false if no measure is asked for,
@@ -155,7 +147,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
         g->model = frame->model;
-        if (!g->gauge) kn_say("kneadd: not enough memory for mesh.measures: meshes carry positions only");
+        if (!g->gauge) kn_console_err("kneadd: not enough memory for mesh.measures: meshes carry positions only");
     }
     if (!g->gauge) return false;
     kn_gauge_read_all(g->gauge, frame->state, g->node_value);
@@ -208,7 +200,8 @@ bool kn_skin_publish(kn_skin *skin, int64_t utime)
     for (int i = 0; i * size < skin->surface->vertex_count; i++) {
         // pause 1 ms: without pauses, large meshes would overflow the usual 208 kB receive buffer of a viewer
         if (i > 0) kn_clock_sleep(kn_now_ns() + 1000000);
-        send_bytes(skin, "KNEAD_MESH_UPDATE", skin->update, encode_chunk(skin, frame, utime, i, size, measured));
+        kn_wire_send(skin->lcm, skin->auth, &skin->signed_us, "KNEAD_MESH_UPDATE", skin->update,
+                     encode_chunk(skin, frame, utime, i, size, measured));
     }
     return true;
 }

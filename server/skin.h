@@ -7,7 +7,7 @@
 // scene's mesh.measures ask for stress or residual strain. Measuring, encoding and sending happen in the mesh thread.
 // The mesh thread may be late, and then sends only the latest skin. The mesh bus has its own port, so that large meshes
 // never fill the socket buffers of poses and forces.
-#include "core/gauge.h"
+#include "core/lattice/measure.h"
 #include "core/scene/scene.h"
 #include "core/surface.h"
 #include "server/auth.h"

@@ -1,5 +1,5 @@
 #include "server/snapshot.h"
-#include "core/codec.h"
+#include "core/algebra/bytes.h"
 #include "core/snapshot.h"
 #include <assert.h>
 #include <sodium.h>
@@ -143,7 +143,7 @@ static void put_head(kn_codec *c, kn_saved *s)
     kn_codec_bytes(c, (uint8_t *)s->scene, sizeof s->scene);
     kn_codec_u64(c, &s->text_hash);
     kn_codec_u64(c, &s->state_hash);
-    kn_codec_bytes(c, (uint8_t *)s->sets.text, sizeof s->sets.text);
+    kn_codec_bytes(c, (uint8_t *)s->settings.text, sizeof s->settings.text);
     kn_codec_i64(c, &s->generation, 1, INT64_MAX - 1);
     kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
     kn_codec_i64(c, &s->utime, 0, INT64_MAX / 2);
@@ -170,7 +170,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     snprintf(saved->scene, sizeof saved->scene, "%s", scene->name);
     snprintf(saved->version, sizeof saved->version, "%s", KN_VERSION);
     saved->text_hash = scene->text_hash;
-    saved->sets = saved->servo.sets ? *saved->servo.sets : (kn_sets){0};
+    saved->settings = saved->servo.settings ? *saved->servo.settings : (kn_settings){0};
     saved->state_hash = kn_state_hash(model, saved->state);
     // the parts of the file in order; the total size is not known yet
     memcpy(start, magic, sizeof start);
@@ -223,7 +223,7 @@ static bool legible(const char *text, size_t size, bool lines)
 static bool head_legible(const kn_saved *s)
 {
     return legible(s->scene, sizeof s->scene, false) && legible(s->version, sizeof s->version, false) &&
-           legible(s->sets.text, sizeof s->sets.text, true);
+           legible(s->settings.text, sizeof s->settings.text, true);
 }
 
 // Decode everything after magic, format and size. Return NULL on success, or else the reason why the file does not fit
@@ -274,7 +274,7 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     return !reason;
 }
 
-bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets)
+bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_settings *settings)
 {
     char text[160];
     uint64_t format = 0;
@@ -284,6 +284,6 @@ bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets
     put_head(&c, &head);
     if (c.wrong || !head_legible(&head) || strcmp(head.version, KN_VERSION) != 0 || strcmp(head.scene, scene) != 0)
         return false;
-    *sets = head.sets;
+    *settings = head.settings;
     return true;
 }

@@ -20,17 +20,17 @@
 typedef struct kn_saved {
     char scene[64], version[32]; // `scene`: kn_scene.name; `version`: KN_VERSION of the server that saved
     uint64_t text_hash, state_hash;
-    kn_sets sets;       // run-time settings that turn the scene of the server's start into the scene that was saved
-    int64_t generation; // generation, that is, number of the snapshot file: 1, 2, ...
-    int64_t tick;       // last tick executed before the state was saved
-    int64_t utime;      // time of that tick, us since 1970
-    kn_state *state;    // state of the object, without solver scratch (kn_state_keep); owned by the caller
-    kn_servo servo;     // plain part of the servo: safety, poses, clutches, quality, counters
+    kn_settings settings; // run-time settings that turn the scene of the server's start into the scene that was saved
+    int64_t generation;   // generation, that is, number of the snapshot file: 1, 2, ...
+    int64_t tick;         // last tick executed before the state was saved
+    int64_t utime;        // time of that tick, us since 1970
+    kn_state *state;      // state of the object, without solver scratch (kn_state_keep); owned by the caller
+    kn_servo servo;       // plain part of the servo: safety, poses, clutches, quality, counters
 } kn_saved;
 
 size_t kn_saved_size_max(const kn_model *model); // return the largest size of a snapshot file of this model, bytes
 
-// Encode a snapshot. The caller sets state, servo (with its sets), generation, tick and utime of `saved`; this function
+// Encode a snapshot. The caller sets state, servo (with its settings), generation, tick and utime of `saved`; this function
 // sets the rest. Return the number of bytes written, or 0 if `size` bytes are not enough.
 size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *saved, uint8_t *bytes, size_t size);
 
@@ -42,7 +42,7 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
 
 // Read only the settings of a snapshot file; the file may have any lattice. Return false if the file is damaged, of
 // another version, or of a scene with another name.
-bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_sets *sets);
+bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_settings *settings);
 
 // Copy the saved plain part into `servo`, which then continues as the saved servo did. The caller restores the lattice
 // of the backend.

@@ -1,4 +1,5 @@
 #include "server/store.h"
+#include "server/console.h"
 #include "core/hash.h"
 #include "core/snapshot.h"
 #include <ctype.h>
@@ -252,17 +253,15 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
 {
     kn_store *s = store;
     char name[256];
-    if (stays && count_staying(s) >= KN_STORE_STAY) {
-        snprintf(why, why_size, "%d snapshots that stay exist, expected some of them removed", KN_STORE_STAY);
-        return false;
-    }
+    if (stays && count_staying(s) >= KN_STORE_STAY)
+        return kn_refuse(why, why_size, "%d snapshots that stay exist, expected some of them removed", KN_STORE_STAY);
     // a setting may have changed the scene, so determine the series again
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;
     if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);
     s->text_hash = s->scene->text_hash;
     saved->generation = s->generation + 1;
-    if (saved->generation > GENERATION_MAX) return snprintf(why, why_size, "no generation number is left"), false;
+    if (saved->generation > GENERATION_MAX) return kn_refuse(why, why_size, "no generation number is left");
     file_name(s->series, saved->generation, name);
     // Write the temporary file, rename it, then sync the directory. So one whole file exists at every moment.
     size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
@@ -355,12 +354,12 @@ static bool read_saved(const kn_store *s, int dir, const char *name, kn_saved *s
     return fits;
 }
 
-void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
+void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *settings)
 {
     char why[160];
     kn_store s = {.files = &kn_files_system, .scene = scene, .path = path};
     size_t count, size;
-    *sets = (kn_sets){0};
+    *settings = (kn_settings){0};
     int dir = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (dir < 0) return;
     // try the files of every series, newest first
@@ -369,7 +368,7 @@ void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets)
     bool said = false;
     for (size_t i = count; i-- > 0 && !said;) {
         uint8_t *bytes = get_file(s.files, dir, all[i].name, &size, why, sizeof why);
-        said = bytes && kn_saved_peek(scene->name, bytes, size, sets);
+        said = bytes && kn_saved_peek(scene->name, bytes, size, settings);
         free(bytes);
     }
     free(all);

@@ -20,8 +20,8 @@
 
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
-// Largest number of read-only files of a scene; an operator's further snapshots are refused until the owner removes
-// some.
+// Largest number of snapshots of a scene that an operator has kept (read-only files). At this number, an operator's new
+// snapshot is refused until the owner of the directory deletes an old one.
 #define KN_STORE_STAY 100
 
 // The system calls of a save or a load, so that a test can make any of them fail. They behave like the system's calls,
@@ -74,7 +74,7 @@ void kn_store_close(kn_store *store); // a store that was never opened is allowe
 // Read the settings of the newest whole snapshot of this scene; the snapshot may have any lattice. The settings are
 // empty if there is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only
 // by kn_store_open.
-void kn_store_sets(const char *path, const kn_scene *scene, kn_sets *sets);
+void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *settings);
 
 // Save a snapshot as the next generation. `saved`: filled in as for kn_saved_encode, but without the generation. Scene
 // and model of saved->servo may differ from those of the last save; the file may then begin another series. `stays`:

@@ -1,6 +1,6 @@
 #include "server/wire.h"
-#include "server/auth.h"
-#include "server/bytes.h"
+#include "server/bus.h"
+#include <math.h>
 #include <string.h>
 
 void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,
@@ -139,4 +139,17 @@ bool kn_wire_scene_fits(const void *data, size_t size)
         at += length;
     }
     return kn_auth_fits(size, at);
+}
+
+bool kn_wire_finite(const double *value, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!isfinite(value[i])) return false;
+    return true;
+}
+
+bool kn_wire_send(lcm_t *lcm, const kn_auth *auth, int64_t *signed_us, const char *channel, uint8_t *bytes, int size)
+{
+    if (size > 0 && auth) size = (int)kn_auth_sign(auth, channel, bytes, (size_t)size, kn_auth_now(auth, signed_us));
+    return size > 0 && lcm_publish(lcm, channel, bytes, (unsigned)size) == 0;
 }

@@ -10,7 +10,9 @@
 #include "proto/knead_probe_pose_t.h"
 #include "proto/knead_scene_t.h"
 #include "proto/knead_touch_patch_t.h"
+#include "server/auth.h"
 #include "server/servo.h"
+#include <lcm/lcm.h>
 
 void kn_wire_force(knead_contact_force_t *message, const kn_tick_out *tick, int probe, int64_t utime,
                    int64_t execution_ns);
@@ -30,5 +32,13 @@ void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 // Return whether the bytes of a scene_t hold strings of the lengths that they claim. The generated decoder trusts these
 // lengths and crashes on a negative one. Call this first in every program that receives from a bus or reads a log.
 bool kn_wire_scene_fits(const void *data, size_t size);
+
+// Return whether all numbers are finite.
+bool kn_wire_finite(const double *value, int count);
+
+// Sign an encoded message with the key `auth`, unless it is NULL, and send it. `signed_us`: age stamp of the sender's last
+// signed message (kn_auth_now). `bytes` has room for KN_AUTH_TRAILER more bytes. Return false if `size` is not positive,
+// because encoding has failed, or if LCM refuses the message.
+bool kn_wire_send(lcm_t *lcm, const kn_auth *auth, int64_t *signed_us, const char *channel, uint8_t *bytes, int size);
 
 #endif

@@ -5,7 +5,7 @@
 // cycles, sessions that end and begin again, several tools, a reset, a stop.
 #include "proto/knead_event_t.h"
 #include "server/log.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include "server/wire.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 #define KN_RECORDER_START_US 1700000000000000
 
 typedef struct kn_recorder {
-    kn_served on;
+    kn_served_object on;
     kn_servo servo;
     kn_tick_in in; // input of the next tick
     kn_tick_out out;
@@ -41,11 +41,11 @@ static inline void kn_recorder_scene(kn_recorder *r)
 }
 
 // Open the recorder with all tools at the origin. End the program if the scene or the log cannot be opened.
-static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_served_def *def)
+static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_served_object_def *def)
 {
     char error[512];
     *r = (kn_recorder){.in.tick = -1, .utime = KN_RECORDER_START_US, .lose_tick = -1};
-    int code = kn_served_load(&r->on, def, error, sizeof error);
+    int code = kn_served_object_load(&r->on, def, error, sizeof error);
     if (code != 0) fprintf(stderr, "%s\n", error), exit(code);
     if (!(r->log = lcm_eventlog_create(log, "w"))) perror(log), exit(3);
     kn_servo_init(&r->servo, r->on.scene, r->on.model, &r->on.backend);
@@ -56,7 +56,7 @@ static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_se
 static inline void kn_recorder_close(kn_recorder *r)
 {
     lcm_eventlog_destroy(r->log);
-    kn_served_free(&r->on);
+    kn_served_object_free(&r->on);
 }
 
 // Put a pose on the bus and into the mailbox.

@@ -10,10 +10,10 @@
 //
 // A tick takes no virtual time. When the servo loop sleeps (until its next deadline, or for a pose), the links and
 // the hands run until the wake time. A frozen server does not receive, publish or wake until it is thawed.
-#include "clients/knead/device.h"
-#include "clients/knead/join.h"
+#include "clients/hand/virtual_hand.h"
+#include "clients/hand/bus_client.h"
 #include "server/exchange.h"
-#include "server/served.h"
+#include "server/served_object.h"
 #include "tests/server/datagram.h"
 #include "tests/tactile/link.h"
 #include "tests/tactile/presser.h"
@@ -27,7 +27,7 @@ typedef struct kn_rig_end { // one hand's end of the link
     kn_way up, down;
     lcm_t *lcm;
     kn_bridge *bridge; // exactly one of bridge and device is set
-    kn_device *device;
+    kn_virtual_device *device;
     kn_rules served; // rules that check the forces from kneadd
     // called with each force, may change the force; or NULL
     void (*sent)(struct kn_rig_end *end, knead_contact_force_t *force);
@@ -35,7 +35,7 @@ typedef struct kn_rig_end { // one hand's end of the link
 
 typedef struct kn_rig {
     kn_time time; // must come first: kn_rig_sleep casts it to kn_rig
-    kn_served on;
+    kn_served_object on;
     kn_loop loop;
     kn_exchange exchange;
     kn_auth *auth; // NULL: no key
@@ -115,7 +115,7 @@ static inline void kn_rig_move(kn_rig_end *e)
 {
     bool goes_on = true;
     if (e->bridge) kn_bridge_tick(e->bridge, 1);
-    else goes_on = kn_device_tick(e->device, 1);
+    else goes_on = kn_virtual_device_tick(e->device, 1);
     kn_rig_pump(e->lcm);
     e->due_ns = goes_on ? e->due_ns + KN_PERIOD_NS : INT64_MAX;
 }
@@ -166,7 +166,7 @@ static inline const char *kn_rig_probe(const kn_rig_end *e)
 }
 
 // Start kneadd anew, with the object in its initial state. End the program on failure.
-static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
+static inline void kn_rig_serve(kn_rig *r, const kn_served_object_def *def)
 {
     char error[512] = "out of memory";
     kn_clock_hand(&r->time);
@@ -176,7 +176,7 @@ static inline void kn_rig_serve(kn_rig *r, const kn_served_def *def)
     if (r->auth) kn_auth_begin(r->auth);
     memset(&r->exchange, 0, sizeof r->exchange);
     r->exchange.loop = &r->loop;
-    if (kn_served_load(&r->on, def, error, sizeof error) != 0 ||
+    if (kn_served_object_load(&r->on, def, error, sizeof error) != 0 ||
         !kn_publisher_open(&r->exchange.publisher, KN_MEMORY_URL, r->on.scene, 0, error, sizeof error) ||
         !kn_loop_init(&r->loop, r->on.scene, r->on.model, &r->on.backend, NULL, r->on.audit))
         fprintf(stderr, "%s\n", error), exit(1);
@@ -195,7 +195,7 @@ static inline void kn_rig_kill(kn_rig *r) // messages already sent stay under wa
     r->serves = false;
     kn_publisher_close(&r->exchange.publisher);
     kn_loop_free(&r->loop);
-    kn_served_free(&r->on);
+    kn_served_object_free(&r->on);
     memset(&r->on, 0, sizeof r->on);
     for (kn_rig_end *e = r->end; e < r->end + r->ends; e++) {
         e->served.silent = e->served.missing = 0;
@@ -247,7 +247,7 @@ static inline void kn_rig_close(kn_rig *r)
     kn_rig_kill(r);
     for (kn_rig_end *e = r->end; e < r->end + r->ends; e++) {
         if (e->bridge) kn_bridge_close(e->bridge);
-        else kn_device_leave(e->device);
+        else kn_virtual_device_leave(e->device);
         while (e->up.count) free(e->up.list[--e->up.count].bytes);
         while (e->down.count) free(e->down.list[--e->down.count].bytes);
     }

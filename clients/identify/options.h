@@ -2,7 +2,8 @@
 #define KN_CLIENTS_IDENTIFY_OPTIONS_H
 // Options of `knead identify creep`, `relax` and `sweep`. One table holds the options of all three experiments. Each
 // option lists the experiments that accept it.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
+#include "server/option_table.h"
 
 typedef struct kn_identify_options {
     const char *subcommand; // "identify creep"; named in error messages
@@ -20,11 +21,11 @@ typedef struct kn_identify_options {
     double cut_s;
 } kn_identify_options;
 
-// Parse the command line of one experiment: 'c' for creep, 'r' for relax, 's' for sweep. Return 0, or print an error
-// and return an exit code. If --help is given, print `help` and set *done. Call kn_identify_options_free in every case,
-// even after an error.
+// Parse the command line of one experiment: 'c' for creep, 'r' for relax, 's' for sweep. Return KN_OPTIONS_READ, or an
+// exit code: 0 after --help, which prints `help`, another one after an error. Call kn_identify_options_free in every
+// case, even after an error.
 int kn_identify_options_parse(kn_identify_options *opt, const char *subcommand, char experiment, const char *help,
-                              int argc, char **argv, bool *done);
+                              int argc, char **argv);
 void kn_identify_options_free(kn_identify_options *opt);
 
 // The part of the help text that all three experiments share.

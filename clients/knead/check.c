@@ -1,19 +1,20 @@
 // knead check: reads a scene as the server does and reports its properties, its cost and its problems.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/cost.h"
-#include "clients/knead/like.h"
-#include "clients/knead/result.h"
-#include "core/composite.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/sweep/contact_force_error.h"
+#include "clients/sweep/replay_trace.h"
+#include "clients/sweep/tick_cost.h"
 #include "core/field.h"
-#include "core/impact.h"
-#include "core/kernel.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
+#include "core/solve/kernel.h"
+#include "core/solve/step_effort.h"
+#include "core/solve/tool.h"
 #include "core/solver_fixed.h"
-#include "core/tool.h"
-#include "server/served.h"
-#include <getopt.h>
+#include "server/option_table.h"
+#include "server/served_object.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -180,25 +181,25 @@ static size_t model_bytes(const kn_model *model)
 static void print_cost(const kn_model *model)
 {
     const kn_solver_def *s = &model->def.solver;
-    kn_cost_part part[KN_COST_PARTS];
-    int count = kn_cost_parts(model, part);
+    kn_tick_cost_part part[KN_TICK_COST_PARTS];
+    int count = kn_tick_cost_parts(model, part);
     printf("cost      predicted, one core                  kB  kflop     us; each CG iteration:  kB  kflop     us\n");
     for (int i = 0; i < count; i++) {
-        const kn_cost *o = &part[i].once, *n = &part[i].iteration;
+        const kn_tick_cost *o = &part[i].once, *n = &part[i].iteration;
         printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
                o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
     }
     // Solver settings of the scene itself, without a named quality such as fast.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
-    double us = kn_cost_us(model, &own, false);
+    double us = kn_tick_cost_us(model, &own, false);
     printf("          with one probe pressing: usually %.0f us, %.0f us at the cap of iterations; step %g us\n", us,
-           kn_cost_us(model, &own, true), 1e6 * s->dt_s);
-    // An impact is a sudden change of the forces, for which the time step is solved again (core/impact.h). The time of
-    // such a step is printed separately.
-    double blow = kn_cost_blow_us(model, &own);
+           kn_tick_cost_us(model, &own, true), 1e6 * s->dt_s);
+    // An impact is a sudden change of the forces, for which the time step is solved again
+    // (core/solve/step_effort.h). The time of such a step is printed separately.
+    double blow = kn_tick_cost_blow_us(model, &own);
     if (blow > 0)
         printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
-    if (kn_cost_newton(model))
+    if (kn_tick_cost_newton(model))
         warn("each edge solves its damper by its own iteration, which takes about 40 times as long");
     if (us > 1e6 * s->dt_s) warn("slower than real time");
 }
@@ -257,22 +258,23 @@ static void print_solver(const kn_model *model)
         warn("the object needs more memory than this machine has");
 }
 
-// Print the deadline in units of work (core/deadline.h) and the time of the worst tick. The worst tick is computed on
-// this machine, because the prediction does not know how often an impact repeats a part of the step.
+// Print the deadline in units of work (core/solve/step_effort.h) and the time of the worst tick. The worst tick is
+// computed on this machine, because the prediction does not know how often an impact repeats a part of the
+// step.
 static void print_deadline(const kn_scene *scene, const kn_model *model)
 {
     kn_backend b;
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT || model->def.probe_count == 0 || !kn_backend_cpu(&b, model))
         return;
     // Compare the worst tick under the deadline with the worst tick without one.
-    const int64_t units = kn_served_deadline(&b, model, scene->budget_s);
-    const double by_ms = 1e-6 * (double)kn_served_worst(&b, model, units),
-                 free_ms = 1e-6 * (double)kn_served_worst(&b, model, 0);
+    const int64_t units = kn_served_object_deadline(&b, model, scene->budget_s);
+    const double by_ms = 1e-6 * (double)kn_served_object_worst(&b, model, units),
+                 free_ms = 1e-6 * (double)kn_served_object_worst(&b, model, 0);
     b.destroy(b.self);
     printf(
         "deadline  %lld units of work, %.2g ns each here: the worst tick of a stroke at 5 cm/s takes %.2g ms, %.2g ms "
         "without it\n",
-        (long long)units, 1e9 * KN_SERVED_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
+        (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
     kn_result_integer(kn_result(), "deadline_units", units);
     kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
     kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);
@@ -287,7 +289,7 @@ static void print_quality(const kn_scene *scene, const kn_model *model)
         if (!scene->point[q].defined) continue;
         printf("quality   %s: %d to %d CG iterations, %d pass%s", kn_quality_name((kn_quality)q), e->iterations,
                e->iterations_max, e->passes, e->passes > 1 ? "es" : "");
-        if (scene->point[q].live) printf(", estimate %.0f us", kn_cost_us(model, e, false));
+        if (scene->point[q].live) printf(", estimate %.0f us", kn_tick_cost_us(model, e, false));
         else printf(", another lattice or precision: cannot be selected while kneadd runs");
         printf(scene->quality == (kn_quality)q ? "; in force\n" : "\n");
     }
@@ -434,8 +436,8 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_number(to, "k1_pa", model->law.mat.k1_pa);
     kn_result_number(to, "c1_pa_s", model->law.mat.c1_pa_s);
     kn_result_number(to, "dt_s", s->dt_s);
-    kn_result_number(to, "usual_us", stepped ? kn_cost_us(model, &own, false) : NAN);
-    kn_result_number(to, "cap_us", stepped ? kn_cost_us(model, &own, true) : NAN);
+    kn_result_number(to, "usual_us", stepped ? kn_tick_cost_us(model, &own, false) : NAN);
+    kn_result_number(to, "cap_us", stepped ? kn_tick_cost_us(model, &own, true) : NAN);
     kn_result_integer(to, "state_bytes", (int64_t)model->state_bytes);
     kn_result_integer(to, "model_bytes", (int64_t)model_bytes(model));
     kn_result_text(to, "device", scene->device.name);
@@ -479,43 +481,101 @@ static int check(const char *path, const char *const *sets, int count, bool text
     return model ? KN_EXIT_OK : KN_EXIT_USAGE;
 }
 
+// ---- a log on the scene and on its uniform lattice
+
+// Print the differences of force and shape between the scene and the scene with a uniform lattice. Return
+// KN_EXIT_FAILED if the stated accuracy is missed.
+static int say(const kn_replay_trace *own, const kn_replay_trace *uniform, const kn_scene *scene)
+{
+    const kn_replay_tally *t = &own->tally;
+    double asked = scene->accuracy, force = kn_contact_force_error(own, uniform),
+           shape = kn_contact_shape_error(own, uniform);
+    bool keeps = force <= asked;
+    if (own->diverged || uniform->diverged)
+        return kn_complain("check", KN_EXIT_FAILED, "%s diverged: there is no force to compare",
+                           own->diverged ? "the scene" : "its uniform lattice");
+    if (isnan(force)) return kn_complain("check", KN_EXIT_USAGE, "the log contains no contact, expected a press");
+    printf("accuracy  force %.2g %% off the uniform lattice, %g %% asked: %s; peak %.4g N, uniform %.4g N\n",
+           100 * force, 100 * asked, keeps ? "kept" : "missed", kn_contact_force_peak(own),
+           kn_contact_force_peak(uniform));
+    printf("          shape %.2g %%; a tick takes %.0f us, uniform %.0f us, %.2f of it\n", 100 * shape, own->median_us,
+           uniform->median_us, own->median_us / uniform->median_us);
+    // If a tool outside the box of fine cells presses coarse cells, the log says little about the accuracy, so print a
+    // warning.
+    if (t->outside)
+        printf("warning   %s pressed up to %.2g mm outside its reach, for %lld ms in all, where the cells are coarse\n",
+               scene->model.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
+    if (keeps) return KN_EXIT_OK;
+    printf("          a larger object.margin, or the probes' whole reach, may help\n");
+    return KN_EXIT_FAILED;
+}
+
+// Check if a scene with two lattice resolutions keeps its stated object.accuracy. A log is replayed on the scene itself
+// and on the same scene with a uniform lattice of cells of object.spacing. Print the result and return an exit code: 1
+// if the accuracy is missed. `sets` holds the `count` arguments of the option --set and must have room for one more.
+static int check_log(const char *path, const char *log, const char **sets, int count)
+{
+    char error[512], set[64];
+    kn_replay_trace own = {0}, uniform = {0};
+    kn_replay_def def = {.log_path = log, .scene_path = path, .sets = sets, .set_count = count + 1, .afresh = true};
+    kn_scene *scene = kn_scene_load(path, sets, count, error, sizeof error);
+    if (!scene) return kn_complain("check", KN_EXIT_USAGE, "%s", error);
+    // Replay the log twice: with the stated accuracy, and with a uniform lattice. The last entry of `sets` selects one
+    // of the two.
+    snprintf(set, sizeof set, "object.accuracy=%.17g", scene->accuracy);
+    sets[count] = set;
+    bool stated = scene->accuracy > 0;
+    bool played = stated && kn_replay_log_check(&def, path, scene, error, sizeof error) &&
+                  kn_replay_trace_play(&own, &def, error, sizeof error);
+    sets[count] = "object.accuracy=0";
+    played = played && kn_replay_trace_play(&uniform, &def, error, sizeof error);
+    if (!stated) snprintf(error, sizeof error, "%s: has no object.accuracy, which --log needs", path);
+    int code = played ? say(&own, &uniform, scene) : kn_complain("check", KN_EXIT_USAGE, "%s", error);
+    kn_scene_destroy(scene);
+    kn_replay_trace_free(&own);
+    kn_replay_trace_free(&uniform);
+    return code;
+}
+
+typedef struct options {
+    const char **sets, *log; // sets: settings of the scene, from --set and --quality
+    int count;
+    bool text, json;
+} options;
+
+static void print_keys(void)
+{
+    for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
+}
+
+static int run(options *o, int argc, char **argv)
+{
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("keys", ANSWER, .call = print_keys),
+        KN_OPTION("text", FLAG, AT(text)),
+        KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, count)),
+        KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, count), .map = kn_quality_set,
+                  .expected = kn_quality_names),
+        KN_OPTION("log", TEXT, AT(log)),
+        KN_OPTION("json", FLAG, AT(json)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage, .short_help = true};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (argc - optind != 1) return kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
+    if (o->json && (o->log || o->text))
+        return kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
+    if (o->json) kn_result_open();
+    if (o->log) return check_log(argv[optind], o->log, o->sets, o->count);
+    return check(argv[optind], o->sets, o->count, o->text);
+}
+
 int kn_check_main(int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"help", no_argument, NULL, 'h'},          {"keys", no_argument, NULL, 'k'},
-        {"text", no_argument, NULL, 't'},          {"set", required_argument, NULL, 's'},
-        {"quality", required_argument, NULL, 'q'}, {"log", required_argument, NULL, 'l'},
-        {"json", no_argument, NULL, 'j'},          {0}};
-    // Kn_like_uniform appends one setting, so allocate one entry more than the command line can give.
-    const char **sets = calloc((size_t)argc + 1, sizeof *sets);
-    int count = 0, status = -1;
-    const char *log = NULL;
-    bool text = false, json = false;
-    if (!sets) return KN_EXIT_INTERNAL;
-    // Each option --set or --quality adds one setting of the scene.
-    for (int c; status < 0 && (c = getopt_long(argc, argv, "h", options, NULL)) != -1;) {
-        if (c == 's') sets[count++] = optarg;
-        else if (c == 't') text = true;
-        else if (c == 'j') json = true;
-        else if (c == 'l') log = optarg;
-        else if (c == 'q') {
-            if (!(sets[count++] = kn_quality_set(optarg)))
-                status = kn_complain("check", KN_EXIT_USAGE, "--quality %s: expected %s", optarg, kn_quality_names);
-        } else if (c == 'h') {
-            fputs(usage, stdout);
-            status = KN_EXIT_OK;
-        } else if (c == 'k') {
-            for (const char *const *line = kn_scene_keys(); *line; line++) puts(*line);
-            status = KN_EXIT_OK;
-        } else status = KN_EXIT_USAGE; // getopt has printed the error
-    }
-    if (status < 0 && argc - optind != 1)
-        status = kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");
-    if (status < 0 && json && (log || text))
-        status = kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
-    if (status < 0 && json) kn_result_open();
-    if (status < 0 && log) status = kn_like_uniform(argv[optind], log, sets, count);
-    if (status < 0) status = check(argv[optind], sets, count, text);
-    free(sets);
-    return status;
+    // check_log appends one setting, so allocate one entry more than the command line can give.
+    options o = {.sets = calloc((size_t)argc + 1, sizeof *o.sets)};
+    const int code = o.sets ? run(&o, argc, argv) : KN_EXIT_INTERNAL;
+    free(o.sets);
+    return code;
 }

@@ -1,7 +1,7 @@
 // knead completion: prints a completion script for the shell. The script runs the programs to get the lists of their
 // options.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,9 +1,9 @@
 // knead ctl: sends a control command to a running kneadd over its control socket.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/ask.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/live_server.h"
 #include "server/clock.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,28 +31,26 @@ static const char help[] =
     "                   The stop outlasts load, and with kneadd --state-dir a restart; else a restart ends it\n"
     "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
     "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
-    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_ASK_PATH ")\n"
+    "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_LIVE_SERVER_CONTROL ")\n"
     "  --json           print the answer as received, one JSON object\n\n"
     "Exit codes: 0 done, 2 refused, 3 no server on the socket.\n";
 
 typedef struct options {
     const char *path;
-    bool json, help;
+    bool json;
 } options;
 
 static int parse(options *o, int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"control", 1, NULL, 'c'}, {"json", 0, NULL, 'j'}, {"help", 0, NULL, 'h'}, {0}};
+    static const kn_option rows[] = {
+        KN_OPTION("control", TEXT, .offset = offsetof(options, path)),
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
     const char *environment = getenv("KNEAD_CONTROL");
-    *o = (options){.path = environment && *environment ? environment : KN_ASK_PATH};
-    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'c') o->path = optarg;
-        else if (option == 'j') o->json = true;
-        else if (option == 'h') o->help = true;
-        else return KN_EXIT_USAGE; // getopt has printed the error
-    }
-    if (o->help || optind < argc) return KN_EXIT_OK;
+    *o = (options){.path = environment && *environment ? environment : KN_LIVE_SERVER_CONTROL};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ || optind < argc) return code;
     return kn_complain("ctl", KN_EXIT_USAGE,
                        "no command: expected status, reset, quality NAME, set KEY=VALUE, load, snapshot, restore, "
                        "undo, estop, recover or stop");
@@ -221,7 +219,7 @@ static int await_next(const options *o, double since_us)
     bool next = false;
     for (int i = 0; i < PATIENCE_S * 20 && !next; i++) {
         nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
-        json_t *status = kn_ask(o->path, request, error, sizeof error);
+        json_t *status = kn_live_server_ask(o->path, request, error, sizeof error);
         // The answer comes from the new run of kneadd if that run started after the command was sent.
         double up_s = json_real_value(json_object_get(status, "uptime_s"));
         next = status && (double)json_integer_value(json_object_get(status, "time_us")) - 1e6 * up_s > since_us;
@@ -238,8 +236,8 @@ int kn_ctl_main(int argc, char **argv)
     options o;
     char error[256];
     int code = parse(&o, argc, argv);
-    if (code == KN_EXIT_OK && o.help) return fputs(help, stdout), KN_EXIT_OK;
-    if (code != KN_EXIT_OK) return code;
+    if (code != KN_OPTIONS_READ) return code;
+    code = KN_EXIT_OK;
     const char *command = argv[optind], *argument = argv[optind + 1];
     bool set = strcmp(command, "set") == 0, load = strcmp(command, "load") == 0;
     // Only the command `set` accepts more than one argument.
@@ -250,7 +248,7 @@ int kn_ctl_main(int argc, char **argv)
     else if (request && argument) add_argument(request, command, argument);
     if (code != KN_EXIT_OK) return json_decref(request), code;
     double now_us = (double)kn_wall_us();
-    json_t *answer = request ? kn_ask(o.path, request, error, sizeof error) : NULL;
+    json_t *answer = request ? kn_live_server_ask(o.path, request, error, sizeof error) : NULL;
     // The command `load` ends the run of kneadd and starts a new run in the same process, so wait for the new run.
     if (answer && load && json_is_true(json_object_get(answer, "ok"))) code = await_next(&o, now_us);
     if (answer && code == KN_EXIT_OK) code = tell(&o, command, answer);

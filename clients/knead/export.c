@@ -1,20 +1,18 @@
 // knead export: writes the states of an object over time to files for other programs: ParaView and VTK, MeshLab and
 // Open3D, tables.
-#include "clients/knead/batch.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/interrupt.h"
-#include "clients/knead/measure_option.h"
-#include "clients/knead/number.h"
-#include "clients/knead/output.h"
-#include "clients/knead/paraview.h"
-#include "clients/knead/ply.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/rows.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/output_folder.h"
+#include "clients/hand/session_record.h"
+#include "clients/picture/object_still.h"
+#include "clients/picture/paraview.h"
 #include "clients/viewer/beside.h"
+#include "core/algebra/algebra.h"
+#include "server/option_table.h"
+#include "server/replay.h"
 #include <ctype.h>
 #include <errno.h>
-#include <getopt.h>
 #include <limits.h>
 #include <math.h>
 #include <stdlib.h>
@@ -55,12 +53,11 @@ typedef struct options {
     int measure;
     const char *top;
     double top_si; // end of the colour scale, SI; 0: chosen from the values in the file
-    bool help;
 } options;
 
 typedef struct run {
     const options *o;
-    kn_batch vtk, plys;
+    kn_output_folder vtk, plys;
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
@@ -72,30 +69,92 @@ typedef struct run {
 #define REFUSE(...) return kn_complain("export", KN_EXIT_USAGE, __VA_ARGS__)
 #define FAIL(...) return kn_complain("export", KN_EXIT_DEVICE, __VA_ARGS__)
 
-// ---- options
+// ---- PLY files
 
-// Store the value of one option. Return NULL, or a description of the expected value if the value is invalid.
-static const char *take(options *o, int option, const char *text)
+typedef struct __attribute__((packed)) vertex { // one vertex in the layout that the header of the PLY file declares
+    float xyz[3], normal[3], quality;
+    uint8_t rgb[3];
+} vertex;
+
+typedef struct __attribute__((packed)) face {
+    uint8_t count;
+    int32_t vertex[3];
+} face;
+
+// Add the contribution of one corner of a triangle to the normal of the corner's vertex: the triangle's unit normal
+// times the corner's angle. The weighting makes the result independent of how a quad is cut into triangles.
+static void add_corner(const float at[3], const float next[3], const float last[3], float normal[3])
 {
-    o->spaced |= option == 'f' || option == 't' || option == 'e';
-    switch (option) {
-    case 'v': o->vtk = text; return NULL;
-    case 'p': o->ply = text; return NULL;
-    case 'c': o->csv = text; return NULL;
-    case 'S': o->scene = text; return NULL;
-    case 's': o->snapshot = text; return NULL;
-    case 'T': o->top = text; return NULL;
-    case 'm': return kn_measure_take(text, &o->measure) ? NULL : KN_MEASURE_EXPECTED;
-    case 'f': return kn_number_take(text, -1e9, 1e9, &o->from_s) ? NULL : "seconds";
-    case 't': return kn_number_take(text, -1e9, 1e9, &o->to_s) ? NULL : "seconds";
-    case 'e':
-        if (kn_number_take(text, 0.001, 1e9, &o->every_s)) return NULL;
-        return "seconds, 0.001 or more: a tick is a millisecond";
-    default:
-        o->at_s = INFINITY;
-        return strcmp(text, "end") == 0 || kn_number_take(text, -1e9, 1e9, &o->at_s) ? NULL : "seconds, or end";
+    double a[3], b[3], across[3];
+    for (int k = 0; k < 3; k++) {
+        a[k] = (double)next[k] - (double)at[k];
+        b[k] = (double)last[k] - (double)at[k];
+    }
+    kn_cross(a, b, across);
+    const double size = sqrt(kn_dot(across, across)), angle = atan2(size, kn_dot(a, b));
+    for (int k = 0; k < 3 && size > 0; k++) normal[k] += (float)(angle * across[k] / size);
+}
+
+// Compute unit normals of all vertices. A vertex without triangles gets 0.
+static void add_normals(const kn_object_still *s, vertex *v)
+{
+    for (int t = 0; t < s->triangle_count; t++)
+        for (int i = 0; i < 3; i++) {
+            const int *c = s->triangle[t], at = c[i];
+            float normal[3]; // a copy: members of a packed struct cannot be passed by pointer
+            memcpy(normal, v[at].normal, sizeof normal);
+            add_corner(s->now[at], s->now[c[(i + 1) % 3]], s->now[c[(i + 2) % 3]], normal);
+            memcpy(v[at].normal, normal, sizeof normal);
+        }
+    // Scale the summed normal of each vertex to unit length.
+    for (int i = 0; i < s->vertex_count; i++) {
+        float n[3];
+        memcpy(n, v[i].normal, sizeof n);
+        const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        for (int k = 0; k < 3 && length > 0; k++) v[i].normal[k] = n[k] / length;
     }
 }
+
+// Write the surface of `still` to `file` as PLY, binary little-endian: position in m, normal, value of a measure and
+// colour of each vertex. The value is named `quality`, as in MeshLab. The vertices have the same colours as in the
+// pictures of `knead view`. Neighbouring triangles share vertices. what: the measure whose values are in still->value.
+// top: value at the end of the colour scale, > 0, in the unit of the measure. about: one line of text for the header of
+// the file. Return false when memory is short. Write errors are not checked here. The caller checks the stream.
+static bool write_surface(FILE *f, const kn_object_still *s, kn_measure what, double top, const char *about)
+{
+    const kn_measure_name *name = &kn_measure_names[what];
+    vertex *v = calloc((size_t)s->vertex_count + 1, sizeof *v);
+    if (!v) return false;
+    // Fill in position, value of the measure and colour of every vertex.
+    for (int i = 0; i < s->vertex_count; i++) {
+        float srgb[3];
+        memcpy(v[i].xyz, s->now[i], sizeof v[i].xyz);
+        v[i].quality = s->value[i];
+        kn_scale_at((double)s->value[i] / top, srgb);
+        for (int k = 0; k < 3; k++) v[i].rgb[k] = (uint8_t)lroundf(255 * srgb[k]);
+    }
+    add_normals(s, v);
+    fprintf(f,
+            "ply\nformat binary_little_endian 1.0\ncomment knead: %s; metres\ncomment quality: %s%s%s, colours to %g\n",
+            about, name->words, *name->unit ? ", " : "", name->unit, top);
+    fprintf(f,
+            "element vertex %d\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+            "property float ny\nproperty float nz\nproperty float quality\nproperty uchar red\n"
+            "property uchar green\nproperty uchar blue\nelement face %d\n"
+            "property list uchar int vertex_indices\nend_header\n",
+            s->vertex_count, s->triangle_count);
+    fwrite(v, sizeof *v, (size_t)s->vertex_count, f);
+    // The faces follow the vertices: a count and three indices each.
+    for (int t = 0; t < s->triangle_count; t++) {
+        face c = {.count = 3};
+        memcpy(c.vertex, s->triangle[t], sizeof c.vertex);
+        fwrite(&c, sizeof c, 1, f);
+    }
+    free(v);
+    return true;
+}
+
+// ---- options
 
 // Check that no output file replaces an input file, and that no output lies inside the folder of another output.
 static int check_outputs(const options *o)
@@ -114,7 +173,7 @@ static int check_outputs(const options *o)
                 REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
     // A series of PLY files needs a fixed colour scale, so that a colour means the same value in all files.
     if (o->ply && !one && !o->top) REFUSE("--ply %s: expected --top as well, or --at for one moment", o->ply);
-    return KN_EXIT_OK;
+    return KN_OPTIONS_READ;
 }
 
 // Check that the given options can be combined.
@@ -136,22 +195,26 @@ static int check(options *o)
 
 static int parse(int argc, char **argv, options *o)
 {
-    static const struct option names[] = {{"vtk", 1, NULL, 'v'},   {"ply", 1, NULL, 'p'},      {"csv", 1, NULL, 'c'},
-                                          {"scene", 1, NULL, 'S'}, {"from", 1, NULL, 'f'},     {"to", 1, NULL, 't'},
-                                          {"every", 1, NULL, 'e'}, {"at", 1, NULL, 'a'},       {"color", 1, NULL, 'm'},
-                                          {"top", 1, NULL, 'T'},   {"snapshot", 1, NULL, 's'}, {"help", 0, NULL, 'h'},
-                                          {NULL, 0, NULL, 0}};
-    int option, which = 0;
-    opterr = 0; // switch off getopt's messages, because this program prints its own
-    while ((option = getopt_long(argc, argv, ":h", names, &which)) != -1) {
-        const char *word = argv[optind - 1];
-        if (option == ':') REFUSE("%s: expected a value", word);
-        if (option == '?') REFUSE("%s: no such option; knead export --help lists them", word);
-        if (option == 'h') return o->help = true, KN_EXIT_OK;
-        if (!*optarg) REFUSE("--%s '': expected a value", names[which].name);
-        const char *expected = take(o, option, optarg);
-        if (expected) REFUSE("--%s %s: expected %s", names[which].name, optarg, expected);
-    }
+#define AT(member) .offset = offsetof(options, member)
+#define SPACED .given = offsetof(options, spaced)
+    static const kn_option rows[] = {
+        KN_OPTION("vtk", TEXT, AT(vtk)),
+        KN_OPTION("ply", TEXT, AT(ply)),
+        KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("scene", TEXT, AT(scene)),
+        KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
+        KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
+        KN_OPTION("every", NUMBER, AT(every_s), KN_RANGE(0.001, 1e9), SPACED,
+                  .expected = "seconds, 0.001 or more: a tick is a millisecond"),
+        KN_OPTION("at", SPECIAL, AT(at_s), .take = kn_moment_take),
+        KN_OPTION("color", CHOICE, AT(measure), .unit = KN_MEASURE_WORDS),
+        KN_OPTION("top", TEXT, AT(top)),
+        KN_OPTION("snapshot", TEXT, AT(snapshot)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .no_empty = true,
+                                          .unknown = "no such option; knead export --help lists them"};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) o->log = argv[optind++];
     if (optind < argc) REFUSE("%s: expected one log", argv[optind]);
     return check(o);
@@ -160,11 +223,11 @@ static int parse(int argc, char **argv, options *o)
 // ---- outputs
 
 // Create an output folder that appears only when it is complete. Do nothing if `path` is NULL.
-static int open_folder(kn_batch *batch, const char *path)
+static int open_folder(kn_output_folder *batch, const char *path)
 {
     char error[PATH_MAX];
     bool taken;
-    if (!path || kn_batch_open(batch, path, &taken, error, sizeof error)) return KN_EXIT_OK;
+    if (!path || kn_output_folder_open(batch, path, &taken, error, sizeof error)) return KN_EXIT_OK;
     return kn_complain("export", taken ? KN_EXIT_USAGE : KN_EXIT_DEVICE, "%s", error);
 }
 
@@ -196,8 +259,8 @@ static int keep_outputs(run *r)
         FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
     if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
     if (r->ply.file && !kn_beside_keep(&r->ply, error, sizeof error)) FAIL("%s", error);
-    if (!kn_batch_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
-    if (!kn_batch_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
+    if (!kn_output_folder_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
+    if (!kn_output_folder_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
     return KN_EXIT_OK;
 }
 
@@ -208,8 +271,8 @@ static void drop_outputs(run *r)
     if (r->paraview) kn_paraview_close(r->paraview, error, 0);
     if (r->csv.file) kn_beside_drop(&r->csv);
     if (r->ply.file) kn_beside_drop(&r->ply);
-    kn_batch_drop(&r->plys);
-    kn_batch_drop(&r->vtk);
+    kn_output_folder_drop(&r->plys);
+    kn_output_folder_drop(&r->vtk);
     kn_gauge_destroy(r->gauge);
 }
 
@@ -238,7 +301,7 @@ static void say_of(const char *scene, double time_s, char *about, size_t size)
 static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
 {
     const kn_measure what = (kn_measure)r->o->measure;
-    kn_still still = {0};
+    kn_object_still still = {0};
     char about[128];
     // A gauge (which computes stresses) is valid for one model only. A `set` command in the recording may have changed
     // the model, so create a new gauge.
@@ -248,10 +311,11 @@ static bool write_ply(run *r, FILE *file, const kn_moment *m, const char *scene)
         r->gauged = m->models;
     }
     say_of(scene, m->time_s, about, sizeof about);
-    bool ok = r->gauge && kn_still_state(&still, m->model, m->state) &&
-              kn_still_measure(&still, m->model, m->state, r->gauge, what, false) &&
-              kn_ply_write(file, &still, what, kn_measure_scale(what, r->o->top_si, kn_still_most(&still)), about);
-    kn_still_free(&still);
+    bool ok =
+        r->gauge && kn_object_still_state(&still, m->model, m->state) &&
+        kn_object_still_measure(&still, m->model, m->state, r->gauge, what, false) &&
+        write_surface(file, &still, what, kn_measure_scale(what, r->o->top_si, kn_object_still_most(&still)), about);
+    kn_object_still_free(&still);
     return ok;
 }
 
@@ -293,17 +357,8 @@ static kn_moment moment_of(kn_replay *r)
 {
     kn_moment m = {
         .model = kn_replay_model(r), .models = r->changes, .state = kn_replay_state(r), .time_s = r->tick.time_s};
-    for (int p = 0; p < r->tick.out.probes; p++) {
-        const kn_force *f = &r->tick.out.force[p];
-        struct kn_moment_tool *t = &m.tool[p];
-        t->live = f->live;
-        t->gain = f->gain;
-        memcpy(t->position_m, f->proxy_position_m, sizeof t->position_m);
-        memcpy(t->orientation_wxyz, f->proxy_orientation_wxyz, sizeof t->orientation_wxyz);
-        memcpy(t->force_n, f->force_n, sizeof t->force_n);
-        memcpy(t->contact_force_n, f->contact_force_n, sizeof t->contact_force_n);
-        memcpy(t->torque_n_m, f->torque_n_m, sizeof t->torque_n_m);
-    }
+    for (int p = 0; p < r->tick.out.probes; p++)
+        if (r->tick.out.force[p].live) m.tool[p] = &r->tick.out.force[p];
     return m;
 }
 
@@ -426,8 +481,7 @@ int kn_export_main(int argc, char **argv)
 {
     options o = {.to_s = INFINITY, .every_s = 0.1, .at_s = NAN, .measure = KN_MEASURE_DISPLACEMENT};
     int code = parse(argc, argv, &o);
-    if (code == KN_EXIT_OK && o.help) fputs(help, stdout);
-    if (code != KN_EXIT_OK || o.help) return code;
+    if (code != KN_OPTIONS_READ) return code;
     kn_interrupt_watch();
     run r = {.o = &o};
     code = o.scene ? of_scene(&r) : of_log(&r);

@@ -1,18 +1,18 @@
 // knead latency: measures the time from a pose to its force through LCM on a real kneadd. This file has the options and
-// the sequence of the measurement. latency_run.c has the threads, latency_served.c the processes, latency_report.c the
-// results.
+// the sequence of the measurement. latency_run.c has the threads and the processes, latency_report.c the results.
 #include "clients/knead/latency.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/join.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/record.h"
-#include "core/composite.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/session_record.h"
+#include "clients/hand/tool_height.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <limits.h>
+#include <math.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,9 +45,7 @@ static const double deep = 0.3; // depth of the press as a share of the object's
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
-    int seconds;
-    bool done;
-    double drift_ppm, contract_us[2];
+    double seconds, drift_ppm, contract_us[2]; // seconds: a whole number
 } options;
 
 static volatile int interrupted;
@@ -58,74 +56,47 @@ static void on_signal(int number)
     interrupted = 1;
 }
 
-static int bad(const char *option, const char *value, const char *expected)
-{
-    return kn_complain("latency", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
-}
-
-static int take_number(const char *option, const char *text, double low, double high, double *value)
-{
-    char *end, expected[64];
-    double x = strtod(text, &end);
-    snprintf(expected, sizeof expected, "%g to %g", low, high);
-    if (end == text || *end || !(x >= low && x <= high)) return bad(option, text, expected);
-    *value = x;
-    return KN_EXIT_OK;
-}
-
 // Read the two tolerances of a latency contract (for p50 and p99), us. The text "none" is stored as -1.
-static int take_contract(const char *text, double us[2])
+static const char *take_contract(void *to, const char *text)
 {
+    double *us = to;
     char rest;
-    if (!strcmp(text, "none")) us[0] = us[1] = -1;
-    else if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) != 2 || !(us[0] >= 0 && us[1] >= 0))
-        return bad("contract", text, "two numbers of us, like 60,150, or none");
-    return KN_EXIT_OK;
+    if (!strcmp(text, "none")) return us[0] = us[1] = -1, NULL;
+    if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) == 2 && us[0] >= 0 && us[1] >= 0) return NULL;
+    return "two numbers of us, like 60,150, or none";
 }
 
 // Read the command-line options and check that they can be combined.
 static int parse(options *o, int argc, char **argv)
 {
-    enum { SECONDS = 256, PHASE, LCM_URL, CONTRACT, DRIFT, JSON, PLOT, HELP };
-    static const struct option list[] = {
-        {"seconds", 1, 0, SECONDS},   {"phase", 1, 0, PHASE}, {"lcm-url", 1, 0, LCM_URL},
-        {"contract", 1, 0, CONTRACT}, {"drift", 1, 0, DRIFT}, {"json", 1, 0, JSON},
-        {"plot", 1, 0, PLOT},         {"help", 0, 0, HELP},   {0, 0, 0, 0}};
-    double seconds = 10;
-    int code = KN_EXIT_OK;
-    *o = (options){.drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
-    optind = 1;
-    for (int c; code == KN_EXIT_OK && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case SECONDS: code = take_number("seconds", optarg, 1, 3600, &seconds); break;
-        case PHASE: o->phase = optarg; break;
-        case LCM_URL: o->url = optarg; break;
-        case CONTRACT: code = take_contract(optarg, o->contract_us); break;
-        case DRIFT: code = take_number("drift", optarg, -1000, 1000, &o->drift_ppm); break;
-        case JSON: o->json = optarg; break;
-        case PLOT: o->plot = optarg; break;
-        case HELP:
-            fputs(help, stdout);
-            o->done = true;
-            return KN_EXIT_OK;
-        default:
-            return kn_complain("latency", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead latency --help lists them");
-        }
-    }
-    o->seconds = (int)seconds;
-    if (code != KN_EXIT_OK) return code;
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(1, 3600)),
+        KN_OPTION("phase", TEXT, AT(phase)),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+        KN_OPTION("contract", SPECIAL, AT(contract_us), .take = take_contract),
+        KN_OPTION("drift", REAL, AT(drift_ppm), KN_RANGE(-1000, 1000)),
+        KN_OPTION("json", TEXT, AT(json)),
+        KN_OPTION("plot", TEXT, AT(plot)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead latency --help lists them"};
+    char error[256];
+    *o = (options){.seconds = 10, .drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
+    const int code = kn_options_read(&table, o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    o->seconds = trunc(o->seconds);
     // The only argument that is not an option is the scene.
     if (optind < argc) o->scene = argv[optind++];
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
-    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free")) return bad("phase", o->phase, "lock or free");
+    if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
+        return kn_complain("latency", KN_EXIT_USAGE, "--phase %s: expected lock or free", o->phase);
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
                            "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
-    char error[256];
-    if (o->url && !kn_join_check(o->url, KN_FORCE_URL, error, sizeof error))
+    if (o->url && !kn_bus_client_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
-    return KN_EXIT_OK;
+    return code;
 }
 
 // Find the file of the default scene, starting from the folder of this program. The file is in an installation or in
@@ -145,40 +116,42 @@ static const char *default_scene(char path[PATH_MAX])
 // Receive the scene from a kneadd that is already running.
 static kn_scene *ask_scene(const char *url, char *error, size_t size)
 {
-    kn_record *record = kn_record_open(url, error, size);
+    kn_session_record *record = kn_session_record_open(url, error, size);
     kn_scene *scene = NULL;
     if (!record) return NULL;
-    if (!kn_record_scene(record, 4000))
-        snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_join_why("is kneadd running on this bus?"));
+    if (!kn_session_record_scene(record, 4000))
+        snprintf(error, size, "no KNEAD_SCENE for 4 s: %s", kn_bus_client_why("is kneadd running on this bus?"));
     else
         scene =
             kn_scene_parse(record->scene_name, record->scene_text, strlen(record->scene_text), NULL, 0, error, size);
-    kn_record_destroy(record);
+    kn_session_record_destroy(record);
     return scene;
 }
 
 // Create the path of the hand. If this program has started kneadd, the tool presses slowly into the object during the
 // whole measurement, so that the tool always touches the object. If kneadd was already running, the tool stays above
 // the object.
-static kn_path *make_path(const kn_scene *scene, const options *o, const char **work)
+static kn_tool_path *make_path(const kn_scene *scene, const options *o, const char **work)
 {
     const kn_probe_def *tool = &scene->model.probe[0];
     double extent_m[3];
     kn_model_def_extent(&scene->model, extent_m);
     // Compute the height of the tool at which it touches the top of the object.
-    double touch_m = extent_m[2] + kn_foot_m(tool);
+    double touch_m = extent_m[2] + kn_tool_height_m(tool);
     *work = "press";
     // Choose the speed of the press such that it lasts a little longer than the measurement.
     double depth_m = deep * extent_m[2], speed_m_s = depth_m / (1 + 1.2 * o->seconds);
-    if (!o->url) return kn_path_press(&(kn_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
+    if (!o->url)
+        return kn_tool_path_press(
+            &(kn_tool_path_def){.touch_z_m = touch_m, .depth_m = depth_m, .speed_m_s = speed_m_s});
     // Without a press, the path has a single piece in which the tool stands still.
-    kn_path *path = calloc(1, sizeof *path + sizeof(kn_piece));
+    kn_tool_path *path = calloc(1, sizeof *path + sizeof(kn_tool_path_piece));
     if (!path) return NULL;
-    kn_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
-    path->piece = (kn_piece *)(path + 1);
+    kn_tool_path_point there = {.position_m = {0, 0, touch_m + above_m}, .orientation_wxyz = {1}};
+    path->piece = (kn_tool_path_piece *)(path + 1);
     path->count = 1;
     path->duration_s = years_s;
-    path->piece[0] = (kn_piece){KN_PIECE_STAND, *work, 0, years_s, there, there, 0};
+    path->piece[0] = (kn_tool_path_piece){KN_TOOL_PATH_PIECE_STAND, *work, 0, years_s, there, there, 0};
     return path;
 }
 
@@ -207,11 +180,11 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 // Start kneadd if necessary, run the measurement, stop kneadd and report.
 static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
-    kn_latency l = {.seconds = o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
+    kn_latency l = {.seconds = (int)o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
     // Choose a separate bus for the echo in every case.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
-    kn_path *way = make_path(scene, o, &l.work);
+    kn_tool_path *way = make_path(scene, o, &l.work);
     l.path = way;
     int code = way ? KN_EXIT_OK : KN_EXIT_INTERNAL;
     if (code == KN_EXIT_OK && !o->url) code = kn_latency_served_start(served, path, o->phase ? o->phase : "lock");
@@ -222,7 +195,7 @@ static int measure(const options *o, const char *path, const kn_scene *scene, kn
     if (code == KN_EXIT_OK && !ended) code = kn_complain("latency", KN_EXIT_DEVICE, "kneadd ended with an error");
     if (code == KN_EXIT_OK) code = report(o, scene, &l);
     kn_latency_free(&l);
-    kn_path_destroy(way);
+    kn_tool_path_destroy(way);
     return code;
 }
 
@@ -230,7 +203,7 @@ int kn_latency_main(int argc, char **argv)
 {
     options o;
     int code = parse(&o, argc, argv);
-    if (code != KN_EXIT_OK || o.done) return code;
+    if (code != KN_OPTIONS_READ) return code;
     // Check first that the output files can be written, because a measurement may take an hour.
     if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
     if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;

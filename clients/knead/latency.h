@@ -10,7 +10,7 @@
 // affects both alike, and only their difference within one run is judged. The hand's clock runs KN_LATENCY_DRIFT_PPM
 // slower than the server's clock, like two different quartz crystals. Thus the poses of one run arrive at every phase
 // of the server's free-running tick.
-#include "clients/knead/path.h"
+#include "clients/hand/tool_path.h"
 #include "server/bus.h"
 #include <stdbool.h>
 #include <stdint.h>
@@ -45,9 +45,9 @@ typedef struct kn_latency {
     const char *url;                    // bus of the measured kneadd
     char echo_url[KN_LATENCY_URL_SIZE]; // bus of the bare echo
     const char *probe;
-    const kn_path *path; // path that the hand plays
-    const char *work;    // name of the piece of the path whose poses are measured
-    int seconds;         // duration of the measurement, counted only while the piece `work` is played, s
+    const kn_tool_path *path; // path that the hand plays
+    const char *work;         // name of the piece of the path whose poses are measured
+    int seconds;              // duration of the measurement, counted only while the piece `work` is played, s
     double drift_ppm;
     // Results.
     kn_flights flights[KN_LATENCY_PATHS];

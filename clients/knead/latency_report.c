@@ -1,9 +1,10 @@
 // Results of knead latency: table, contract, JSON, picture.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
 #include "clients/knead/latency.h"
-#include "clients/knead/plot.h"
-#include "core/order.h"
+#include "core/algebra/algebra.h"
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -159,8 +160,9 @@ static void put_text(FILE *f, const char *text)
 
 int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path)
 {
-    FILE *f = fopen(path, "w");
-    if (!f) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    kn_beside out;
+    if (!kn_beside_write(&out, path)) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    FILE *f = out.file;
     fputs("{\"scene\": ", f);
     put_text(f, r->scene);
     fprintf(f, ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {", r->nodes,
@@ -184,8 +186,7 @@ int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char 
         fputc('}', f);
     }
     fputs("]}\n", f);
-    if (!(ferror(f) | fclose(f))) return KN_EXIT_OK;
-    return kn_complain("latency", KN_EXIT_DEVICE, "%s: could not be written to its end", path);
+    return kn_output_close(&out, "latency");
 }
 
 // Draw the share of the poses that were answered within a time, against this time. The axis of the share is in nines
@@ -200,12 +201,12 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     if (!f) return code;
     fputs("set logscale x\nset key bottom right\nset rmargin 4\nset xrange [5:*]\n"
           "set xlabel 'time, µs'\nset ylabel 'share of the poses'\nset yrange [0:4.2]\n"
-          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\nset title ",
+          "set ytics ('0' 0, '50 %%' 0.30103, '90 %%' 1, '99 %%' 2, '99.9 %%' 3, '99.99 %%' 4)\n",
           f);
     char title[256];
     snprintf(title, sizeof title, "pose to force, %s, %d nodes", r->scene, r->nodes);
-    kn_plot_quote(f, title);
-    fputs("\nplot ", f);
+    kn_plot_label(f, "title", title);
+    fputs("plot ", f);
     for (int d = 0; d < 3; d++)
         fprintf(f, "%s'-' with lines lt %d lw %g title '%s'", d ? ", " : "", order[d],
                 drawn[d] == KN_SERIES_POSE ? 3.0 : 2.0, series[drawn[d]].name);

@@ -1,19 +1,29 @@
-// The three real-time threads of knead latency. The hand sends poses, the ear receives all answers, and the echo
-// answers each of its poses at once with a force.
-#include "clients/knead/hand.h"
-#include "clients/knead/join.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/virtual_hand.h"
 #include "clients/knead/latency.h"
-#include "clients/knead/progress.h"
 #include "proto/knead_contact_force_t.h"
 #include "server/clock.h"
 #include "server/mailbox.h"
 #include "server/wire.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <limits.h>
 #include <poll.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+// The three real-time threads of knead latency. The hand sends poses, the ear receives all answers, and the echo
+// answers each of its poses at once with a force.
 
 // Real-time priority of the hand: as in knead probe, below that of kneadd's threads.
 static const int hand_priority = 60;
@@ -30,7 +40,7 @@ typedef struct run {
     kn_latency *l;
     const volatile int *stop;
     // Connections of ear and echo to the buses; the hand sends through those of the ear.
-    kn_join *ear_bus, *ear_echo, *echo_bus;
+    kn_bus_client *ear_bus, *ear_echo, *echo_bus;
     // Answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts.
     kn_flights answers[KN_LATENCY_PATHS];
     kn_mailbox forces; // mailbox that passes forces from the ear to the hand
@@ -68,14 +78,14 @@ static void on_echo(const lcm_recv_buf_t *buf, const char *channel, void *self)
     knead_contact_force_t force = {.session = pose.session, .seq = pose.seq, .sent_ns = pose.sent_ns};
     uint8_t out[MESSAGE_MAX];
     int size = knead_contact_force_t_encode(out, 0, sizeof out, &force);
-    if (size > 0) kn_join_send(((run *)self)->echo_bus, echo_back, out, size);
+    if (size > 0) kn_bus_client_send(((run *)self)->echo_bus, echo_back, out, size);
 }
 
 static void *echo_main(void *self)
 {
     run *r = self;
-    kn_join_priority(echo_priority);
-    while (!atomic_load(&r->done)) kn_join_handle(r->echo_bus, 100);
+    kn_bus_client_priority(echo_priority);
+    while (!atomic_load(&r->done)) kn_bus_client_handle(r->echo_bus, 100);
     return NULL;
 }
 
@@ -111,13 +121,13 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 static void *ear_main(void *self)
 {
     run *r = self;
-    kn_join_priority(hand_priority);
+    kn_bus_client_priority(hand_priority);
     // Poll both buses in one thread, so that the receiver delays the answers of kneadd and of the echo alike.
-    struct pollfd in[] = {{kn_join_fd(r->ear_bus), POLLIN, 0}, {kn_join_fd(r->ear_echo), POLLIN, 0}};
+    struct pollfd in[] = {{kn_bus_client_fd(r->ear_bus), POLLIN, 0}, {kn_bus_client_fd(r->ear_echo), POLLIN, 0}};
     while (!atomic_load(&r->done)) {
         if (poll(in, 2, 100) <= 0) continue;
-        if (in[0].revents) kn_join_handle(r->ear_bus, 0);
-        if (in[1].revents) kn_join_handle(r->ear_echo, 0);
+        if (in[0].revents) kn_bus_client_handle(r->ear_bus, 0);
+        if (in[1].revents) kn_bus_client_handle(r->ear_echo, 0);
     }
     return NULL;
 }
@@ -137,8 +147,8 @@ static void send_pose(run *r, int path, kn_pose *pose, bool counts)
          &(kn_flight){.session = pose->session, .seq = pose->seq, .sent_ns = pose->sent_ns, .counts = counts});
     kn_wire_pose(&message, pose);
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &message);
-    if (path == KN_LATENCY_POSE) kn_join_send(r->ear_bus, channel, bytes, size);
-    else kn_join_send(r->ear_echo, echo_out, bytes, size);
+    if (path == KN_LATENCY_POSE) kn_bus_client_send(r->ear_bus, channel, bytes, size);
+    else kn_bus_client_send(r->ear_echo, echo_out, bytes, size);
 }
 
 // Start a new hand with new session numbers.
@@ -180,7 +190,7 @@ static void *hand_main(void *self)
 {
     run *r = self;
     kn_latency *l = r->l;
-    l->real_time = kn_join_priority(hand_priority) == 0;
+    l->real_time = kn_bus_client_priority(hand_priority) == 0;
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
     take_hand(r);
@@ -218,27 +228,36 @@ static bool open_all(run *r)
         if (!reserve(&l->flights[p], capacity) || !reserve(&r->answers[p], capacity))
             return snprintf(error, size, "out of memory"), false;
     const char *echo = l->echo_url;
-    if (!(r->ear_bus = kn_join_open(l->url, KN_FORCE_URL, error, size))) return false;
-    if (!kn_join_speaks(error, size)) return false;
-    kn_join **echoes[] = {&r->ear_echo, &r->echo_bus};
+    if (!(r->ear_bus = kn_bus_client_open(l->url, KN_FORCE_URL, error, size))) return false;
+    if (!kn_bus_client_speaks(error, size)) return false;
+    kn_bus_client **echoes[] = {&r->ear_echo, &r->echo_bus};
     // The messages of the echo are not signed, because no kneadd receives them.
     for (int i = 0; i < 2; i++) {
-        if (!(*echoes[i] = kn_join_open(echo, echo, error, size))) return false;
-        kn_join_trust(*echoes[i]);
+        if (!(*echoes[i] = kn_bus_client_open(echo, echo, error, size))) return false;
+        kn_bus_client_trust(*echoes[i]);
     }
     char channel[64];
     snprintf(channel, sizeof channel, "KNEAD_FORCE_%s", l->probe);
-    kn_join_hear(r->ear_bus, channel, on_force, r);
-    kn_join_hear(r->ear_echo, echo_back, on_force, r);
-    kn_join_hear(r->echo_bus, echo_out, on_echo, r);
+    kn_bus_client_hear(r->ear_bus, channel, on_force, r);
+    kn_bus_client_hear(r->ear_echo, echo_back, on_force, r);
+    kn_bus_client_hear(r->echo_bus, echo_out, on_echo, r);
     return true;
 }
 
 static void close_all(run *r)
 {
-    kn_join *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
-    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_join_close(bus[i]);
+    kn_bus_client *bus[] = {r->ear_bus, r->ear_echo, r->echo_bus};
+    for (size_t i = 0; i < sizeof bus / sizeof *bus; i++) kn_bus_client_close(bus[i]);
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
+}
+
+// Find the pose that an answer or a row of a trace belongs to, from *at on, because both come in the order of sending.
+// Return NULL if it is not in the list.
+static kn_flight *find_pose(kn_flights *sent, const kn_flight *answer, int *at)
+{
+    for (int i = *at; i < sent->count; i++)
+        if (sent->list[i].session == answer->session && sent->list[i].seq == answer->seq) return &sent->list[*at = i];
+    return NULL;
 }
 
 // Copy the times of the answers into the list of the poses that they answer. Both lists are in the order of sending.
@@ -246,15 +265,11 @@ static void join_answers(kn_flights *sent, const kn_flights *heard)
 {
     for (int i = 0, at = 0; i < heard->count; i++) {
         const kn_flight *a = &heard->list[i];
-        int from = at;
-        while (at < sent->count && (sent->list[at].session != a->session || sent->list[at].seq != a->seq)) at++;
-        if (at == sent->count) {
-            at = from; // the message is not an answer to a pose of this process
-            continue;
-        }
-        sent->list[at].back_ns = a->back_ns;
-        sent->list[at].execution_ns = a->execution_ns;
-        sent->list[at].contacts = a->contacts;
+        kn_flight *pose = find_pose(sent, a, &at);
+        if (!pose) continue; // the message is not an answer to a pose of this process
+        pose->back_ns = a->back_ns;
+        pose->execution_ns = a->execution_ns;
+        pose->contacts = a->contacts;
     }
     const kn_flight *later = NULL; // the next later pose that has an answer
     // Going backwards, find for each pose the first answer to this pose or to a later pose of its session.
@@ -299,15 +314,14 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
     static run r;
     r = (run){.l = l, .stop = stop};
     kn_mailbox_init(&r.forces, r.force_slots, sizeof *r.force_slots);
-    // Begin with a random session number, so that the sessions do not collide with those of a different client.
-    if (getrandom(&r.session, sizeof r.session, 0) != sizeof r.session) r.session = kn_now_ns();
-    r.session = (r.session & (INT64_MAX >> 1)) | 1 << 8;
+    r.session = kn_hand_session();
     bool ok = open_all(&r) && run_threads(&r);
     if (!ok && !*l->error) snprintf(l->error, sizeof l->error, "LCM or the machine refuses threads for the echo");
     // If the hand gave up, report the reason.
     if (ok && r.hand.trouble != KN_HAND_NO_TROUBLE) {
         snprintf(l->error, sizeof l->error, "%s",
-                 r.hand.trouble == KN_HAND_NO_ANSWER ? kn_join_why("no force for 3 s: is kneadd running on this bus?")
+                 r.hand.trouble == KN_HAND_NO_ANSWER
+                     ? kn_bus_client_why("no force for 3 s: is kneadd running on this bus?")
                  : r.hand.trouble == KN_HAND_NOT_ENGAGED
                      ? "kneadd answers, but does not let the tool in: does another hand hold it?"
                      : "the machine stood still too often, so the hand gave up");
@@ -321,4 +335,112 @@ bool kn_latency_run(kn_latency *l, const volatile int *stop)
 void kn_latency_free(kn_latency *l)
 {
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(l->flights[p].list);
+}
+
+// The kneadd that knead latency starts for its measurement.
+
+// Port numbers: the first port, the number of ports per run of knead latency, and the number of such sets of ports. All
+// are below the range from which Linux assigns ports by itself.
+static const int ports_from = 12000, ports_each = 3, ports_sets = 6000;
+
+// Choose ports by process id. Two simultaneous runs must not receive each other's messages, and stock liblcm
+// distinguishes buses only by port.
+void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE])
+{
+    int port = ports_from + ports_each * (int)(getpid() % ports_sets);
+    snprintf(s->url, sizeof s->url, "udpm://239.255.76.67:%d?ttl=0", port);
+    snprintf(s->mesh_url, sizeof s->mesh_url, "udpm://239.255.76.67:%d?ttl=0", port + 1);
+    snprintf(echo_url, KN_LATENCY_URL_SIZE, "udpm://239.255.76.67:%d?ttl=0", port + 2);
+}
+
+// Start a child process that ends when this process ends. The descriptor `out` becomes the standard output of the
+// child. Return the process id of the child, or 0 on failure.
+static int spawn(const char *path, char *const argv[], int out)
+{
+    pid_t parent = getpid(), pid = fork();
+    if (pid < 0) return 0;
+    if (pid > 0) return pid;
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    // Put the child into its own process group. Ctrl-C in the terminal then reaches only this process, which stops the
+    // child.
+    setpgid(0, 0);
+    // Exit if the parent process died before prctl took effect.
+    if (getppid() != parent) _exit(KN_EXIT_DEVICE);
+    dup2(out, STDOUT_FILENO);
+    execvp(path, argv);
+    _exit(127);
+}
+
+// Return the path of kneadd in the folder of knead, as in a build or an installation. If it does not exist, return the
+// bare name, for which PATH is searched.
+static const char *find_kneadd(char path[PATH_MAX])
+{
+    ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - sizeof "kneadd");
+    char *slash = n > 0 ? memrchr(path, '/', (size_t)n) : NULL;
+    if (!slash) return "kneadd";
+    strcpy(slash + 1, "kneadd");
+    return access(path, X_OK) == 0 ? path : "kneadd";
+}
+
+int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase)
+{
+    char program[PATH_MAX], trace[32];
+    int pipes[2];
+    s->trace = memfd_create("knead latency", 0); // the child inherits the descriptor
+    if (s->trace < 0 || pipe2(pipes, O_CLOEXEC) != 0)
+        return kn_complain("latency", KN_EXIT_DEVICE, "no pipe to kneadd: %s", strerror(errno));
+    snprintf(trace, sizeof trace, "/proc/self/fd/%d", s->trace);
+    char *argv[] = {"kneadd",    "--scene", (char *)scene, "--lcm-url", s->url, "--mesh-url",
+                    s->mesh_url, "--phase", (char *)phase, "--trace",   trace,  NULL};
+    s->pid = spawn(find_kneadd(program), argv, pipes[1]);
+    close(pipes[1]);
+    // Wait for the first line of kneadd's output, which kneadd prints as soon as it serves the scene.
+    s->said = fdopen(pipes[0], "r");
+    if (s->pid && s->said && fgets(s->greeting, sizeof s->greeting, s->said)) return KN_EXIT_OK;
+    int status = 0, pid = s->pid;
+    s->pid = 0;
+    if (pid) waitpid(pid, &status, 0);
+    // If kneadd ended with an exit code, it has already printed the error.
+    if (pid && WIFEXITED(status) && WEXITSTATUS(status) != 127) return WEXITSTATUS(status);
+    return kn_complain("latency", KN_EXIT_DEVICE, "kneadd cannot be run: expected it beside knead, or in PATH");
+}
+
+// Copy the times of each tick's stages from kneadd's trace to the poses. The rows of the trace and the poses have the
+// same order. A pose that two ticks used gets the times of the first tick.
+static void take_stages(FILE *trace, kn_flights *poses)
+{
+    char line[512];
+    kn_flight row;
+    for (int at = 0; fgets(line, sizeof line, trace);) {
+        if (sscanf(line, "%*[^,],%*[^,],%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64 ",%" SCNd64,
+                   &row.session, &row.seq, &row.arrived_ns, &row.woke_ns, &row.stepped_ns, &row.guarded_ns) != 6)
+            continue;
+        kn_flight *pose = find_pose(poses, &row, &at);
+        if (!pose || pose->woke_ns) continue;
+        pose->arrived_ns = row.arrived_ns;
+        pose->woke_ns = row.woke_ns;
+        pose->stepped_ns = row.stepped_ns;
+        pose->guarded_ns = row.guarded_ns;
+    }
+}
+
+bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses)
+{
+    // Wait until kneadd has exited, because it writes the end of its trace before.
+    int status = 0;
+    if (s->pid) {
+        kill(s->pid, SIGTERM);
+        waitpid(s->pid, &status, 0);
+    }
+    s->pid = 0;
+    if (s->said) fclose(s->said);
+    s->said = NULL;
+    FILE *trace = s->trace >= 0 ? fdopen(s->trace, "r") : NULL;
+    if (trace) {
+        rewind(trace);
+        take_stages(trace, poses);
+        fclose(trace);
+    }
+    s->trace = -1;
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }

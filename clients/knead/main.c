@@ -1,6 +1,6 @@
 // knead: all tools for the daemon kneadd in one command, with one file per subcommand. See commands.h.
-#include "clients/knead/commands.h"
-#include "clients/knead/result.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
 #include "server/rt.h"
 #include <stdbool.h>
 #include <stdio.h>

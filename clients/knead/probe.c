@@ -1,16 +1,15 @@
-// knead probe: a virtual haptic device at 1 kHz. hand.h contains the hand, player.h the state that other threads can
-// read, and device.h the thread. This file contains the steps of a session in order, and the messages to the user.
-#include "clients/knead/commands.h"
-#include "clients/knead/dent.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/grasp.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/join.h"
-#include "clients/knead/player.h"
+// knead probe: a virtual haptic device at 1 kHz. virtual_hand.h contains the hand, the state that other threads
+// can read, and the thread. This file contains the steps of a session in order, and the messages to the user.
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/closed_loop_hand.h"
+#include "clients/hand/haptic_loop.h"
+#include "clients/hand/session_record.h"
+#include "clients/hand/tool_height.h"
+#include "clients/hand/virtual_hand.h"
 #include "clients/knead/probe_options.h"
-#include "clients/knead/profile.h"
-#include "clients/knead/report.h"
-#include "clients/knead/result.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
 #include <errno.h>
@@ -18,7 +17,6 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 static const int scene_wait_ms = 4000;          // longest wait for KNEAD_SCENE, which kneadd sends every 1 s
@@ -39,16 +37,16 @@ typedef struct probe {
     kn_probe_options opt;
     kn_scene *scene;
     const kn_probe_def *tool;
-    kn_path *path[KN_HAND_TRIES]; // one path for each try; a path from a file is used for all tries
-    bool regenerate;              // true: paths are generated, one for each try
-    bool no_way;                  // true: no path could be made for the next try
-    kn_record *record;
-    kn_join *mesh_bus;
+    kn_tool_path *path[KN_HAND_TRIES]; // one path for each try; a path from a file is used for all tries
+    bool regenerate;                   // true: paths are generated, one for each try
+    bool no_way;                       // true: no path could be made for the next try
+    kn_session_record *record;
+    kn_bus_client *mesh_bus;
     kn_mesh mesh;
-    uint8_t *top; // marks the vertices of the mesh's top face, see kn_dent_top
-    kn_player player;
-    kn_grasp grasp; // the player's hand with a simulated device in it, if --hand was given
-    kn_device device;
+    uint8_t *top; // marks the vertices of the mesh's top face, see kn_tool_height_top
+    kn_hand_player player;
+    kn_closed_loop_hand grasp; // the player's hand with a simulated device in it, if --hand was given
+    kn_virtual_device device;
     double x_m, y_m; // place of the path's lowest point, at which the depth of the dent is measured
     double before_m; // height of the object at (x_m, y_m) before the session; NAN: this place is beside the object
     char error[512];
@@ -78,7 +76,8 @@ static int find_tool(probe *p)
     for (int i = 0; i < def->probe_count && p->opt.gripped && !p->opt.probe && !p->tool; i++)
         if (def->probe[i].coupling_n_m > 0.0) p->tool = &def->probe[i];
     for (int i = 0; i < def->probe_count && !p->tool; i++)
-        if (round ? !kn_foot_flat(def->probe[i].shape) : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
+        if (round ? !kn_tool_height_flat(def->probe[i].shape)
+                  : !p->opt.probe || !strcmp(p->opt.probe, def->probe[i].name))
             p->tool = &def->probe[i];
     // If the scene has no round tool, use its first tool.
     if (!p->tool && round && def->probe_count > 0) p->tool = &def->probe[0];
@@ -96,7 +95,7 @@ static int load_path(probe *p)
 {
     const char *path = p->opt.path;
     if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke")) return KN_EXIT_OK;
-    p->path[0] = kn_path_load(path, p->error, sizeof p->error);
+    p->path[0] = kn_tool_path_load(path, p->error, sizeof p->error);
     if (p->path[0]) return KN_EXIT_OK;
     fprintf(stderr, "%s\n", p->error);
     return KN_EXIT_USAGE;
@@ -105,10 +104,10 @@ static int load_path(probe *p)
 // Join the bus of poses and forces, wait for the scene and choose the tool.
 static int find_scene(probe *p)
 {
-    p->record = kn_record_open(p->opt.lcm_url, p->error, sizeof p->error);
+    p->record = kn_session_record_open(p->opt.lcm_url, p->error, sizeof p->error);
     if (!p->record) return complain(KN_EXIT_DEVICE, p->error);
-    if (!kn_record_scene(p->record, scene_wait_ms))
-        return kn_complain("probe", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_join_why(KN_JOIN_ASK));
+    if (!kn_session_record_scene(p->record, scene_wait_ms))
+        return kn_complain("probe", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_bus_client_why(KN_BUS_CLIENT_ASK));
     const char *text = p->record->scene_text;
     p->scene = kn_scene_parse(p->record->scene_name, text, strlen(text), NULL, 0, p->error, sizeof p->error);
     return p->scene ? find_tool(p) : complain(KN_EXIT_USAGE, p->error);
@@ -125,7 +124,7 @@ static void on_mesh(const lcm_recv_buf_t *buf, const char *channel, void *self)
 static bool look(probe *p, int64_t after_tick)
 {
     for (int64_t end_ns = kn_now_ns() + mesh_wait_ns; kn_now_ns() < end_ns && !interrupted;) {
-        kn_join_handle(p->mesh_bus, 50);
+        kn_bus_client_handle(p->mesh_bus, 50);
         if (p->mesh.whole && p->mesh.tick > after_tick) return true;
     }
     return false;
@@ -134,13 +133,13 @@ static bool look(probe *p, int64_t after_tick)
 // Join the bus of meshes, wait for the first mesh, and check that the mesh belongs to the scene.
 static int open_mesh(probe *p)
 {
-    p->mesh_bus = kn_join_open(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
+    p->mesh_bus = kn_bus_client_open(p->opt.mesh_url, KN_MESH_URL, p->error, sizeof p->error);
     if (!p->mesh_bus) return complain(KN_EXIT_DEVICE, p->error);
-    kn_join_hear(p->mesh_bus, "KNEAD_MESH_INIT", on_mesh, p);
-    kn_join_hear(p->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, p);
+    kn_bus_client_hear(p->mesh_bus, "KNEAD_MESH_INIT", on_mesh, p);
+    kn_bus_client_hear(p->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, p);
     if (!look(p, -1)) return complain(KN_EXIT_DEVICE, "no mesh for 3 s; is --mesh-url kneadd's?");
     int vertices = 0;
-    p->top = kn_dent_top(&p->scene->model, &vertices);
+    p->top = kn_tool_height_top(&p->scene->model, &vertices);
     if (!p->top) return complain(KN_EXIT_INTERNAL, "out of memory");
     if (vertices == p->mesh.vertex_count) return KN_EXIT_OK;
     return complain(KN_EXIT_DEVICE, "the mesh is not that of the scene; is --mesh-url that of the same kneadd?");
@@ -151,8 +150,8 @@ static void find_deepest(probe *p)
 {
     double lowest_m = INFINITY;
     for (double t = 0.0; t <= p->path[0]->duration_s; t += 1e-3) {
-        kn_path_point point;
-        kn_path_at(p->path[0], t, &point);
+        kn_tool_path_point point;
+        kn_tool_path_at(p->path[0], t, &point);
         if (point.position_m[2] >= lowest_m) continue;
         lowest_m = point.position_m[2];
         p->x_m = point.position_m[0];
@@ -163,16 +162,16 @@ static void find_deepest(probe *p)
 // Generate the path for the present mesh, because the height of first contact depends on earlier kneading. A press goes
 // to a depth below the top of the untouched block. All other paths go to a depth below the present height of contact.
 // `again`: an earlier try has failed. On failure print one line on stderr and return NULL.
-static kn_path *generate(probe *p, bool again)
+static kn_tool_path *generate(probe *p, bool again)
 {
     const kn_model_def *def = &p->scene->model;
-    kn_path_def shape = p->opt.shape;
+    kn_tool_path_def shape = p->opt.shape;
     double extent_m[3], lowest_touch_m;
     kn_model_def_extent(def, extent_m);
     double height_m = extent_m[2];
-    double tool_m = kn_foot_m(p->tool);
+    double tool_m = kn_tool_height_m(p->tool);
     bool press = !strcmp(p->opt.path, "press");
-    if (!kn_dent_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
+    if (!kn_tool_height_touch(&p->mesh, p->top, def->spacing_m, p->tool, 0.0, 0.0, &shape.touch_z_m, &lowest_touch_m)) {
         complain(KN_EXIT_DEVICE, "the object has moved away from under the tool");
         return NULL;
     }
@@ -196,13 +195,13 @@ static kn_path *generate(probe *p, bool again)
     double uneven_m = shape.touch_z_m - lowest_touch_m;
     // A flat tool on an uneven top first sinks until it touches everywhere.
     if (press && uneven_m > even_m) shape.uneven_m = fmin(fmin(uneven_m, most_uneven_m), 0.5 * shape.depth_m);
-    kn_path *path = press                          ? kn_path_press(&shape)
-                    : !strcmp(p->opt.path, "sine") ? kn_path_sine(&shape)
-                                                   : kn_path_poke(&shape);
+    kn_tool_path *path = press                          ? kn_tool_path_press(&shape)
+                         : !strcmp(p->opt.path, "sine") ? kn_tool_path_sine(&shape)
+                                                        : kn_tool_path_poke(&shape);
     if (!path) complain(KN_EXIT_INTERNAL, "out of memory");
-    if (!path || path->duration_s <= KN_PATH_LONGEST_S) return path;
+    if (!path || path->duration_s <= KN_TOOL_PATH_LONGEST_S) return path;
     fprintf(stderr, "knead probe: --hold, --speed: a path of %.3g s, expected a day at most\n", path->duration_s);
-    kn_path_destroy(path);
+    kn_tool_path_destroy(path);
     return NULL;
 }
 
@@ -215,16 +214,8 @@ static int make_path(probe *p)
     if (!p->path[0]) return KN_EXIT_USAGE;
     find_deepest(p);
     // The lowest point of the path is beside the object.
-    if (!kn_dent_height(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN;
+    if (!kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN;
     return KN_EXIT_OK;
-}
-
-// Return a random session number.
-static int64_t random_session(void)
-{
-    int64_t session = 0;
-    if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & INT64_MAX) | 1 << 8; // positive; the sessions of further tries have the next numbers
 }
 
 // Prepare the simulated device of --hand from the scene, the tool and --device.
@@ -233,24 +224,25 @@ static int take_device(probe *p)
     if (p->tool->coupling_n_m == 0.0)
         fprintf(stderr, "knead probe: %s follows its pose rigidly and may chatter where a coupled tool would not\n",
                 p->tool->name);
-    kn_grasp_def def = {.grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
-    def.render = (kn_render_def){.device = p->scene->device,
-                                 .coupling_n_m = p->tool->coupling_n_m,
-                                 .coupling_n_s_m = p->tool->coupling_n_s_m,
-                                 .radius_m = p->tool->radius_m,
-                                 .level = p->tool->shape == KN_PROBE_PLATE,
-                                 .guard_n_per_ms = p->scene->limits.guard_n_per_ms,
-                                 .local = p->opt.local,
-                                 .held = p->opt.held};
+    kn_closed_loop_hand_def def = {
+        .grip = p->opt.grip, .axes = p->opt.axes, .delay_ms = p->opt.delay_ms, .loss = p->opt.loss};
+    def.render = (kn_haptic_render_def){.device = p->scene->device,
+                                        .coupling_n_m = p->tool->coupling_n_m,
+                                        .coupling_n_s_m = p->tool->coupling_n_s_m,
+                                        .radius_m = p->tool->radius_m,
+                                        .level = p->tool->shape == KN_PROBE_PLATE,
+                                        .guard_n_per_ms = p->scene->limits.guard_n_per_ms,
+                                        .local = p->opt.local,
+                                        .held = p->opt.held};
     kn_device_def *d = &def.render.device;
-    int code = p->opt.device ? kn_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
+    int code = p->opt.device ? kn_device_profile_load(d, "probe", p->opt.device, NULL, 0) : KN_EXIT_OK;
     d->force_scale = p->scene->device.force_scale; // kneadd scales the force, so use the factor of the scene's device
     // The simulated arm uses the axes and lengths of the scene, so the device is mounted without rotation and scaling.
     d->scale = 1.0;
     memcpy(d->basis, (double[]){1, 2, 3}, sizeof d->basis);
     memcpy(d->rotation_wxyz, (double[]){1, 0, 0, 0}, sizeof d->rotation_wxyz);
     memset(d->position_m, 0, sizeof d->position_m);
-    kn_grasp_init(&p->grasp, &def, &p->player);
+    kn_closed_loop_hand_init(&p->grasp, &def, &p->player);
     return code;
 }
 
@@ -261,32 +253,32 @@ static int start(probe *p)
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
-    kn_path_point begin;
-    kn_path_at(p->path[0], 0.0, &begin);
+    kn_tool_path_point begin;
+    kn_tool_path_at(p->path[0], 0.0, &begin);
     kn_hand_def def = {.path = p->path[0],
-                       .session = random_session(),
+                       .session = kn_hand_session(),
                        .tries = p->opt.tries,
                        .drop_at_ms = p->opt.drop_at_ms,
                        .drop_ms = p->opt.drop_ms};
     // With the local model, missing messages are tolerated for longer.
-    if (p->opt.local) def.hold_ms = KN_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_RENDER_LOCAL_ZERO_MS;
+    if (p->opt.local) def.hold_ms = KN_HAPTIC_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_HAPTIC_RENDER_LOCAL_ZERO_MS;
     double extent_m[3];
     kn_model_def_extent(&p->scene->model, extent_m);
     // A retreat lifts the tool above everything that kneading may have pushed up.
-    def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_foot_m(p->tool) + lift_m);
-    if (!kn_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
+    def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_tool_height_m(p->tool) + lift_m);
+    if (!kn_session_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     // Reserve rows for every try at twice the path's time, because the device's thread may not allocate.
     int tries = def.tries ? def.tries : KN_HAND_TRIES, try_ms = (int)(2e3 * p->path[0]->duration_s) + trip_ms;
-    if (p->opt.motors && !kn_motors_open(&p->player.motors, tries * try_ms))
+    if (p->opt.motors && !kn_motor_record_open(&p->player.motors, tries * try_ms))
         return complain(KN_EXIT_INTERNAL, "out of memory");
-    kn_player_init(&p->player, &def);
-    kn_device_hand *hand = p->opt.gripped ? kn_grasp_tick : kn_player_tick;
+    kn_hand_player_init(&p->player, &def);
+    kn_virtual_device_hand *hand = p->opt.gripped ? kn_closed_loop_hand_tick : kn_hand_player_tick;
     void *self = p->opt.gripped ? (void *)&p->grasp : &p->player;
-    if (!kn_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
+    if (!kn_virtual_device_start(&p->device, hand, self, p->opt.lcm_url, p->tool->name, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
     // Without real-time priority the probe still works, but its poses come less evenly.
-    int refused = kn_device_priority_error(&p->device);
+    int refused = kn_virtual_device_priority_error(&p->device);
     if (refused) fprintf(stderr, "knead probe: no real-time priority (%s): poses may come late\n", strerror(refused));
     return KN_EXIT_OK;
 }
@@ -339,7 +331,7 @@ static void attend(probe *p)
     bool bar = !p->opt.quiet && isatty(STDERR_FILENO);
     int told = 0, lifted = 0;
     for (bool done = false; !done && !interrupted && !p->no_way;) {
-        kn_join_handle(p->mesh_bus, 50); // receive mesh messages while waiting, so that p->mesh stays recent
+        kn_bus_client_handle(p->mesh_bus, 50); // receive mesh messages while waiting, so that p->mesh stays recent
         done = atomic_load(&p->device.done);
         int trips = atomic_load(&p->player.trips), mode = atomic_load(&p->player.mode);
         bool news = trips > told || (trips > lifted && mode != KN_HAND_RETREAT);
@@ -353,9 +345,13 @@ static void attend(probe *p)
     if (bar) clear_progress();
 }
 
-// Close a CSV file. If any write to the file failed, print an error message and return false.
-static bool close_csv(probe *p, FILE *out, const char *path)
+// Write one of the CSV files: the forces, or the forces of the motors. If any write to the file failed, print an error
+// message and return false.
+static bool write_csv(probe *p, const char *path, bool motors)
 {
+    FILE *out = fopen(path, "w");
+    if (out && motors) kn_motor_record_csv(out, &p->player.motors);
+    if (out && !motors) kn_session_report_csv(out, &p->player.hand, p->record, p->tool->name);
     bool ok = out && !ferror(out);
     if (out && fclose(out) != 0) ok = false;
     if (ok) return true;
@@ -364,24 +360,10 @@ static bool close_csv(probe *p, FILE *out, const char *path)
     return false;
 }
 
-static bool write_csv(probe *p)
-{
-    FILE *out = fopen(p->opt.csv, "w");
-    if (out) kn_report_csv(out, &p->player.hand, p->record, p->tool->name);
-    return close_csv(p, out, p->opt.csv);
-}
-
-static bool write_motors(probe *p)
-{
-    FILE *out = fopen(p->opt.motors, "w");
-    if (out) kn_motors_csv(out, &p->player.motors);
-    return close_csv(p, out, p->opt.motors);
-}
-
 // Find out whether kneadd still sends meshes, to explain missing answers.
 static const char *why_unanswered(probe *p)
 {
-    if (!look(p, p->mesh.tick)) return kn_join_why("kneadd has ended");
+    if (!look(p, p->mesh.tick)) return kn_bus_client_why("kneadd has ended");
     return "kneadd serves, but takes no pose of ours: another hand holds the tool, or kneadd's stderr says why";
 }
 
@@ -410,9 +392,9 @@ static int verdict(probe *p)
     return KN_EXIT_DEVICE;
 }
 
-static void print_grasp(const kn_grasp *g)
+static void print_grasp(const kn_closed_loop_hand *g)
 {
-    const kn_grasp_news *n = &g->news;
+    const kn_closed_loop_hand_news *n = &g->news;
     printf("  device          %s in a hand: %s, %d ms of delay, %g %% lost\n", g->def.render.device.name,
            kn_grip_name(g->def.grip), g->def.delay_ms, 100.0 * g->def.loss);
     printf("  buzz            %8.3f N    above 10 Hz in the loudest second; %d turns in the busiest: %s\n",
@@ -429,7 +411,7 @@ static void print_grasp(const kn_grasp *g)
 }
 
 // Write the table as JSON.
-static void tell_result(const probe *p, const kn_report *r)
+static void tell_result(const probe *p, const kn_session_report *r)
 {
     json_t *to = kn_result();
     kn_result_text(to, "scene", p->scene->name);
@@ -457,17 +439,17 @@ static void tell_result(const probe *p, const kn_report *r)
 // Stop the device's thread, and write the report and the output files. Return the exit code.
 static int finish(probe *p)
 {
-    kn_report report;
+    kn_session_report report;
     double after_m;
-    kn_device_stop(&p->device);
+    kn_virtual_device_stop(&p->device);
     int code = verdict(p);
-    bool written = kn_record_stop(p->record, p->error, sizeof p->error);
+    bool written = kn_session_record_stop(p->record, p->error, sizeof p->error);
     if (!written || p->record->out_of_memory) code = complain(KN_EXIT_DEVICE, written ? "out of memory" : p->error);
-    kn_report_make(&report, &p->player.hand, p->record);
+    kn_session_report_make(&report, &p->player.hand, p->record);
     int64_t last_tick = p->record->force_count ? p->record->force[p->record->force_count - 1].force.tick : -1;
     // The dent is the height before the session minus the height after it. The mesh must be later than the last force.
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
-        if (look(p, last_tick) && kn_dent_height(&p->mesh, p->x_m, p->y_m, &after_m))
+        if (look(p, last_tick) && kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &after_m))
             report.residual_m = p->before_m - after_m;
         else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
     }
@@ -477,7 +459,7 @@ static int finish(probe *p)
         kn_safety_init(&limited, &p->scene->limits);
         double scale = limited.limits.force_scale;
         tell_result(p, &report);
-        kn_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
+        kn_session_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
         if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
         printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
                atomic_load(&p->device.missed));
@@ -487,8 +469,8 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
-    if (p->opt.csv && !write_csv(p)) code = KN_EXIT_DEVICE;
-    if (p->opt.motors && !write_motors(p)) code = KN_EXIT_DEVICE;
+    if (p->opt.csv && !write_csv(p, p->opt.csv, false)) code = KN_EXIT_DEVICE;
+    if (p->opt.motors && !write_csv(p, p->opt.motors, true)) code = KN_EXIT_DEVICE;
     return code;
 }
 
@@ -508,17 +490,16 @@ static int run(probe *p)
 
 int kn_probe_main(int argc, char **argv)
 {
-    bool done = false;
     probe *p = calloc(1, sizeof *p);
     if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_probe_options_parse(&p->opt, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) code = run(p);
-    kn_join_close(p->mesh_bus);
+    int code = kn_probe_options_parse(&p->opt, argc, argv);
+    if (code == KN_OPTIONS_READ) code = run(p);
+    kn_bus_client_close(p->mesh_bus);
     kn_mesh_free(&p->mesh);
     free(p->top);
-    kn_record_destroy(p->record);
-    kn_motors_close(&p->player.motors);
-    for (int i = 0; i < KN_HAND_TRIES; i++) kn_path_destroy(p->path[i]);
+    kn_session_record_destroy(p->record);
+    kn_motor_record_close(&p->player.motors);
+    for (int i = 0; i < KN_HAND_TRIES; i++) kn_tool_path_destroy(p->path[i]);
     kn_scene_destroy(p->scene);
     free(p);
     return code;

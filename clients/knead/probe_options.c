@@ -1,14 +1,12 @@
 #include "clients/knead/probe_options.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/hand.h"
-#include "clients/knead/join.h"
-#include "clients/knead/result.h"
-#include "core/scene/units.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/virtual_hand.h"
+#include "core/scene/keys.h"
 #include <errno.h>
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -61,217 +59,108 @@ static const char help[] =
 // Default of kneadd's brake_m_s; kneadd damps a faster tool instead of following it.
 static const double fastest_m_s = 1.2;
 
-// Parse a quantity and convert it to `unit_text`. A number without a unit is accepted for seconds only. A length
-// without a unit is refused, because the user more likely means millimetres than metres.
-static bool quantity(const char *option, const char *text, const char *unit_text, const char *example, double *value)
-{
-    kn_unit unit;
-    kn_quantity q;
-    char why[128];
-    if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
-    if (kn_quantity_parse(&q, text, why, sizeof why) &&
-        ((q.bare && !strcmp(unit_text, "s")) || (!q.bare && kn_unit_same_dimension(&q.unit, &unit)))) {
-        *value = kn_quantity_in(&q, &unit);
-        // A duration of 0 s is valid for the option --hold only.
-        if (isfinite(*value) && (*value > 0.0 || (*value == 0.0 && !strcmp(option, "hold")))) return true;
-    }
-    fprintf(stderr, "knead probe: --%s %s: expected something like '%s'\n", option, text, example);
-    return false;
-}
-
-static bool tries(const char *text, int *value)
-{
-    char *end;
-    long n = strtol(text, &end, 10);
-    *value = (int)n;
-    if (end != text && !*end && n >= 1 && n <= KN_HAND_TRIES) return true;
-    fprintf(stderr, "knead probe: --tries %s: expected 1 to %d\n", text, KN_HAND_TRIES);
-    return false;
-}
-
 // Parse SECONDS:MILLISECONDS of --drop-at.
-static bool drop(const char *text, kn_probe_options *opt)
+static const char *take_drop(void *options, const char *text)
 {
-    double at_s;
-    int ms;
+    kn_probe_options *opt = options;
+    double at_s = -1.0;
     char rest;
-    if (sscanf(text, "%lf:%d%c", &at_s, &ms, &rest) == 2 && at_s >= 0.0 && at_s < 1e6 && ms > 0) {
-        opt->drop_at_ms = (int)lround(1e3 * at_s);
-        opt->drop_ms = ms;
-        return true;
-    }
-    fprintf(stderr, "knead probe: --drop-at %s: expected SECONDS:MILLISECONDS like 1.5:30\n", text);
-    return false;
+    const int parts = sscanf(text, "%lf:%d%c", &at_s, &opt->drop_ms, &rest);
+    opt->drop_at_ms = at_s >= 0.0 && at_s < 1e6 ? (int)lround(1e3 * at_s) : -1;
+    return parts == 2 && opt->drop_at_ms >= 0 && opt->drop_ms > 0 ? NULL : "SECONDS:MILLISECONDS like 1.5:30";
 }
 
-// Parse a fraction in the range 0 <= x < 1, as a number or in percent.
-static bool share(const char *text, double *value)
+// Parse the delay of a simulated link in whole ms. kn_closed_loop_hand keeps 256 slots, one for each ms.
+static const char *take_delay(void *delay_ms, const char *text)
 {
-    kn_quantity q;
-    kn_unit unit = {0};
-    char why[128];
-    if (kn_quantity_parse(&q, text, why, sizeof why) && kn_unit_same_dimension(&q.unit, &unit)) {
-        *value = kn_quantity_in(&q, &unit);
-        if (*value >= 0.0 && *value < 1.0) return true;
-    }
-    fprintf(stderr, "knead probe: --loss %s: expected a share below 1, like 20%%\n", text);
-    return false;
-}
-
-// Parse the delay of a simulated link in whole ms. kn_grasp keeps 256 slots, one for each ms.
-static bool delay(const char *text, int *value)
-{
+    int *value = delay_ms;
     double s;
-    if (!strcmp(text, "0") || !strcmp(text, "0 ms")) return true;
-    if (!quantity("delay", text, "s", "20 ms", &s)) return false;
+    if (!strcmp(text, "0") || !strcmp(text, "0 ms")) return NULL;
+    if (!kn_quantity_read(text, "s", true, KN_ABOVE_0, DBL_MAX, &s)) return "something like '20 ms'";
     *value = (int)lround(1e3 * s);
-    if (s < 0.2555 && fabs(1e3 * s - *value) < 1e-6) return true;
-    fprintf(stderr, "knead probe: --delay %s: expected whole milliseconds, at most 255\n", text);
-    return false;
+    return s < 0.2555 && fabs(1e3 * s - *value) < 1e-6 ? NULL : "whole milliseconds, at most 255";
 }
 
-static bool hand(const char *text, kn_probe_options *opt)
+static const char *take_grip(void *grip, const char *name) { return kn_grip_find(name, grip) ? NULL : kn_grip_names; }
+
+static const char *take_axes(void *axes, const char *text)
 {
-    opt->gripped = true;
-    if (kn_grip_find(text, &opt->grip)) return true;
-    fprintf(stderr, "knead probe: --hand %s: expected %s\n", text, kn_grip_names);
-    return false;
+    *(int *)axes = *text - '0';
+    return !strcmp(text, "1") || !strcmp(text, "3") ? NULL : "1 or 3";
 }
 
-static bool axes(const char *text, int *value)
-{
-    *value = *text - '0';
-    if ((*value == 1 || *value == 3) && !text[1]) return true;
-    fprintf(stderr, "knead probe: --axes %s: expected 1 or 3\n", text);
-    return false;
-}
-
-// Check the options of a simulated device: they mean nothing without --hand.
-static bool device_is_whole(const kn_probe_options *opt)
-{
-    if (opt->gripped && opt->local && opt->held) {
-        fprintf(stderr, "knead probe: --held with --local, which renders no force of kneadd's, expected one of them\n");
-        return false;
-    }
-    if (opt->gripped || !(opt->device || opt->axes || opt->delay_ms || opt->loss > 0.0 || opt->local || opt->held))
-        return true;
-    fprintf(stderr, "knead probe: %s without a hand on a device, expected --hand too\n",
-            opt->device     ? "--device"
-            : opt->axes     ? "--axes"
-            : opt->delay_ms ? "--delay"
-            : opt->local    ? "--local"
-            : opt->held     ? "--held"
-                            : "--loss");
-    return false;
-}
+#define REFUSE(...) return fprintf(stderr, "knead probe: " __VA_ARGS__), KN_EXIT_USAGE
 
 // Check the speed of a sine. A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t), so its peak speed is pi f d.
-static bool swing_is_slow(const kn_path_def *shape)
+static int check_sine(const kn_tool_path_def *shape)
 {
-    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_PATH_SWING_HZ;
-    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
-    if (peak_m_s <= fastest_m_s) return true;
-    fprintf(stderr,
-            "knead probe: a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n",
-            f, 1e3 * d, peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
-    return false;
+    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_TOOL_PATH_SWING_HZ;
+    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_TOOL_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
+    if (peak_m_s <= fastest_m_s) return KN_OPTIONS_READ;
+    REFUSE("a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f, 1e3 * d,
+           peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
 }
 
-static bool path_is_known(const char *path)
-{
-    if (!strcmp(path, "press") || !strcmp(path, "sine") || !strcmp(path, "poke") || access(path, R_OK) == 0)
-        return true;
-    fprintf(stderr, "knead probe: --path %s: expected press, sine, poke or a CSV file (%s)\n", path, strerror(errno));
-    return false;
-}
-
-static bool urls_are_known(const kn_probe_options *opt)
+// Check conditions between options, now that all options are known.
+static int check(const kn_probe_options *opt)
 {
     char error[256];
-    bool known = kn_join_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) &&
-                 kn_join_check(opt->mesh_url, KN_MESH_URL, error, sizeof error);
-    if (!known) fprintf(stderr, "knead probe: %s\n", error);
-    return known;
+    // Options of a simulated device mean nothing without --hand.
+    const char *alone = opt->device       ? "--device"
+                        : opt->axes       ? "--axes"
+                        : opt->delay_ms   ? "--delay"
+                        : opt->local      ? "--local"
+                        : opt->held       ? "--held"
+                        : opt->loss > 0.0 ? "--loss"
+                                          : NULL;
+    if (opt->gripped && opt->local && opt->held)
+        REFUSE("--held with --local, which renders no force of kneadd's, expected one of them\n");
+    if (alone && !opt->gripped) REFUSE("%s without a hand on a device, expected --hand too\n", alone);
+    if (kn_choice_of("press|sine|poke", opt->path) < 0 && access(opt->path, R_OK) != 0)
+        REFUSE("--path %s: expected press, sine, poke or a CSV file (%s)\n", opt->path, strerror(errno));
+    if (!kn_bus_client_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_bus_client_check(opt->mesh_url, KN_MESH_URL, error, sizeof error))
+        REFUSE("%s\n", error);
+    return KN_OPTIONS_READ;
 }
 
-int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv, bool *done)
+#define AT(member) .offset = offsetof(kn_probe_options, member)
+static const kn_option rows[] = {
+    KN_OPTION("path", TEXT, AT(path)),
+    KN_OPTION("probe", TEXT, AT(probe)),
+    KN_OPTION("hold", QUANTITY, AT(shape.hold_s), .unit = "s", KN_RANGE(0, DBL_MAX),
+              .expected = "something like '4 s'"),
+    KN_OPTION("depth", QUANTITY, AT(shape.depth_m), .unit = "m", .expected = "something like '10 mm'"),
+    KN_OPTION("speed", QUANTITY, AT(shape.speed_m_s), .unit = "m/s", .expected = "something like '1 cm/s'"),
+    KN_OPTION("frequency", QUANTITY, AT(shape.frequency_hz), .unit = "Hz", .expected = "something like '2 Hz'"),
+    KN_OPTION("record", TEXT, AT(record)),
+    KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("motors", TEXT, AT(motors)),
+    KN_OPTION("tries", INTEGER, AT(tries), KN_RANGE(1, KN_HAND_TRIES)),
+    KN_OPTION("drop-at", SPECIAL, .take = take_drop),
+    KN_OPTION("lcm-url", TEXT, AT(lcm_url)),
+    KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+    KN_OPTION("quiet", FLAG, AT(quiet)),
+    KN_OPTION("json", CALL, .call = kn_result_open),
+    KN_OPTION("hand", SPECIAL, AT(grip), .take = take_grip, .given = offsetof(kn_probe_options, gripped)),
+    KN_OPTION("device", TEXT, AT(device)),
+    KN_OPTION("axes", SPECIAL, AT(axes), .take = take_axes),
+    KN_OPTION("delay", SPECIAL, AT(delay_ms), .take = take_delay),
+    KN_OPTION("loss", QUANTITY, AT(loss), .unit = "1", KN_RANGE(0, KN_BELOW_1),
+              .expected = "a share below 1, like 20%"),
+    KN_OPTION("local", FLAG, AT(local)),
+    KN_OPTION("held", FLAG, AT(held)),
+};
+
+int kn_probe_options_parse(kn_probe_options *opt, int argc, char **argv)
 {
-    enum {
-        PATH = 256,
-        PROBE,
-        HOLD,
-        DEPTH,
-        SPEED,
-        FREQUENCY,
-        RECORD,
-        CSV,
-        TRIES,
-        DROP,
-        LCM_URL,
-        MESH_URL,
-        QUIET,
-        JSON,
-        HELP,
-        HAND,
-        DEVICE,
-        AXES,
-        DELAY,
-        LOSS,
-        LOCAL,
-        HELD,
-        MOTORS
-    };
-    static const struct option list[] = {
-        {"path", 1, 0, PATH},     {"probe", 1, 0, PROBE},         {"hold", 1, 0, HOLD},         {"depth", 1, 0, DEPTH},
-        {"speed", 1, 0, SPEED},   {"frequency", 1, 0, FREQUENCY}, {"record", 1, 0, RECORD},     {"csv", 1, 0, CSV},
-        {"tries", 1, 0, TRIES},   {"drop-at", 1, 0, DROP},        {"lcm-url", 1, 0, LCM_URL},   {"quiet", 0, 0, QUIET},
-        {"json", 0, 0, JSON},     {"help", 0, 0, HELP},           {"mesh-url", 1, 0, MESH_URL}, {"hand", 1, 0, HAND},
-        {"device", 1, 0, DEVICE}, {"axes", 1, 0, AXES},           {"delay", 1, 0, DELAY},       {"loss", 1, 0, LOSS},
-        {"local", 0, 0, LOCAL},   {"held", 0, 0, HELD},           {"motors", 1, 0, MOTORS},     {0, 0, 0, 0}};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .always_named = true,
+                                          .unknown = "unknown option; knead probe --help lists them"};
     // A hold below 0 selects the default, because 0 s is a valid hold.
     *opt = (kn_probe_options){.path = "press", .shape.hold_s = -1.0};
-    optind = 1;
-    bool ok = true;
-    for (int c; ok && (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case PATH: opt->path = optarg; break;
-        case PROBE: opt->probe = optarg; break;
-        case HOLD: ok = quantity("hold", optarg, "s", "4 s", &opt->shape.hold_s); break;
-        case DEPTH: ok = quantity("depth", optarg, "m", "10 mm", &opt->shape.depth_m); break;
-        case SPEED: ok = quantity("speed", optarg, "m/s", "1 cm/s", &opt->shape.speed_m_s); break;
-        case FREQUENCY: ok = quantity("frequency", optarg, "Hz", "2 Hz", &opt->shape.frequency_hz); break;
-        case RECORD: opt->record = optarg; break;
-        case CSV: opt->csv = optarg; break;
-        case MOTORS: opt->motors = optarg; break;
-        case TRIES: ok = tries(optarg, &opt->tries); break;
-        case DROP: ok = drop(optarg, opt); break;
-        case LCM_URL: opt->lcm_url = optarg; break;
-        case MESH_URL: opt->mesh_url = optarg; break;
-        case QUIET: opt->quiet = true; break;
-        case JSON: kn_result_open(); break;
-        case HAND: ok = hand(optarg, opt); break;
-        case DEVICE: opt->device = optarg; break;
-        case AXES: ok = axes(optarg, &opt->axes); break;
-        case DELAY: ok = delay(optarg, &opt->delay_ms); break;
-        case LOSS: ok = share(optarg, &opt->loss); break;
-        case LOCAL: opt->local = true; break;
-        case HELD: opt->held = true; break;
-        case HELP:
-            *done = true;
-            fputs(help, stdout);
-            return KN_EXIT_OK;
-        default:
-            fprintf(stderr, "knead probe: %s: %s\n", argv[optind - 1],
-                    c == ':' ? "expected a value" : "unknown option; knead probe --help lists them");
-            ok = false;
-        }
-    }
-    if (ok && optind < argc) {
-        fprintf(stderr, "knead probe: `%s`: expected options only; knead probe --help lists them\n", argv[optind]);
-        ok = false;
-    }
-    // Check conditions between options, now that all options are known.
-    if (ok && !strcmp(opt->path, "sine")) ok = swing_is_slow(&opt->shape);
-    if (ok) ok = device_is_whole(opt) && path_is_known(opt->path) && urls_are_known(opt);
-    return ok ? KN_EXIT_OK : KN_EXIT_USAGE;
+    const int code = kn_options_read(&table, opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (optind < argc) REFUSE("`%s`: expected options only; knead probe --help lists them\n", argv[optind]);
+    const int swings = strcmp(opt->path, "sine") ? code : check_sine(&opt->shape);
+    return swings == KN_OPTIONS_READ ? check(opt) : swings;
 }

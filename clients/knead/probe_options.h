@@ -1,8 +1,9 @@
 #ifndef KN_CLIENTS_PROBE_OPTIONS_H
 #define KN_CLIENTS_PROBE_OPTIONS_H
 // Command line of `knead probe`. Lengths, times and speeds are written with their units, as in scenes.
-#include "clients/knead/arm.h"
-#include "clients/knead/path.h"
+#include "clients/hand/haptic_loop.h"
+#include "clients/hand/tool_path.h"
+#include "server/option_table.h"
 #include <stdbool.h>
 
 typedef struct kn_probe_options {
@@ -12,7 +13,7 @@ typedef struct kn_probe_options {
     // Names of output files, and URLs of the two buses; NULL: no such file, or the default URL.
     const char *record, *csv, *motors, *lcm_url, *mesh_url;
     // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
-    kn_path_def shape;
+    kn_tool_path_def shape;
     int drop_at_ms, drop_ms, tries;
     // --hand: a hand follows the path and grips a simulated device, so path and forces together move the tool. Without
     // the option --hand the tool follows the path exactly.
@@ -25,8 +26,7 @@ typedef struct kn_probe_options {
     bool quiet;
 } kn_probe_options;
 
-// Parse the command line. Return KN_EXIT_OK, or print one line on stderr and return KN_EXIT_USAGE. *done: --help was
-// answered and nothing is left to do.
-int kn_probe_options_parse(kn_probe_options *options, int argc, char **argv, bool *done);
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+int kn_probe_options_parse(kn_probe_options *options, int argc, char **argv);
 
 #endif

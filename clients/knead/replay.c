@@ -1,19 +1,19 @@
 // knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/replay.h makes the replay.
 // This file writes the results and messages.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/result.h"
-#include "clients/knead/rows.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/result.h"
+#include "clients/hand/session_record.h"
 #include "core/hash.h"
+#include "core/scene/keys.h"
 #include "server/backend/fpga.h"
 #include "server/clock.h"
 #include "server/log.h"
+#include "server/option_table.h"
 #include "server/replay.h"
 #include "server/wire.h"
 #include <errno.h>
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -74,89 +74,77 @@ typedef struct replay_run {
 
 // ---- options
 
-static int bad(const char *option, const char *value, const char *expected)
-{
-    return kn_complain("replay", KN_EXIT_USAGE, "--%s %s: expected %s", option, value, expected);
-}
-
-// Add a set `key=value` with a unit. If `key` is NULL, `value` is a complete set of the user.
-static int add_set(replay_options *opt, const char *key, const char *value, const char *unit)
+// Add a set `key=value` with a unit. If `key` is NULL, `value` is a complete set of the user. Return NULL, or
+// KN_OPTION_TOLD after a message.
+static const char *add_set(replay_options *opt, const char *key, const char *value, const char *unit)
 {
     int i = opt->def.set_count;
-    if (i == SETS_MAX) return bad("set", value, "at most 64 of them");
-    if (!key) opt->sets[i] = value;
-    else if (snprintf(opt->made[i], SET_SIZE, "%s=%s%s", key, value, unit) >= SET_SIZE)
-        return bad(key, value, "something shorter");
-    else opt->sets[i] = opt->made[i];
-    opt->def.set_count++;
-    return KN_EXIT_OK;
+    const bool full = i == SETS_MAX;
+    if (!full && (!key || snprintf(opt->made[i], SET_SIZE, "%s=%s%s", key, value, unit) < SET_SIZE)) {
+        opt->sets[opt->def.set_count++] = key ? opt->made[i] : value;
+        return NULL;
+    }
+    kn_complain("replay", KN_EXIT_USAGE, "--%s %s: expected %s", full ? "set" : key, value,
+                full ? "at most 64 of them" : "something shorter");
+    return KN_OPTION_TOLD;
 }
 
 // Set the kind of solver, or the linearisation of the implicit solver.
-static int set_solver(replay_options *opt, const char *name)
+static const char *take_solver(void *options, const char *name)
 {
-    opt->wide = !strcmp(name, "rk4") || !strcmp(name, "fixed");
-    if (!strcmp(name, "implicit") || opt->wide) return add_set(opt, "solver.kind", name, "");
-    if (!strcmp(name, "blend") || !strcmp(name, "secant") || !strcmp(name, "tangent"))
-        return add_set(opt, "solver.linearization", name, "");
-    return bad("solver", name, "implicit, rk4, fixed, blend, secant or tangent");
+    replay_options *opt = options;
+    const int choice = kn_choice_of("rk4|fixed|implicit|blend|secant|tangent", name);
+    opt->wide = choice == 0 || choice == 1;
+    if (choice < 0) return "implicit, rk4, fixed, blend, secant or tangent";
+    return add_set(opt, choice < 3 ? "solver.kind" : "solver.linearization", name, "");
 }
 
 // Choose the place of computation: this processor, the circuit (FPGA), or the twin (a bit-exact model of the circuit).
 // The circuit and its twin compute in integers, so both imply the fixed solver.
-static int set_backend(replay_options *opt, const char *name)
+static const char *take_backend(void *options, const char *name)
 {
+    replay_options *opt = options;
     char why[KN_LINK_WHY];
-    if (!strcmp(name, "cpu")) return KN_EXIT_OK;
+    if (!strcmp(name, "cpu")) return NULL;
     bool device = kn_backend_is_device(name);
-    if (device && !kn_link_is_uri(name, why)) return kn_complain("replay", KN_EXIT_USAGE, "--backend %s", why);
+    if (device && !kn_link_is_uri(name, why)) {
+        kn_complain("replay", KN_EXIT_USAGE, "--backend %s", why);
+        return KN_OPTION_TOLD;
+    }
     if (device) opt->def.device = name;
-    else if (strcmp(name, "fixed")) return bad("backend", name, "cpu, fixed, uart:, pty:, pcie: or shm:");
-    return set_solver(opt, "fixed");
+    else if (strcmp(name, "fixed")) return "cpu, fixed, uart:, pty:, pcie: or shm:";
+    return take_solver(opt, "fixed");
+}
+
+static const char *take_precision(void *options, const char *name)
+{
+    return kn_choice_of("f32|f64", name) < 0 ? "f32 or f64" : add_set(options, "solver.precision", name, "");
 }
 
 // A bare number is a time in seconds.
-static int set_dt(replay_options *opt, const char *text)
+static const char *take_dt(void *options, const char *text)
 {
     char *end;
     strtod(text, &end);
-    return add_set(opt, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
+    return add_set(options, "solver.dt", text, end != text && *end == '\0' ? " s" : "");
+}
+
+static const char *take_set(void *options, const char *text) { return add_set(options, NULL, text, ""); }
+
+static const char *take_quality(void *options, const char *name)
+{
+    const char *set = kn_quality_set(name);
+    return set ? take_set(options, set) : kn_quality_names;
 }
 
 // Add precision f64 if the user gave none and the solver is rk4 or fixed, which exist in f64 only. A refusal by the
 // scene then names the limit and not the precision.
-static int complete_solver(replay_options *opt)
+static const char *complete_solver(replay_options *opt)
 {
     static const char key[] = "solver.precision=";
     for (int i = 0; i < opt->def.set_count; i++)
-        if (!strncmp(opt->sets[i], key, sizeof key - 1)) return KN_EXIT_OK;
-    return opt->wide ? add_set(opt, "solver.precision", "f64", "") : KN_EXIT_OK;
-}
-
-static int take_option(replay_options *opt, int option, const char *value)
-{
-    switch (option) {
-    case 'c': opt->csv_path = value; return KN_EXIT_OK;
-    case 'o': opt->out_path = value; return KN_EXIT_OK;
-    case 'H': opt->hash = true; return KN_EXIT_OK;
-    case 'v': opt->verify = true; return KN_EXIT_OK;
-    case 'j': kn_result_open(); return KN_EXIT_OK;
-    case 'r':
-        opt->real_time = !strcmp(value, "real");
-        return opt->real_time || !strcmp(value, "max") ? KN_EXIT_OK : bad("speed", value, "max or real");
-    case 'S': opt->def.snapshot_path = value; return KN_EXIT_OK;
-    case 's': return set_solver(opt, value);
-    case 'p':
-        if (strcmp(value, "f32") && strcmp(value, "f64")) return bad("precision", value, "f32 or f64");
-        return add_set(opt, "solver.precision", value, "");
-    case 'd': return set_dt(opt, value);
-    case 'q':
-        if (!kn_quality_set(value)) return bad("quality", value, kn_quality_names);
-        return add_set(opt, NULL, kn_quality_set(value), "");
-    case 'b': return set_backend(opt, value);
-    case 'k': return add_set(opt, NULL, value, "");
-    default: return KN_EXIT_USAGE; // getopt has printed the reason
-    }
+        if (!strncmp(opt->sets[i], key, sizeof key - 1)) return NULL;
+    return opt->wide ? add_set(opt, "solver.precision", "f64", "") : NULL;
 }
 
 // Return true if the file starts with the magic number of an LCM event log.
@@ -169,33 +157,27 @@ static bool is_log(const char *path)
     return read && !memcmp(start, "\xED\xA1\xDA\x01", sizeof start);
 }
 
-static int parse(replay_options *opt, int argc, char **argv, bool *done)
+static int parse(replay_options *opt, int argc, char **argv)
 {
-    static const struct option options[] = {{"csv", required_argument, NULL, 'c'},
-                                            {"out", required_argument, NULL, 'o'},
-                                            {"hash", no_argument, NULL, 'H'},
-                                            {"verify", no_argument, NULL, 'v'},
-                                            {"speed", required_argument, NULL, 'r'},
-                                            {"snapshot", required_argument, NULL, 'S'},
-                                            {"solver", required_argument, NULL, 's'},
-                                            {"backend", required_argument, NULL, 'b'},
-                                            {"precision", required_argument, NULL, 'p'},
-                                            {"dt", required_argument, NULL, 'd'},
-                                            {"set", required_argument, NULL, 'k'},
-                                            {"quality", required_argument, NULL, 'q'},
-                                            {"json", no_argument, NULL, 'j'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
-    optind = 0; // restart getopt, because a test calls this function more than once
-    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
-        if (option == 'h') {
-            fputs(help, stdout);
-            *done = true;
-            return KN_EXIT_OK;
-        }
-        int code = take_option(opt, option, optarg);
-        if (code != KN_EXIT_OK) return code;
-    }
+#define AT(member) .offset = offsetof(replay_options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("csv", TEXT, AT(csv_path)),
+        KN_OPTION("out", TEXT, AT(out_path)),
+        KN_OPTION("hash", FLAG, AT(hash)),
+        KN_OPTION("verify", FLAG, AT(verify)),
+        KN_OPTION("speed", EITHER, AT(real_time), .unit = "max|real"),
+        KN_OPTION("snapshot", TEXT, AT(def.snapshot_path)),
+        KN_OPTION("solver", SPECIAL, .take = take_solver),
+        KN_OPTION("backend", SPECIAL, .take = take_backend),
+        KN_OPTION("precision", SPECIAL, .take = take_precision),
+        KN_OPTION("dt", SPECIAL, .take = take_dt),
+        KN_OPTION("set", SPECIAL, .take = take_set),
+        KN_OPTION("quality", SPECIAL, .take = take_quality),
+        KN_OPTION("json", CALL, .call = kn_result_open),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
+    const int code = kn_options_read(&table, opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     int files = argc - optind;
     if (files != 1 && files != 2)
         return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; see knead replay --help");
@@ -206,7 +188,7 @@ static int parse(replay_options *opt, int argc, char **argv, bool *done)
                            argv[optind], argv[argc - 1]);
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
-    return complete_solver(opt);
+    return complete_solver(opt) ? KN_EXIT_USAGE : code;
 }
 
 // ---- output log
@@ -522,10 +504,9 @@ static int play(replay_run *run)
 int kn_replay_main(int argc, char **argv)
 {
     replay_options opt = {0};
-    bool done = false;
     char error[512] = "";
-    int code = parse(&opt, argc, argv, &done);
-    if (code != KN_EXIT_OK || done) return code;
+    int code = parse(&opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     bool no_device = false;
     // If the circuit cannot be used, the device is at fault. Every other failure is bad input.
     opt.def.device_failed = &no_device;

@@ -1,12 +1,12 @@
 // knead stability: solves some thousands of small scenes with extreme parameters and compares each result with that of
-// a converged reference solver (trial.h).
-#include "clients/knead/atlas.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/result.h"
-#include <getopt.h>
+// a converged reference solver (stability_trial.h).
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
+#include "clients/sweep/stability_atlas.h"
+#include "server/option_table.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,79 +49,55 @@ typedef struct options {
 static void print_help(void)
 {
     fputs(help, stdout);
-    for (int f = 0; kn_families[f]; f++) printf("      %-10s    %s\n", kn_families[f], kn_family_about(f));
+    for (int f = 0; kn_stability_families[f]; f++)
+        printf("      %-10s    %s\n", kn_stability_families[f], kn_stability_family_about(f));
     fputs(help_end, stdout);
 }
 
-static int bad_family(const char *name)
+// Accept the name of a family of trials.
+static const char *take_family(void *family, const char *name)
 {
     char known[200] = "";
-    for (int f = 0; kn_families[f]; f++)
-        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", f ? ", " : "", kn_families[f]);
-    return kn_complain("stability", KN_EXIT_USAGE, "--family %s: expected one of %s", name, known);
-}
-
-static int take(options *opt, int option, const char *value)
-{
-    char rest;
-    switch (option) {
-    case 'q': opt->quick = true; return KN_EXIT_OK;
-    case 'J': kn_result_open(); return KN_EXIT_OK;
-    case 'f':
-        opt->family = value;
-        for (int f = 0; kn_families[f]; f++)
-            if (!strcmp(kn_families[f], value)) return KN_EXIT_OK;
-        return bad_family(value);
-    case 'j':
-        if (sscanf(value, "%d%c", &opt->jobs, &rest) == 1 && opt->jobs >= 1 && opt->jobs <= 256) return KN_EXIT_OK;
-        return kn_complain("stability", KN_EXIT_USAGE, "--jobs %s: expected a number of processes, 1 to 256", value);
-    case 'c': opt->csv = value; return KN_EXIT_OK;
-    default: opt->plot = value; return KN_EXIT_OK;
+    for (int f = 0; kn_stability_families[f]; f++) {
+        if (!strcmp(kn_stability_families[f], name)) return *(const char **)family = name, NULL;
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", f ? ", " : "", kn_stability_families[f]);
     }
-}
-
-static int parse(options *opt, int argc, char **argv, bool *done)
-{
-    static const struct option list[] = {{"quick", 0, 0, 'q'}, {"json", 0, 0, 'J'}, {"family", 1, 0, 'f'},
-                                         {"csv", 1, 0, 'c'},   {"plot", 1, 0, 'p'}, {"jobs", 1, 0, 'j'},
-                                         {"help", 0, 0, 'h'},  {0, 0, 0, 0}};
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        if (c == 'h') {
-            print_help();
-            *done = true;
-            return KN_EXIT_OK;
-        }
-        if (c == '?' || c == ':')
-            return kn_complain("stability", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; --help lists them");
-        int code = take(opt, c, optarg);
-        if (code != KN_EXIT_OK) return code;
-    }
-    if (optind < argc)
-        return kn_complain("stability", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
-    return KN_EXIT_OK;
+    kn_complain("stability", KN_EXIT_USAGE, "--family %s: expected one of %s", name, known);
+    return KN_OPTION_TOLD;
 }
 
 int kn_stability_main(int argc, char **argv)
 {
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("quick", FLAG, AT(quick)),
+        KN_OPTION("json", CALL, .call = kn_result_open),
+        KN_OPTION("family", SPECIAL, AT(family), .take = take_family),
+        KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("plot", TEXT, AT(plot)),
+        KN_OPTION("jobs", INTEGER, AT(jobs), .expected = "a number of processes, 1 to 256", KN_RANGE(1, 256)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .print_help = print_help,
+                                          .unknown = "unknown option; --help lists them"};
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     options opt = {.jobs = processors < 1 ? 1 : processors > 256 ? 256 : (int)processors};
-    bool done = false;
-    int code = parse(&opt, argc, argv, &done);
-    if (code != KN_EXIT_OK || done) return code;
+    int code = kn_options_read(&table, &opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (optind < argc)
+        return kn_complain("stability", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
+    code = KN_EXIT_OK;
     // Check that the outputs can be written before the long computation starts.
     if (opt.csv) code = kn_output_try("stability", opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_plot_try("stability", opt.plot);
     if (code != KN_EXIT_OK) return code;
-    kn_atlas atlas;
-    code = kn_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
+    kn_stability_atlas atlas;
+    code = kn_stability_atlas_survey(&atlas, opt.quick, opt.family, opt.jobs);
     if (code != KN_EXIT_OK) return code;
-    bool sound = kn_atlas_print(&atlas);
-    if (opt.csv) code = kn_atlas_write(&atlas, opt.csv);
-    if (code == KN_EXIT_OK && opt.plot) code = kn_atlas_draw(&atlas, opt.plot);
+    bool sound = kn_stability_atlas_print(&atlas);
+    if (opt.csv) code = kn_stability_atlas_write(&atlas, opt.csv);
+    if (code == KN_EXIT_OK && opt.plot) code = kn_stability_atlas_draw(&atlas, opt.plot);
     // Print the elapsed time to stderr, so that the text on stdout is the same in every run.
     if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
-    kn_atlas_free(&atlas);
+    kn_stability_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;
 }

@@ -1,11 +1,11 @@
 // knead touch: shows the contact of a tool on a running kneadd --touch, as a picture in the terminal, as lines or as
 // JSON.
-#include "clients/knead/commands.h"
-#include "clients/knead/join.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/live.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/hand/bus_client.h"
+#include "clients/hand/live_server.h"
 #include "proto/knead_touch_patch_t.h"
-#include <getopt.h>
+#include "server/option_table.h"
 #include <inttypes.h>
 #include <math.h>
 #include <poll.h>
@@ -39,7 +39,7 @@ static const char help[] =
 typedef struct watch {
     const char *probe, *url;
     double seconds; // time to run; INFINITY: run until a signal
-    bool json, once, draws, help;
+    bool json, once, draws;
     char name[64];             // name of the tool that is shown; "": not known yet
     knead_touch_patch_t patch; // newest contact patch of the tool
     // Counts of patch messages: all received; those received until the last picture was drawn; those with a contact.
@@ -50,40 +50,24 @@ typedef struct watch {
 
 // --- options --------------------------------------------------------------------------------------------------------
 
-static bool seconds(const char *text, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= 0.1 && *value <= 86400;
-}
-
 static int parse(watch *w, int argc, char **argv)
 {
-    static const struct option list[] = {
-        {"probe", 1, 0, 'p'},   {"json", 0, 0, 'j'}, {"once", 0, 0, 'o'}, {"seconds", 1, 0, 's'},
-        {"lcm-url", 1, 0, 'u'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
+#define AT(member) .offset = offsetof(watch, member)
+    static const kn_option rows[] = {
+        KN_OPTION("probe", TEXT, AT(probe)), KN_OPTION("json", FLAG, AT(json)),
+        KN_OPTION("once", FLAG, AT(once)),   KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(0.1, 86400)),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead touch --help lists them"};
     char error[256];
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case 'p': w->probe = optarg; break;
-        case 'j': w->json = true; break;
-        case 'o': w->once = true; break;
-        case 'u': w->url = optarg; break;
-        case 'h': w->help = true; return KN_EXIT_OK;
-        case 's':
-            if (seconds(optarg, &w->seconds)) break;
-            return kn_complain("touch", KN_EXIT_USAGE, "--seconds %s: expected 0.1 to 86400", optarg);
-        default:
-            return kn_complain("touch", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead touch --help lists them");
-        }
-    }
+    const int code = kn_options_read(&table, w, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("touch", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
     if (w->probe && (!*w->probe || strspn(w->probe, "abcdefghijklmnopqrstuvwxyz0123456789_") != strlen(w->probe) ||
                      strlen(w->probe) >= KN_NAME_MAX))
         return kn_complain("touch", KN_EXIT_USAGE, "--probe %s: expected a tool's name, [a-z0-9_]+", w->probe);
-    if (kn_join_check(w->url, KN_FORCE_URL, error, sizeof error)) return KN_EXIT_OK;
+    if (kn_bus_client_check(w->url, KN_FORCE_URL, error, sizeof error)) return code;
     return kn_complain("touch", KN_EXIT_USAGE, "%s", error);
 }
 
@@ -143,7 +127,7 @@ static void draw(watch *w)
     // Move the cursor back to the first line of the last picture.
     if (w->on_screen) printf("\033[%dA", CELLS + 3);
     printf("\r%s: ", w->name);
-    if (kn_live_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
+    if (kn_live_server_now_ms() - w->heard_ms > SILENCE_MS) printf("no hand holds the tool");
     else print_words(w);
     printf("\033[K\n  v +----------------+\033[K\n");
     for (int i = CELLS - 1; i >= 0; i--) {
@@ -186,7 +170,7 @@ static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *us
     if (strcmp(w->name, name) != 0) return;
     if (w->heard++ == 0) w->first_us = patch.utime;
     w->patch = patch;
-    w->heard_ms = kn_live_now_ms();
+    w->heard_ms = kn_live_server_now_ms();
     w->touched += patch.area_m2 > 0;
     if (w->draws || (w->once && w->touched == 0)) return;
     if (w->json) print_json(w);
@@ -203,11 +187,12 @@ static int64_t until_ms(const watch *w, int64_t start_ms)
 }
 
 // Receive patch messages and draw pictures until the program stops. Return the exit code.
-static int look(watch *w, kn_join *bus)
+static int look(watch *w, kn_bus_client *bus)
 {
-    int64_t start_ms = kn_live_now_ms(), drawn_ms = 0, now_ms = start_ms;
-    for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout); now_ms = kn_live_now_ms()) {
-        kn_join_handle(bus, FRAME_MS);
+    int64_t start_ms = kn_live_server_now_ms(), drawn_ms = 0, now_ms = start_ms;
+    for (; now_ms < until_ms(w, start_ms) && !(w->once && w->touched) && !ferror(stdout);
+         now_ms = kn_live_server_now_ms()) {
+        kn_bus_client_handle(bus, FRAME_MS);
         // When messages stop, draw once more to say that nobody holds the tool.
         bool stale = w->heard && now_ms - w->heard_ms > SILENCE_MS;
         if (!w->draws || now_ms - drawn_ms < FRAME_MS || (w->heard == w->drawn && !stale)) continue;
@@ -218,7 +203,7 @@ static int look(watch *w, kn_join *bus)
     double waited_s = 1e-3 * (double)(now_ms - start_ms);
     if (w->heard == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "no " CHANNEL "%s for %.3g s: %s", w->probe ? w->probe : "*",
-                           waited_s, kn_join_why("is kneadd running with --touch, and a hand at the tool?"));
+                           waited_s, kn_bus_client_why("is kneadd running with --touch, and a hand at the tool?"));
     if (w->once && w->touched == 0)
         return kn_complain("touch", KN_EXIT_DEVICE, "%s touched nothing for %.3g s", w->name, waited_s);
     return KN_EXIT_OK;
@@ -229,14 +214,13 @@ int kn_touch_main(int argc, char **argv)
     watch w = {.seconds = INFINITY};
     char error[256], channel[64];
     int code = parse(&w, argc, argv);
-    if (code != KN_EXIT_OK) return code;
-    if (w.help) return fputs(help, stdout), KN_EXIT_OK;
+    if (code != KN_OPTIONS_READ) return code;
     w.draws = !w.json && isatty(STDOUT_FILENO);
     snprintf(channel, sizeof channel, CHANNEL "%s", w.probe ? w.probe : "*");
-    kn_join *bus = kn_join_open(w.url, KN_FORCE_URL, error, sizeof error);
+    kn_bus_client *bus = kn_bus_client_open(w.url, KN_FORCE_URL, error, sizeof error);
     if (!bus) return kn_complain("touch", KN_EXIT_DEVICE, "%s", error);
-    kn_join_hear(bus, channel, on_touch, &w);
+    kn_bus_client_hear(bus, channel, on_touch, &w);
     code = look(&w, bus);
-    kn_join_close(bus);
+    kn_bus_client_close(bus);
     return code;
 }

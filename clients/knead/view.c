@@ -1,43 +1,44 @@
 // knead view: draws an object from the bus, a recording or a snapshot, or a scene at rest.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/lineup.h"
-#include "clients/knead/view_film.h"
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/picture/video_file.h"
+#include "clients/picture/view_panels.h"
 #include "clients/viewer/image.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 // Move the source of each object to the time to draw, and make the object's still.
-static int look(kn_lineup *l, const kn_view_options *o, kn_extent *e)
+static int look(kn_view_panels *l, const kn_view_options *o, kn_view_extent *e)
 {
-    int code = kn_lineup_open(l, o);
+    int code = kn_view_panels_open(l, o);
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) {
-        kn_source *s = &l->source[i];
+        kn_view_source *s = &l->source[i];
         if (s->kind != KN_VIEW_LOG) continue;
-        code = kn_source_to(s, o->at_s[i]);
+        code = kn_view_source_to(s, o->at_s[i]);
         if (code == KN_EXIT_OK && s->ended && isfinite(o->at_s[i]))
             code = kn_complain("view", KN_EXIT_USAGE, "--at %g: %s ends at %.3f s", o->at_s[i], s->path, s->time_s);
     }
-    return code == KN_EXIT_OK ? kn_lineup_stills(l, e) : code;
+    return code == KN_EXIT_OK ? kn_view_panels_stills(l, e) : code;
 }
 
 // Draw one picture of all objects.
 static int picture(const kn_view_options *o)
 {
     char error[400];
-    kn_lineup l;
-    kn_extent e = kn_extent_none;
+    kn_view_panels l;
+    kn_view_extent e = kn_view_extent_none;
     int code = look(&l, o, &e);
-    if (code == KN_EXIT_OK) code = kn_lineup_shoot(&l, &e, l.panels > 1);
+    if (code == KN_EXIT_OK) code = kn_view_panels_shoot(&l, &e, l.panels > 1);
     if (code == KN_EXIT_OK && !kn_image_write_png(o->png, o->width, o->height, l.rgba, error, sizeof error))
         code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
     if (code == KN_EXIT_OK) printf("%s: %d x %d", o->png, o->width, o->height);
     for (int i = 0; code == KN_EXIT_OK && i < l.count; i++) printf("%s %s", i > 0 ? ";" : ",", l.still[i].caption);
     if (code == KN_EXIT_OK && o->compare) printf("; up to %.3g mm apart", 1e3 * e.most[1]);
     if (code == KN_EXIT_OK) putchar('\n');
-    kn_lineup_close(&l);
+    kn_view_panels_close(&l);
     return code;
 }
 
@@ -47,10 +48,10 @@ static int picture(const kn_view_options *o)
 static int range_image(const kn_view_options *o)
 {
     char error[400];
-    kn_lineup l;
-    kn_extent e = kn_extent_none;
+    kn_view_panels l;
+    kn_view_extent e = kn_view_extent_none;
     int code = look(&l, o, &e);
-    const kn_still *s = &l.still[0];
+    const kn_object_still *s = &l.still[0];
     uint16_t *level = malloc(2 * (size_t)o->width * (size_t)o->height);
     if (code == KN_EXIT_OK && !level) code = kn_complain("view", KN_EXIT_DEVICE, "out of memory");
     if (code == KN_EXIT_OK) {
@@ -68,7 +69,134 @@ static int range_image(const kn_view_options *o)
                    1e3 * r.highest_m);
     }
     free(level);
-    kn_lineup_close(&l);
+    kn_view_panels_close(&l);
+    return code;
+}
+
+// ---- a film
+
+typedef struct film { // state of a film that is being written
+    const kn_view_options *o;
+    bool live;
+    // Number of pictures of the film; 0: not known before the first pass over the recordings.
+    int pictures;
+    kn_view_extent extent; // range of values and places over all pictures, if known before the film is drawn
+    kn_view_panels lineup;
+    kn_video_file *out;
+} film;
+
+// Return the time of a picture in the recording, s.
+static double moment(const kn_view_options *o, int picture) { return o->from_s + picture * o->speed / o->fps; }
+
+// Return the number of ticks of all recordings together, for the progress bar. `all`: all ticks; otherwise the ticks
+// stepped so far.
+static double ticks(const kn_view_panels *l, bool all)
+{
+    double sum = 0;
+    for (int i = 0; i < l->count; i++)
+        if (l->source[i].replay) {
+            const kn_replay_tally *t = &l->source[i].replay->tally;
+            sum += (double)(all ? t->ticks_total : t->ticks);
+        }
+    return sum;
+}
+
+// Report an error if all recordings end before --from.
+static int check_from(const film *f)
+{
+    double last_s = -INFINITY;
+    for (int i = 0; i < f->lineup.count; i++)
+        if (f->lineup.source[i].kind == KN_VIEW_LOG) last_s = fmax(last_s, f->lineup.source[i].time_s);
+    if (last_s >= f->o->from_s) return KN_EXIT_OK;
+    return kn_complain("view", KN_EXIT_USAGE, "--from %g: %s ends at %.3f s", f->o->from_s,
+                       f->lineup.count > 1 ? "the last of the recordings" : f->o->file[0], last_s);
+}
+
+// Step through the recordings for the first time: count the pictures and measure the extent.
+static int survey(film *f)
+{
+    kn_view_panels *l = &f->lineup;
+    int code = kn_view_panels_open(l, f->o);
+    kn_progress bar = kn_progress_open("looking through", code == KN_EXIT_OK ? ticks(l, true) : 1);
+    while (code == KN_EXIT_OK && moment(f->o, f->pictures) <= f->o->to_s) {
+        code = kn_view_panels_to(l, moment(f->o, f->pictures));
+        if (code != KN_EXIT_OK || kn_view_panels_ended(l)) break; // no recording reaches the time of this picture
+        code = kn_view_panels_stills(l, &f->extent);
+        kn_view_panels_drop(l);
+        kn_progress_step(&bar, ticks(l, false));
+        f->pictures++;
+    }
+    kn_progress_close(&bar);
+    if (code == KN_EXIT_OK && f->pictures == 0) code = check_from(f);
+    // A recording of one tick begins and ends at the same time, so its film has one picture.
+    if (code == KN_EXIT_OK && f->pictures == 0) {
+        f->pictures = 1;
+        code = kn_view_panels_stills(l, &f->extent);
+    }
+    kn_view_panels_close(l);
+    return code;
+}
+
+// Draw all pictures and pass them to the film.
+static int shoot(film *f)
+{
+    const kn_view_options *o = f->o;
+    kn_view_panels *l = &f->lineup;
+    int code = KN_EXIT_OK;
+    kn_progress bar = kn_progress_open("film", f->pictures);
+    for (int picture = 0; code == KN_EXIT_OK && picture < f->pictures && !kn_interrupted; picture++) {
+        kn_view_extent now = f->extent;
+        code = kn_view_panels_to(l, moment(o, picture));
+        // A live object does not wait for a slow picture. For each picture time that was missed, the previous picture
+        // is repeated.
+        const bool late = f->live && picture > 0 && l->source[0].time_s > moment(o, picture + 1);
+        if (code == KN_EXIT_OK && !late) code = kn_view_panels_stills(l, &now);
+        if (code == KN_EXIT_OK && !late) code = kn_view_panels_shoot(l, f->live ? &now : &f->extent, !f->live);
+        kn_view_panels_drop(l);
+        // kn_video_file_keep reports the reason of the failure.
+        if (code == KN_EXIT_OK && !kn_video_file_add(f->out, l->rgba)) break;
+        kn_progress_step(&bar, picture + 1);
+    }
+    kn_progress_close(&bar);
+    return code;
+}
+
+// Open the film, draw the pictures, and keep the file if the film is complete.
+static int develop(film *f)
+{
+    char error[400];
+    const kn_view_options *o = f->o;
+    f->out = kn_video_file_open(o->video, o->width, o->height, o->fps, &kn_interrupted, error, sizeof error);
+    if (!f->out) return kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    const int code = shoot(f);
+    if (code != KN_EXIT_OK || kn_interrupted) return kn_video_file_drop(f->out), code;
+    if (!kn_video_file_keep(f->out, error, sizeof error))
+        return kn_interrupted ? KN_EXIT_OK : kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    printf("%s: %d x %d, %d pictures, %.1f s\n", o->video, o->width, o->height, f->pictures, f->pictures / o->fps);
+    return code;
+}
+
+// Write the film that --video asks for: of a recording, or of the object that a running kneadd serves. A recording is
+// replayed twice. The first pass finds values that hold for the whole film: the end of the colour scale, the box of all
+// places that the object reaches, and the number of pictures. So neither colours nor camera jump.
+static int make_film(const kn_view_options *o)
+{
+    char error[200];
+    film f = {.o = o, .live = o->file_count == 0, .extent = kn_view_extent_none};
+    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // otherwise the first pass counts the pictures
+    int code = kn_output_try("view", o->video);
+    if (code == KN_EXIT_OK && !kn_video_file_ready(error, sizeof error))
+        code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);
+    if (code == KN_EXIT_OK && !f.live) code = survey(&f);
+    if (code == KN_EXIT_OK) code = kn_view_panels_open(&f.lineup, o);
+    // Reopen the recordings for the second pass.
+    if (code == KN_EXIT_OK && !f.live) code = kn_view_panels_to(&f.lineup, o->from_s);
+    if (code == KN_EXIT_OK) {
+        kn_interrupt_watch(); // from here on an interrupt must clear away the unfinished film
+        code = develop(&f);
+    }
+    kn_view_panels_close(&f.lineup);
+    kn_interrupt_die();
     return code;
 }
 
@@ -76,7 +204,6 @@ int kn_view_main(int argc, char **argv)
 {
     kn_view_options o;
     int code = kn_view_parse(argc, argv, &o);
-    if (o.help) fputs(kn_view_help, stdout);
-    if (o.help || code != KN_EXIT_OK) return code;
-    return o.video ? kn_view_film(&o) : o.depth ? range_image(&o) : picture(&o);
+    if (code != KN_OPTIONS_READ) return code;
+    return o.video ? make_film(&o) : o.depth ? range_image(&o) : picture(&o);
 }

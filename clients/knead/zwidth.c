@@ -1,17 +1,13 @@
 // knead zwidth: finds, in simulation, the stiffest wall that a device can render without a buzz, for several delays and
 // frictions.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/output.h"
-#include "clients/knead/pad.h"
-#include "clients/knead/plot.h"
-#include "clients/knead/profile.h"
-#include "clients/knead/progress.h"
-#include "clients/knead/result.h"
-#include "clients/knead/rig.h"
-#include "clients/knead/slab.h"
-#include "clients/knead/table.h"
-#include <getopt.h>
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/plot.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
+#include "clients/hand/haptic_loop.h"
+#include "server/option_table.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -70,7 +66,7 @@ typedef struct zwidth {
     const char *sets[SETS];
     int set_count;
     kn_grip grip;
-    const kn_pad_def *material;
+    const kn_lumped_object_def *material;
     const char *scene_path, *tool;
     kn_scene *scene; // scene of the object; NULL: the object is the pad `material`
     bool quick;
@@ -83,33 +79,33 @@ typedef struct zwidth {
 } zwidth;
 
 // Run the loop on the lattice of the scene. A lattice that diverges counts as a buzz.
-static kn_rig_result on_lattice(const zwidth *z, const kn_rig_def *def)
+static kn_haptic_loop_result on_lattice(const zwidth *z, const kn_haptic_loop_def *def)
 {
-    kn_slab slab;
+    kn_lattice_object slab;
     char error[300];
     // load_scene has already opened this lattice with another coupling.
-    if (!kn_slab_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
-        return (kn_rig_result){.buzzes = true};
-    kn_rig_result result = kn_rig_run(def, kn_slab_touch, &slab);
+    if (!kn_lattice_object_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
+        return (kn_haptic_loop_result){.buzzes = true};
+    kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_lattice_object_touch, &slab);
     result.buzzes |= slab.diverged;
-    kn_slab_close(&slab);
+    kn_lattice_object_close(&slab);
     return result;
 }
 
 // Run the loop with one coupling. Return true if the loop buzzes.
 static bool buzzes(const zwidth *z, double friction_n_s_m, int trip, kn_coupling coupling)
 {
-    kn_pad_contact c = {.coupling = coupling};
-    kn_rig_def def = {.arm = kn_arm_of(&z->profile),
-                      .coupling = coupling,
-                      .trip_ms = trip,
-                      .motion = z->grip == KN_GRIP_NONE ? KN_RIG_LEAN : KN_RIG_PRESS};
+    kn_lumped_object_contact c = {.coupling = coupling};
+    kn_haptic_loop_def def = {.arm = kn_held_device_of(&z->profile),
+                              .coupling = coupling,
+                              .trip_ms = trip,
+                              .motion = z->grip == KN_GRIP_NONE ? KN_HAPTIC_LOOP_LEAN : KN_HAPTIC_LOOP_PRESS};
     def.arm.damping_n_s_m = friction_n_s_m;
     def.arm.grip = z->grip;
     def.arm.axes = 1;
     if (z->scene) return on_lattice(z, &def).buzzes;
-    kn_pad_init(&c.pad, z->material);
-    return kn_rig_run(&def, kn_pad_touch, &c).buzzes;
+    kn_lumped_object_init(&c.pad, z->material);
+    return kn_haptic_loop_run(&def, kn_lumped_object_touch, &c).buzzes;
 }
 
 // Find the largest coupling without a buzz by searching upwards until the first buzz. Larger couplings may be calm
@@ -213,69 +209,53 @@ static int draw(const zwidth *z)
     return kn_table_draw(&z->table, "zwidth", z->plot, title, axes, 2);
 }
 
-static int take_material(zwidth *z, const char *name)
+static const char *take_material(void *material, const char *name)
 {
-    for (int i = 0; i < KN_PADS; i++)
-        if (!strcmp(kn_pads[i].name, name)) {
-            z->material = &kn_pads[i];
-            return KN_EXIT_OK;
-        }
-    return kn_complain("zwidth", KN_EXIT_USAGE, "--material %s: expected wall, dough, clay, jelly or stiff-jelly",
-                       name);
+    for (int i = 0; i < KN_LUMPED_OBJECTS; i++)
+        if (!strcmp(kn_lumped_objects[i].name, name))
+            return *(const kn_lumped_object_def **)material = &kn_lumped_objects[i], NULL;
+    return "wall, dough, clay, jelly or stiff-jelly";
 }
 
-static int take(zwidth *z, int option, const char *value)
+static const char *take_set(void *survey, const char *set)
 {
-    switch (option) {
-    case 'd': z->device = value; return KN_EXIT_OK;
-    case 'c': z->csv = value; return KN_EXIT_OK;
-    case 'p': z->plot = value; return KN_EXIT_OK;
-    case 'S': z->scene_path = value; return KN_EXIT_OK;
-    case 't': z->tool = value; return KN_EXIT_OK;
-    case 'q': z->quick = true; return KN_EXIT_OK;
-    case 'j': kn_result_open(); return KN_EXIT_OK;
-    case 'm': return take_material(z, value);
-    case 's':
-        if (strncmp(value, "device.", 7) != 0)
-            return kn_complain("zwidth", KN_EXIT_USAGE, "--set %s: expected a key of the device, device.KEY=VALUE",
-                               value);
-        if (z->set_count == SETS) return kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
-        z->sets[z->set_count++] = value;
-        return KN_EXIT_OK;
-    default:
-        if (kn_grip_find(value, &z->grip)) return KN_EXIT_OK;
-        return kn_complain("zwidth", KN_EXIT_USAGE, "--hand %s: expected %s", value, kn_grip_names);
-    }
+    zwidth *z = survey;
+    if (strncmp(set, "device.", 7) != 0) return "a key of the device, device.KEY=VALUE";
+    if (z->set_count < SETS) return z->sets[z->set_count++] = set, NULL;
+    kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
+    return KN_OPTION_TOLD;
 }
 
-static int parse(zwidth *z, int argc, char **argv, bool *done)
+static const char *take_grip(void *grip, const char *name) { return kn_grip_find(name, grip) ? NULL : kn_grip_names; }
+
+static int parse(zwidth *z, int argc, char **argv)
 {
-    static const struct option list[] = {{"device", 1, 0, 'd'},   {"set", 1, 0, 's'},   {"hand", 1, 0, 'h'},
-                                         {"material", 1, 0, 'm'}, {"quick", 0, 0, 'q'}, {"csv", 1, 0, 'c'},
-                                         {"plot", 1, 0, 'p'},     {"json", 0, 0, 'j'},  {"scene", 1, 0, 'S'},
-                                         {"probe", 1, 0, 't'},    {"help", 0, 0, '!'},  {0, 0, 0, 0}};
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        if (c == '!') {
-            fputs(help, stdout);
-            *done = true;
-            return KN_EXIT_OK;
-        }
-        if (c == '?' || c == ':')
-            return kn_complain("zwidth", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; --help lists them");
-        int code = take(z, c, optarg);
-        if (code != KN_EXIT_OK) return code;
-    }
+#define AT(member) .offset = offsetof(zwidth, member)
+    static const kn_option rows[] = {
+        KN_OPTION("device", TEXT, AT(device)),
+        KN_OPTION("set", SPECIAL, .take = take_set),
+        KN_OPTION("hand", SPECIAL, AT(grip), .take = take_grip),
+        KN_OPTION("material", SPECIAL, AT(material), .take = take_material),
+        KN_OPTION("quick", FLAG, AT(quick)),
+        KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("plot", TEXT, AT(plot)),
+        KN_OPTION("json", CALL, .call = kn_result_open),
+        KN_OPTION("scene", TEXT, AT(scene_path)),
+        KN_OPTION("probe", TEXT, AT(tool)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; --help lists them"};
+    const int code = kn_options_read(&table, z, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc)
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s: expected options only; --help lists them", argv[optind]);
     // Without a hand a constant force of 1 N pushes the device, and only a wall can hold it.
-    if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_pads[0]))
+    if (z->grip == KN_GRIP_NONE && (z->scene_path || z->material != &kn_lumped_objects[0]))
         return kn_complain("zwidth", KN_EXIT_USAGE,
                            "%s: without a hand the device only sinks in, expected --hand "
                            "light, normal or firm",
                            z->scene_path ? z->scene_path : z->material->name);
-    return KN_EXIT_OK;
+    return code;
 }
 
 // Measure all rows, print the table and write the results. Return the exit code.
@@ -300,23 +280,22 @@ static int report(zwidth *z)
 // has the tool.
 static int load_scene(zwidth *z)
 {
-    kn_slab slab;
+    kn_lattice_object slab;
     char error[512];
     z->scene = kn_scene_load(z->scene_path, NULL, 0, error, sizeof error);
     if (!z->scene) return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
-    if (!kn_slab_open(&slab, z->scene, z->tool, &(kn_coupling){100.0, 1.0}, error, sizeof error))
+    if (!kn_lattice_object_open(&slab, z->scene, z->tool, &(kn_coupling){100.0, 1.0}, error, sizeof error))
         return kn_complain("zwidth", KN_EXIT_USAGE, "%s", error);
-    kn_slab_close(&slab);
+    kn_lattice_object_close(&slab);
     return KN_EXIT_OK;
 }
 
 int kn_zwidth_main(int argc, char **argv)
 {
-    zwidth z = {.device = "touch", .material = &kn_pads[0]};
-    bool done = false;
-    int code = parse(&z, argc, argv, &done);
-    if (code != KN_EXIT_OK || done) return code;
-    code = kn_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
+    zwidth z = {.device = "touch", .material = &kn_lumped_objects[0]};
+    int code = parse(&z, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    code = kn_device_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
     if (code == KN_EXIT_OK && z.scene_path) code = load_scene(&z);
     if (code == KN_EXIT_OK && z.csv) code = kn_output_try("zwidth", z.csv);
     if (code == KN_EXIT_OK && z.plot) code = kn_plot_try("zwidth", z.plot);

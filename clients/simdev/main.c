@@ -1,7 +1,7 @@
 // knead-simdev: a simulated circuit for users without a board. This file is its command line.
-#include "clients/simdev/serve.h"
+#include "clients/simdev/simdev.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,12 +15,13 @@ static void on_signal(int signal)
     stop = 1;
 }
 
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
 static void help(void)
 {
     puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
          "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
-         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print "
-         "the URI\n"
+         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print the URI\n"
          "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
@@ -29,17 +30,18 @@ static void help(void)
          "  --engine NAME     golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl (with --uart\n"
          "                    behind its link), simulated by Verilator in its own time (URI?miss=1000), if built with\n"
          "                    Verilator (default: golden)\n"
-         "  --caps N,E,B      log2 of the most nodes, edges and nodes under tools for golden (default: 12,16,10); rtl "
-         "has\n"
+         "  --caps N,E,B      log2 of the most nodes, edges and nodes under tools for golden (default: 12,16,10); rtl has\n"
          "                    10,13,8\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
          "  --fault ...       inject faults into this share of the requests (default: 0.01):");
-#define KN_FAULT_HELP(name, word, frames, what) printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
-    KN_FAULTS(KN_FAULT_HELP)
-#undef KN_FAULT_HELP
+#define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
+    printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
+    KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
+#undef KN_LINK_FAULT_HELP
     puts("  --help, --version\n\n"
          "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
 }
+// clang-format on
 
 static int bad(const char *what, const char *expected)
 {
@@ -47,12 +49,14 @@ static int bad(const char *what, const char *expected)
     return 2;
 }
 
-static bool parse_caps(const char *text, kn_engine_caps *caps)
+static const char *take_caps(void *to, const char *text)
 {
+    kn_engine_caps *caps = to;
     int end = 0;
-    return sscanf(text, "%d,%d,%d%n", &caps->nodes, &caps->edges, &caps->bounds, &end) == 3 && !text[end] &&
-           caps->nodes >= 0 && caps->nodes <= 16 && caps->edges >= 0 && caps->edges <= 20 && caps->bounds >= 1 &&
-           caps->bounds <= 10;
+    const bool good = sscanf(text, "%d,%d,%d%n", &caps->nodes, &caps->edges, &caps->bounds, &end) == 3 && !text[end] &&
+                      caps->nodes >= 0 && caps->nodes <= 16 && caps->edges >= 0 && caps->edges <= 20 &&
+                      caps->bounds >= 1 && caps->bounds <= 10;
+    return good ? NULL : "--caps with 0..16,0..20,1..10";
 }
 
 static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
@@ -64,7 +68,7 @@ static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
 }
 
 // Serve until a signal, then print the requests and the faults that struck.
-static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
+static int serve(kn_simdev *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
@@ -74,85 +78,87 @@ static int serve(kn_serve *s, bool rtl, kn_engine_caps caps, const char *link, c
         fputs("knead-simdev: out of memory\n", stderr);
         return 3;
     }
-    bool good = bar ? kn_serve_bar(s, bar) : kn_serve_uart(s, link);
+    bool good = bar ? kn_simdev_bar(s, bar) : kn_simdev_uart(s, link);
     if (!good) fprintf(stderr, "knead-simdev: %s: %s\n", bar ? bar : link ? link : "pseudo-terminal", strerror(errno));
     const char *before = !bar && s->engine.hear ? " behind knead_link" : "";
     printf("%s%s: %lld requests", s->engine.name, before, (long long)s->requests);
-    for (int i = 0; i < KN_FAULT_COUNT; i++)
-        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_fault_word((kn_fault)i));
+    for (int i = 0; i < KN_LINK_FAULT_COUNT; i++)
+        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_link_fault_word((kn_link_fault)i));
     putchar('\n');
     s->engine.destroy(s->engine.bus.self);
     return good ? 0 : 3;
 }
 
+typedef struct options {
+    kn_link_faults *faults;
+    const char *link, *bar;
+    bool uart, sized, rtl;
+    kn_engine_caps caps;
+    unsigned long long seed, baud;
+} options;
+
+static const char *take_seed(void *value, const char *text)
+{
+    char *end;
+    *(unsigned long long *)value = strtoull(text, &end, 10);
+    return end != text && !*end ? NULL : "--seed with a whole number";
+}
+
+static const char *take_baud(void *baud, const char *text)
+{
+    const unsigned long long *value = baud;
+    const bool good = !take_seed(baud, text) && *value >= 1200 && *value <= 100000000;
+    return good ? NULL : "--baud with a whole number from 1200 to 100000000";
+}
+
+static const char *take_faults(void *faults, const char *text)
+{
+    char wrong[64];
+    if (kn_link_faults_parse(*(kn_link_faults **)faults, text, wrong)) return NULL;
+    bad(wrong, "--fault NAME[=RATE] with a rate of 0 to 1; --help lists the names");
+    return KN_OPTION_TOLD;
+}
+
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"uart", no_argument, NULL, 'u'},
-                                            {"link", required_argument, NULL, 'l'},
-                                            {"baud", required_argument, NULL, 'r'},
-                                            {"bar", required_argument, NULL, 'b'},
-                                            {"engine", required_argument, NULL, 'e'},
-                                            {"caps", required_argument, NULL, 'c'},
-                                            {"fault", required_argument, NULL, 'f'},
-                                            {"seed", required_argument, NULL, 's'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {"version", no_argument, NULL, 'v'},
-                                            {0}};
-    static kn_serve s;
-    const char *link = NULL, *bar = NULL;
-    char wrong[64], *end;
-    bool uart = false, sized = false, rtl = false;
-    kn_engine_caps caps = {12, 16, 10};
-    unsigned long long seed = 1, baud = 0;
-    for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
-        switch (option) {
-        case 'u': uart = true; break;
-        case 'l': link = optarg; break;
-        case 'r':
-            baud = strtoull(optarg, &end, 10);
-            if (end == optarg || *end || baud < 1200 || baud > 100000000)
-                return bad(optarg, "--baud with a whole number from 1200 to 100000000");
-            break;
-        case 'b': bar = optarg; break;
-        case 'e':
-            rtl = strcmp(optarg, "rtl") == 0;
-            if (!rtl && strcmp(optarg, "golden") != 0) return bad(optarg, "--engine golden or rtl");
-            break;
-        case 'c':
-            sized = true;
-            if (!parse_caps(optarg, &caps)) return bad(optarg, "--caps with 0..16,0..20,1..10");
-            break;
-        case 'f':
-            if (!kn_faults_parse(&s.faults, optarg, wrong))
-                return bad(wrong, "--fault NAME[=RATE] with a rate of 0 to 1; --help lists the names");
-            break;
-        case 's':
-            seed = strtoull(optarg, &end, 10);
-            if (end == optarg || *end) return bad(optarg, "--seed with a whole number");
-            break;
-        case 'h': help(); return 0;
-        case 'v': puts("knead-simdev " KN_VERSION); return 0;
-        default: return 2; // getopt has said which
-        }
-    }
+#define AT(member) .offset = offsetof(options, member)
+    static const kn_option rows[] = {
+        KN_OPTION("uart", FLAG, AT(uart)),
+        KN_OPTION("link", TEXT, AT(link)),
+        KN_OPTION("baud", SPECIAL, AT(baud), .take = take_baud),
+        KN_OPTION("bar", TEXT, AT(bar)),
+        KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl", .expected = "--engine golden or rtl"),
+        KN_OPTION("caps", SPECIAL, AT(caps), .given = offsetof(options, sized), .take = take_caps),
+        KN_OPTION("fault", SPECIAL, AT(faults), .take = take_faults),
+        KN_OPTION("seed", SPECIAL, AT(seed), .take = take_seed),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "knead-simdev",
+                                          .print_help = help,   .version = "knead-simdev " KN_VERSION,
+                                          .value_first = true,  .always_named = true};
+    static kn_simdev s;
+    options o = {.faults = &s.faults, .caps = {12, 16, 10}, .seed = 1};
+    const int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return bad(argv[optind], "options only");
-    if (uart == (bar != NULL)) return bad(uart ? "--uart and --bar" : "no connection", "one of --uart and --bar NAME");
-    if (link && !uart) return bad("--link", "--uart with it");
-    if (baud && !uart) return bad("--baud", "--uart with it");
-    if (baud) s.byte_ns = 10000000000 / (int64_t)baud;
-    if (bar && (!*bar || *bar == '.' || strlen(bar) > 199 || strchr(bar, '/')))
-        return bad(bar, "--bar with a name of 1 to 199 letters, without /");
-    for (int i = 0; bar && i < KN_FAULT_COUNT; i++)
-        if (s.faults.rate[i] > 0 && kn_fault_of_frames((kn_fault)i))
-            return bad(kn_fault_word((kn_fault)i), "--uart, since memory has no frames");
-    if (rtl && sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
-    if (rtl && s.faults.rate[KN_FAULT_TORN] > 0)
+    if (o.uart == (o.bar != NULL))
+        return bad(o.uart ? "--uart and --bar" : "no connection", "one of --uart and --bar NAME");
+    if (o.link && !o.uart) return bad("--link", "--uart with it");
+    if (o.baud && !o.uart) return bad("--baud", "--uart with it");
+    if (o.baud) s.byte_ns = 10000000000 / (int64_t)o.baud;
+    if (o.bar && (!*o.bar || *o.bar == '.' || strlen(o.bar) > 199 || strchr(o.bar, '/')))
+        return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
+    for (int i = 0; o.bar && i < KN_LINK_FAULT_COUNT; i++)
+        if (s.faults.rate[i] > 0 && kn_link_fault_of_frames((kn_link_fault)i))
+            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, since memory has no frames");
+    if (o.rtl && o.sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
+    if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
         return bad("torn", "--engine golden, since the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL
-    if (rtl) return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
+    if (o.rtl)
+        return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
 #endif
-    s.faults.seed = (seed + 1) * 0x9e3779b97f4a7c15u;
-    return serve(&s, rtl, caps, link, bar);
+    s.faults.seed = (o.seed + 1) * 0x9e3779b97f4a7c15u;
+    return serve(&s, o.rtl, o.caps, o.link, o.bar);
 }
 
 int main(int argc, char **argv)

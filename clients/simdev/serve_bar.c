@@ -1,6 +1,6 @@
 // The register space in a file of shared memory. Plain stores into memory cannot be trapped, so a doorbell beside it
 // tells that a word with an effect was written (server/backend/link.h). Windows are copied when the doorbell is served.
-#include "clients/simdev/serve.h"
+#include "clients/simdev/simdev.h"
 #include "core/fixed.h"
 #include "hdl/registers.h"
 #include "server/backend/link.h"
@@ -19,7 +19,7 @@
 enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_US = 20, SLEEP_US = 2000 };
 
 typedef struct bar {
-    kn_serve *serve;
+    kn_simdev *simdev;
     const char *path;
     int fd;
     volatile uint32_t *word;
@@ -31,14 +31,14 @@ typedef struct bar {
 // Copy words from the file into the engine.
 static void pull(bar *b, uint32_t from, uint32_t count)
 {
-    const kn_word_bus *bus = &b->serve->engine.bus;
+    const kn_word_bus *bus = &b->simdev->engine.bus;
     for (uint32_t at = from; at < from + count; at++) bus->write(bus->self, at, b->word[at]);
 }
 
 // Copy words from the engine into the file. CONTROL is skipped, as reading it means nothing.
 static void push(bar *b, uint32_t from, uint32_t count)
 {
-    const kn_word_bus *bus = &b->serve->engine.bus;
+    const kn_word_bus *bus = &b->simdev->engine.bus;
     for (uint32_t at = from, word; at < from + count; at++)
         if (at != KN_REG_CONTROL && bus->read(bus->self, at, &word)) b->word[at] = word;
 }
@@ -47,13 +47,13 @@ static void push(bar *b, uint32_t from, uint32_t count)
 static void push_registers(bar *b)
 {
     push(b, KN_REG_ID, KN_REG_RESULT_FLAGS + 1);
-    if (b->serve->faults.rate[KN_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
+    if (b->simdev->faults.rate[KN_LINK_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
 }
 
 // Run the engine until it is not busy.
 static void run_out(bar *b)
 {
-    const kn_engine *e = &b->serve->engine;
+    const kn_engine *e = &b->simdev->engine;
     for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
 }
 
@@ -80,7 +80,7 @@ static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_F
 // sees that the results are not those of its tick.
 static void stray(bar *b)
 {
-    kn_engine *e = &b->serve->engine;
+    kn_engine *e = &b->simdev->engine;
     e->stray(e->bus.self);
     push(b, KN_REG_TICK, 1);
     __atomic_thread_fence(__ATOMIC_RELEASE);
@@ -93,8 +93,8 @@ static void stray(bar *b)
 // Execute a word that the doorbell brought: copy what it needs into the engine, write it, copy the results back.
 static void obey(bar *b, uint32_t address, uint32_t word)
 {
-    const kn_word_bus *bus = &b->serve->engine.bus;
-    b->serve->requests++;
+    const kn_word_bus *bus = &b->simdev->engine.bus;
+    b->simdev->requests++;
     pull(b, KN_REG_SCRATCH, 1);
     if (address == KN_REG_CONTROL && word & KN_CONTROL_LOADED) pull_image(b);
     if (address == KN_REG_STEP_SEQ) {
@@ -158,55 +158,52 @@ static bool retire(const char *path)
     return ours;
 }
 
-// Apply the faults of a request. Return false if the new file could not be made.
-static bool suffer(bar *b)
+// Apply the faults of a request, and set *unplugged if it is lost. Return false if the new file could not be made.
+static bool suffer(bar *b, bool *unplugged)
 {
-    kn_faults *f = &b->serve->faults;
-    if (kn_faults_strike(f, KN_FAULT_DELAY)) kn_serve_sleep_us(1000 + kn_faults_random(f, 3000));
-    if (kn_faults_strike(f, KN_FAULT_HANG)) kn_serve_sleep_us(20000);
-    if (kn_faults_strike(f, KN_FAULT_BLANK)) {
-        b->serve->engine.blank(b->serve->engine.bus.self);
-        b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
-    }
-    if (!kn_faults_strike(f, KN_FAULT_DISCONNECT)) return true;
+    bool blanked;
+    *unplugged = kn_simdev_suffer(b->simdev, &blanked);
+    if (blanked) b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
+    if (!*unplugged) return true;
     drop_file(b);
-    kn_serve_sleep_us(5000);
+    kn_simdev_sleep_us(5000);
     return make_file(b);
 }
 
 // Serve one doorbell, or nap. A fault that unplugs drops the request.
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
-    kn_engine *e = &b->serve->engine;
+    kn_engine *e = &b->simdev->engine;
     uint32_t done = b->shm->done, bell = __atomic_load_n(&b->shm->bell, __ATOMIC_ACQUIRE);
     if (bell == done) {
         int64_t quiet_ns = kn_now_ns() - *heard_ns;
-        if (quiet_ns > SPIN_NS) kn_serve_sleep_us(quiet_ns < AWAKE_NS ? NAP_US : SLEEP_US);
+        if (quiet_ns > SPIN_NS) kn_simdev_sleep_us(quiet_ns < AWAKE_NS ? NAP_US : SLEEP_US);
         return true;
     }
-    int64_t unplugged = b->serve->faults.done[KN_FAULT_DISCONNECT];
-    if (!suffer(b)) return false;
+    bool unplugged;
+    if (!suffer(b, &unplugged)) return false;
     *heard_ns = kn_now_ns();
-    if (b->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) return true;
+    if (unplugged) return true;
     uint32_t address = b->shm->bell_address;
     obey(b, address, b->shm->bell_word);
     __atomic_store_n(&b->shm->done, done + 1, __ATOMIC_RELEASE);
-    if (address == KN_REG_STEP_SEQ && e->stray && kn_faults_strike(&b->serve->faults, KN_FAULT_TORN)) stray(b);
+    if (address == KN_REG_STEP_SEQ && e->stray && kn_link_faults_strike(&b->simdev->faults, KN_LINK_FAULT_TORN))
+        stray(b);
     *heard_ns = kn_now_ns();
     return true;
 }
 
-bool kn_serve_bar(kn_serve *serve, const char *name)
+bool kn_simdev_bar(kn_simdev *simdev, const char *name)
 {
     char path[PATH_MAX];
     snprintf(path, sizeof path, "/dev/shm/%s", name);
-    bar b = {.serve = serve, .path = path};
+    bar b = {.simdev = simdev, .path = path};
     prctl(PR_SET_TIMERSLACK, 1000UL);
     if (!retire(path) || !make_file(&b)) return false;
     printf("shm:%s\n", name);
     fflush(stdout);
     bool good = true;
-    for (int64_t heard_ns = 0; good && !*serve->stop;) good = listen_once(&b, &heard_ns);
+    for (int64_t heard_ns = 0; good && !*simdev->stop;) good = listen_once(&b, &heard_ns);
     if (good) drop_file(&b);
     return good;
 }

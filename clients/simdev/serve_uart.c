@@ -1,5 +1,5 @@
 // Serve frames on a pseudo-terminal.
-#include "clients/simdev/serve.h"
+#include "clients/simdev/simdev.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
 #include <errno.h>
@@ -11,11 +11,10 @@
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <termios.h>
-#include <time.h>
 #include <unistd.h>
 
 typedef struct line {
-    kn_serve *serve;
+    kn_simdev *simdev;
     const char *link;
     char name[64];                     // path of the slave
     int fd, keep;                      // master; slave, held open so that a host that leaves is no hang-up
@@ -26,8 +25,6 @@ typedef struct line {
     bool refuses;                      // this request is refused
     int64_t in_ns, out_ns;             // time at which the last byte was through, in each direction
 } line;
-
-void kn_serve_sleep_us(uint32_t us) { nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL); }
 
 // Make the name a link to this line. A symbolic link there is replaced; anything else belongs to somebody.
 static bool take_name(const line *l)
@@ -76,22 +73,23 @@ static void plug_out(line *l)
 static bool read_word(void *self, uint32_t address, uint32_t *word)
 {
     line *l = self;
-    kn_engine *e = &l->serve->engine;
+    kn_engine *e = &l->simdev->engine;
     // The fault `torn`: take another tick while a host reads the reactions, once a request.
     bool reaction = address >= KN_WINDOW_REACTIONS && address < KN_WINDOW_NODES;
-    if (reaction && !l->reacted && address % 6 == 3 && e->stray && kn_faults_strike(&l->serve->faults, KN_FAULT_TORN)) {
+    if (reaction && !l->reacted && address % 6 == 3 && e->stray &&
+        kn_link_faults_strike(&l->simdev->faults, KN_LINK_FAULT_TORN)) {
         l->reacted = true;
         e->stray(e->bus.self);
     }
     bool read = !l->refuses && e->bus.read(e->bus.self, address, word);
-    if (read && address == KN_REG_BUILD_HASH && l->serve->faults.rate[KN_FAULT_HASH] > 0) *word ^= 1;
+    if (read && address == KN_REG_BUILD_HASH && l->simdev->faults.rate[KN_LINK_FAULT_HASH] > 0) *word ^= 1;
     return read;
 }
 
 static bool write_word(void *self, uint32_t address, uint32_t word)
 {
     line *l = self;
-    return !l->refuses && l->serve->engine.bus.write(l->serve->engine.bus.self, address, word);
+    return !l->refuses && l->simdev->engine.bus.write(l->simdev->engine.bus.self, address, word);
 }
 
 // ---- frames
@@ -100,15 +98,15 @@ static bool write_word(void *self, uint32_t address, uint32_t word)
 static void pass(line *l, int64_t *through_ns, size_t bytes)
 {
     int64_t now_ns = kn_now_ns();
-    if (l->serve->byte_ns == 0) return;
-    *through_ns = (*through_ns > now_ns ? *through_ns : now_ns) + (int64_t)bytes * l->serve->byte_ns;
+    if (l->simdev->byte_ns == 0) return;
+    *through_ns = (*through_ns > now_ns ? *through_ns : now_ns) + (int64_t)bytes * l->simdev->byte_ns;
     kn_clock_sleep(*through_ns);
 }
 
 static void say(line *l, const uint8_t *wire, size_t size)
 {
     pass(l, &l->out_ns, size);
-    for (size_t at = 0; at < size && !*l->serve->stop;) {
+    for (size_t at = 0; at < size && !*l->simdev->stop;) {
         ssize_t n = write(l->fd, wire + at, size - at);
         if (n > 0) at += (size_t)n;
         if (n < 0 && errno != EAGAIN && errno != EINTR) return;
@@ -119,12 +117,12 @@ static void say(line *l, const uint8_t *wire, size_t size)
 // Send an answer, with the faults of the line.
 static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
 {
-    kn_faults *f = &l->serve->faults;
-    l->serve->requests++;
-    size = kn_faults_mangle(f, wire, size);
-    if (kn_faults_strike(f, KN_FAULT_DROP)) return;
+    kn_link_faults *f = &l->simdev->faults;
+    l->simdev->requests++;
+    size = kn_link_faults_mangle(f, wire, size);
+    if (kn_link_faults_strike(f, KN_LINK_FAULT_DROP)) return;
     say(l, wire, size);
-    if (kn_faults_strike(f, KN_FAULT_DUPLICATE)) say(l, wire, size);
+    if (kn_link_faults_strike(f, KN_LINK_FAULT_DUPLICATE)) say(l, wire, size);
 }
 
 // Do in C what the circuit's link does.
@@ -139,7 +137,7 @@ static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, siz
 // Give bytes to the link and send its answers.
 static void hear(line *l, const uint8_t *bytes, size_t count)
 {
-    const kn_engine *e = &l->serve->engine;
+    const kn_engine *e = &l->simdev->engine;
     const kn_word_bus bus = {l, read_word, write_word};
     uint8_t wire[KN_FRAMER_WIRE];
     l->reacted = false;
@@ -153,24 +151,24 @@ static void hear(line *l, const uint8_t *bytes, size_t count)
 // Bring a frame to the link with the faults of the line. The link decides whether it is a frame.
 static void bring(line *l)
 {
-    kn_faults *f = &l->serve->faults;
-    size_t size = kn_faults_mangle(f, l->frame, l->size);
-    if (kn_faults_strike(f, KN_FAULT_DROP)) return;
-    l->refuses = kn_faults_strike(f, KN_FAULT_REFUSE);
-    for (int times = kn_faults_strike(f, KN_FAULT_DUPLICATE) ? 2 : 1; times > 0; times--) hear(l, l->frame, size);
+    kn_link_faults *f = &l->simdev->faults;
+    size_t size = kn_link_faults_mangle(f, l->frame, l->size);
+    if (kn_link_faults_strike(f, KN_LINK_FAULT_DROP)) return;
+    l->refuses = kn_link_faults_strike(f, KN_LINK_FAULT_REFUSE);
+    for (int times = kn_link_faults_strike(f, KN_LINK_FAULT_DUPLICATE) ? 2 : 1; times > 0; times--)
+        hear(l, l->frame, size);
     l->refuses = false;
 }
 
-// Apply the faults of a request. Return false if the line could not be plugged in again.
-static bool suffer(line *l)
+// Apply the faults of a request, and set *unplugged if it is lost. Return false if the line could not be plugged in
+// again.
+static bool suffer(line *l, bool *unplugged)
 {
-    kn_faults *f = &l->serve->faults;
-    if (kn_faults_strike(f, KN_FAULT_DELAY)) kn_serve_sleep_us(1000 + kn_faults_random(f, 3000));
-    if (kn_faults_strike(f, KN_FAULT_HANG)) kn_serve_sleep_us(20000);
-    if (kn_faults_strike(f, KN_FAULT_BLANK)) l->serve->engine.blank(l->serve->engine.bus.self);
-    if (!kn_faults_strike(f, KN_FAULT_DISCONNECT)) return true;
+    bool blanked;
+    *unplugged = kn_simdev_suffer(l->simdev, &blanked);
+    if (!*unplugged) return true;
     plug_out(l);
-    kn_serve_sleep_us(5000);
+    kn_simdev_sleep_us(5000);
     return plug_in(l, false);
 }
 
@@ -182,16 +180,16 @@ static bool listen_once(line *l)
     if (size < 0 && errno != EAGAIN && errno != EINTR) return false;
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     if (size > 0) pass(l, &l->in_ns, (size_t)size);
-    for (ssize_t at = 0; at < size && !*l->serve->stop; at++) {
+    for (ssize_t at = 0; at < size && !*l->simdev->stop; at++) {
         // Collect bytes up to a 0x00 or a full buffer.
         l->frame[l->size++] = bytes[at];
         if (bytes[at] && l->size < sizeof l->frame) continue;
         if (l->size == 1 || bytes[at]) { // nothing, or noise
             hear(l, l->frame, l->size);
         } else {
-            int64_t unplugged = l->serve->faults.done[KN_FAULT_DISCONNECT];
-            if (!suffer(l)) return false;
-            if (l->serve->faults.done[KN_FAULT_DISCONNECT] > unplugged) at = size; // drop what came with the frame, too
+            bool unplugged;
+            if (!suffer(l, &unplugged)) return false;
+            if (unplugged) at = size; // drop what came with the frame, too
             else bring(l);
         }
         l->size = 0;
@@ -199,12 +197,12 @@ static bool listen_once(line *l)
     return true;
 }
 
-bool kn_serve_uart(kn_serve *serve, const char *link)
+bool kn_simdev_uart(kn_simdev *simdev, const char *link)
 {
     prctl(PR_SET_TIMERSLACK, 1000UL);
-    line l = {.serve = serve, .link = link};
+    line l = {.simdev = simdev, .link = link};
     bool good = plug_in(&l, true);
-    while (good && !*serve->stop) good = listen_once(&l);
+    while (good && !*simdev->stop) good = listen_once(&l);
     int why = errno;
     if (l.fd >= 0) plug_out(&l);
     errno = why;

@@ -1,6 +1,5 @@
 #include "clients/tactile/bridge.h"
-#include "clients/knead/join.h"
-#include "clients/tactile/mount.h"
+#include "clients/hand/bus_client.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/clock.h"
 #include "server/wire.h"
@@ -14,6 +13,43 @@
 // Priority of the bridge's thread (SCHED_FIFO), below kneadd's threads; it assumes a processor of its own.
 static const int priority = 60;
 static const int retry_ms = 500;
+
+// ---- mounting
+
+void kn_mount_init(kn_device_def *d)
+{
+    *d = (kn_device_def){.basis = {1, 2, 3}, .rotation_wxyz = {1.0}, .scale = 1.0, .force_scale = 1.0};
+}
+
+bool kn_mount_basis(kn_device_def *d, const char *text, char *error, size_t error_size)
+{
+    kn_device_def turned = *d;
+    const char *at = text, *wrong = NULL;
+    // Read one optional sign and one letter per axis. Axes count from 1, and 0 marks an unknown letter.
+    for (int i = 0; i < 3; i++) {
+        double sign = *at == '-' ? -1.0 : 1.0;
+        at += *at == '-' || *at == '+';
+        const char *letter = *at ? strchr("XYZxyz", *at) : NULL;
+        turned.basis[i] = letter ? sign * (double)((letter - "XYZxyz") % 3 + 1) : 0.0;
+        at += letter != NULL;
+    }
+    // kn_device_check refuses unknown letters, repeated axes and left-handed bases.
+    wrong = *at ? "more than three axes, expected something like XYZ or Y-XZ" : kn_device_check(&turned);
+    if (!wrong) memcpy(d->basis, turned.basis, sizeof d->basis);
+    else snprintf(error, error_size, "%s", wrong);
+    return !wrong;
+}
+
+void kn_mount_orientation(const kn_device_def *d, const double device_wxyz[4], double scene_wxyz[4])
+{
+    double a[3][3];
+    kn_device_axes(d, a);
+    scene_wxyz[0] = device_wxyz[0]; // A rotates the axis of the rotation and leaves its angle unchanged
+    for (int i = 0; i < 3; i++)
+        scene_wxyz[1 + i] = a[i][0] * device_wxyz[1] + a[i][1] * device_wxyz[2] + a[i][2] * device_wxyz[3];
+}
+
+// ---- bridge
 
 void kn_tactile_bad(kn_tactile *device, const char *format, ...)
 {
@@ -40,9 +76,9 @@ static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
 // watchdog is trusted.
 static void answer(kn_bridge *b)
 {
-    const kn_tether *t = &b->now.tether;
+    const kn_device_session *t = &b->now.session;
     b->answered = true;
-    bool live = kn_tether_live(t) && b->device->watchdog == KN_OWN_TRUSTED;
+    bool live = kn_device_session_live(t) && b->device->watchdog == KN_OWN_TRUSTED;
     if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, live);
 }
 
@@ -52,13 +88,13 @@ static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
-    kn_join_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
+    kn_bus_client_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
 }
 
-// Take a pose of the device: give it the tether's session and number, turn it into the scene's axes, and send it.
+// Take a pose of the device: give it the session's session and number, turn it into the scene's axes, and send it.
 void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 {
-    kn_tether *t = &b->now.tether;
+    kn_device_session *t = &b->now.session;
     knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
                                .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
     // Convert position and axes of the device to those of the scene. Clear the button that means "the hand leaves the
@@ -67,10 +103,10 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
     // The local model needs the tool's orientation before the pose is rendered.
-    kn_render_turn(&t->render, pose.orientation_wxyz);
+    kn_haptic_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;
-    if (!kn_tether_pose(t, device->position_m, device->velocity_m_s)) return;
+    if (!kn_device_session_pose(t, device->position_m, device->velocity_m_s)) return;
     pose.session = t->session;
     pose.seq = t->seq;
     send_pose(b, &pose);
@@ -80,11 +116,11 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     // With the local model, the force for this pose is rendered at once. A device that sends a pose only as an answer
     // to a force gets its force in the next tick instead.
     if (!t->render.def.local || b->device->answers) return;
-    kn_tether_give(t, now_s());
+    kn_device_session_give(t, now_s());
     answer(b);
 }
 
-// Take a force message. The tether decides whether the force is accepted. After all waiting messages have been read,
+// Take a force message. The session decides whether the force is accepted. After all waiting messages have been read,
 // the device gets the newest force.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
@@ -92,14 +128,14 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     kn_bridge *b = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    kn_tether_force force = {.session = f.session,
-                             .seq = f.seq,
-                             .tick = f.tick,
-                             .flags = f.flags,
-                             .fault = f.fault,
-                             .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
+    kn_device_session_force force = {.session = f.session,
+                                     .seq = f.seq,
+                                     .tick = f.tick,
+                                     .flags = f.flags,
+                                     .fault = f.fault,
+                                     .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
     memcpy(force.force_n, f.force_n, sizeof force.force_n); // kneadd has already applied force_scale
-    b->heard |= kn_tether_take(&b->now.tether, &force);
+    b->heard |= kn_device_session_take(&b->now.session, &force);
 }
 
 // Update the local model with a contact message.
@@ -111,7 +147,7 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     kn_contact_unit unit;
     if (knead_contact_model_t_decode(buf->data, 0, (int)buf->data_size, &message) < 0) return;
     kn_wire_unit(&unit, &message);
-    kn_render_contact(&b->now.tether.render, &unit);
+    kn_haptic_render_contact(&b->now.session.render, &unit);
 }
 
 // Close a device that was reported lost. The close waits for the tick, so that no driver is closed inside its own
@@ -129,9 +165,9 @@ static void close_lost(kn_bridge *b)
 void kn_bridge_hear(kn_bridge *b)
 {
     // Read every waiting message, so that the device gets only the newest force.
-    kn_join_handle(b->bus, 0);
-    if (b->heard && !b->now.tether.render.def.local) {
-        kn_tether_give(&b->now.tether, now_s());
+    kn_bus_client_handle(b->bus, 0);
+    if (b->heard && !b->now.session.render.def.local) {
+        kn_device_session_give(&b->now.session, now_s());
         answer(b);
     }
     b->heard = false;
@@ -156,10 +192,10 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     b->now.late += elapsed_ms - 1;
     // Let the driver run first: it may report a pose or a loss in this ms.
     if (b->open && d->tick) d->tick(d, elapsed_ms);
-    bool live = kn_tether_live(&b->now.tether);
-    kn_tether_tick(&b->now.tether, now_s(), elapsed_ms);
+    bool live = kn_device_session_live(&b->now.session);
+    kn_device_session_tick(&b->now.session, now_s(), elapsed_ms);
     // Call `give` in this ms even without a new force, so that a tripped watchdog switches the motors off at once.
-    if (!b->answered || kn_tether_live(&b->now.tether) != live) answer(b);
+    if (!b->answered || kn_device_session_live(&b->now.session) != live) answer(b);
     b->answered = false;
     // Close a lost device, and try every 500 ms to open a closed device.
     close_lost(b);
@@ -195,14 +231,15 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
 // Join the bus and subscribe to force messages. Contact messages are needed for the local model only.
 static bool open_bus(kn_bridge *b)
 {
-    b->bus = kn_join_open(b->url, KN_FORCE_URL, b->error, b->error_size);
-    return b->bus && kn_join_speaks(b->error, b->error_size) && kn_join_hear(b->bus, b->force_channel, on_force, b) &&
-           (!b->now.tether.render.def.local || kn_join_hear(b->bus, b->contact_channel, on_contact, b));
+    b->bus = kn_bus_client_open(b->url, KN_FORCE_URL, b->error, b->error_size);
+    return b->bus && kn_bus_client_speaks(b->error, b->error_size) &&
+           kn_bus_client_hear(b->bus, b->force_channel, on_force, b) &&
+           (!b->now.session.render.def.local || kn_bus_client_hear(b->bus, b->contact_channel, on_contact, b));
 }
 
 static bool watch(kn_bridge *b)
 {
-    ev_io_init(&b->forces, on_forces, kn_join_fd(b->bus), EV_READ);
+    ev_io_init(&b->forces, on_forces, kn_bus_client_fd(b->bus), EV_READ);
     b->forces.data = b;
     ev_io_start(b->ev, &b->forces);
     // A timerfd, because libev's own timers have only the millisecond resolution of epoll.
@@ -236,7 +273,7 @@ static void let_go(kn_bridge *b)
 static void *run(void *self)
 {
     kn_bridge *b = self;
-    b->priority_error = kn_join_priority(priority);
+    b->priority_error = kn_bus_client_priority(priority);
     bool ok = open_bus(b) && watch(b) && b->device->open(b->device, b, b->error, b->error_size);
     b->open = ok;
     atomic_store(&b->up, ok);
@@ -248,7 +285,7 @@ static void *run(void *self)
 
 static void close_all(kn_bridge *b)
 {
-    kn_join_close(b->bus);
+    kn_bus_client_close(b->bus);
     if (b->timer_fd >= 0) close(b->timer_fd);
     if (b->ev) ev_loop_destroy(b->ev);
     sem_destroy(&b->ready);
@@ -265,7 +302,7 @@ static void prepare(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, 
     snprintf(b->pose_channel, sizeof b->pose_channel, "KNEAD_POSE_%s", def->probe);
     snprintf(b->force_channel, sizeof b->force_channel, "KNEAD_FORCE_%s", def->probe);
     snprintf(b->contact_channel, sizeof b->contact_channel, "KNEAD_CONTACT_%s", def->probe);
-    kn_tether_init(&b->now.tether, def->session, &def->render);
+    kn_device_session_init(&b->now.session, def->session, &def->render);
     kn_mailbox_init(&b->news, b->slots, sizeof *b->slots);
 }
 
@@ -278,7 +315,7 @@ bool kn_bridge_open(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, 
 void kn_bridge_close(kn_bridge *b)
 {
     let_go(b);
-    kn_join_close(b->bus);
+    kn_bus_client_close(b->bus);
 }
 
 bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size)
@@ -291,7 +328,7 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
         ev_async_start(b->ev, &b->stop);
     }
     if (!b->ev || pthread_create(&b->thread, NULL, run, b) != 0) {
-        snprintf(error, error_size, "no thread for the device");
+        snprintf(error, error_size, "cannot start the thread of the device");
         close_all(b);
         return false;
     }

@@ -7,14 +7,14 @@
 //                 moved()                 KNEAD_POSE_<probe>
 //     device  -------------->  bridge  ---------------------->  kneadd
 //             <--------------          <----------------------
-//                 give()      tether     KNEAD_FORCE_<probe>, KNEAD_CONTACT_<probe>
+//                 give()      session    KNEAD_FORCE_<probe>, KNEAD_CONTACT_<probe>
 //                                |
 //                                +-- 1 ms timer: watchdogs, fading of the force, reopening of a lost device
 //
-// The tether (tether.h) is the part of the bridge that holds the session, the watchdogs and the output stage. The
-// thread neither prints nor blocks. It posts its counters and messages as kn_bridge_news for other threads.
-#include "clients/knead/join.h"
-#include "clients/tactile/tether.h"
+// The session (device_session.h) is the part of the bridge that holds the watchdogs and the output stage. The thread
+// neither prints nor blocks. It posts its counters and messages as kn_bridge_news for other threads.
+#include "clients/hand/bus_client.h"
+#include "clients/tactile/device_session.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/mailbox.h"
@@ -22,6 +22,21 @@
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
+
+// ---- mounting of a device in the scene, beyond core/device.h; pure
+
+// Set a device to default values: axes as in the scene (x to the right, y forward, z up), scales 1, origin at 0.
+void kn_mount_init(kn_device_def *device);
+
+// Read a basis such as "XYZ" or "+Y-XZ". The n-th letter names the axis of the device that points along the n-th axis
+// of the scene. If the text is malformed, write the reason to `error` and return false.
+bool kn_mount_basis(kn_device_def *device, const char *text, char *error, size_t error_size);
+
+// Turn an orientation into the scene's axes: q_scene = A q_device A^-1 with A = kn_device_axes. An unrotated tool stays
+// unrotated.
+void kn_mount_orientation(const kn_device_def *device, const double device_wxyz[4], double scene_wxyz[4]);
+
+// ---- drivers and bridge
 
 typedef struct kn_bridge kn_bridge;
 
@@ -69,7 +84,7 @@ typedef struct kn_tactile {
 
 // State of the bridge for other threads, posted every ms.
 typedef struct kn_bridge_news {
-    kn_tether tether;
+    kn_device_session session;
     bool there;               // the device has given a pose since it was last opened
     int64_t arrivals, losses; // times that the device appeared, and was lost after it had given a pose
     char why[160];            // reason why the device was last lost
@@ -92,7 +107,7 @@ struct kn_bridge {
     kn_device_def mount;
     kn_bridge_news now, slots[3];
     kn_mailbox news;
-    kn_join *bus;
+    kn_bus_client *bus;
     knead_probe_pose_t last; // last pose sent to kneadd; its session is 0 if none was sent
     ev_io forces, timer;
     ev_async stop;
@@ -108,10 +123,10 @@ struct kn_bridge {
 
 // Settings of the link between one device and kneadd.
 typedef struct kn_bridge_def {
-    const char *url; // URL of the bus, see kn_join_open
+    const char *url; // URL of the bus, see kn_bus_client_open
     const char *probe;
-    kn_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
-    int64_t session;      // number of the first session, random, not 0
+    kn_haptic_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
+    int64_t session;             // number of the first session, random, not 0
 } kn_bridge_def;
 
 // Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be

@@ -1,14 +1,13 @@
 // knead devices: lists the haptic devices of this machine, and for each the reason why it is not ready and the remedy.
 #include "clients/tactile/devices.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "clients/tactile/haply.h"
 #include "clients/tactile/spacenav.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <glob.h>
 #include <grp.h>
-#include <jansson.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,16 +51,21 @@ __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT]
         if (*c < ' ' || *c > '~') *c = '?'; // a device may report any name
 }
 
+bool kn_devices_read_line(const char *path, char *line, size_t size)
+{
+    FILE *file = fopen(path, "r");
+    bool read = file && fgets(line, (int)size, file);
+    if (file) fclose(file);
+    if (read) line[strcspn(line, "\n")] = 0;
+    return read;
+}
+
 // Read the first line of the file directory/name. The result is "" if the file cannot be read or is empty.
 static void read_line(const char *directory, const char *name, char *line, size_t size)
 {
     char path[PATH_MAX + 32];
-    *line = 0;
     snprintf(path, sizeof path, "%s/%s", directory, name);
-    FILE *f = fopen(path, "r");
-    if (!f) return;
-    if (fgets(line, (int)size, f)) line[strcspn(line, "\n")] = 0;
-    fclose(f);
+    if (!kn_devices_read_line(path, line, size)) *line = 0;
 }
 
 // Read a hexadecimal number of 16 bits from a file. Return 0 if the file has no number.
@@ -211,6 +215,17 @@ static void print_lines(const kn_found *found, int count)
     printf("\nNo driver has been tested on hardware. Without a device, use knead probe or knead web.\n");
 }
 
+int kn_devices_print(const char *command, const char *key, json_t *list)
+{
+    json_t *root = json_pack("{s:o}", key, list);
+    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
+    json_decref(root);
+    if (!text) return kn_complain(command, KN_EXIT_INTERNAL, "out of memory");
+    puts(text);
+    free(text);
+    return KN_EXIT_OK;
+}
+
 static int print_json(const kn_found *found, int count)
 {
     json_t *list = json_array();
@@ -218,37 +233,32 @@ static int print_json(const kn_found *found, int count)
         json_array_append_new(list, json_pack("{s:s,s:s,s:s,s:s,s:b,s:s,s:s,s:s,s:s}", "kind", f->kind, "where",
                                               f->where, "usb", f->usb, "name", f->name, "ready", f->ready, "use",
                                               f->use, "profile", f->profile, "missing", f->missing, "fix", f->fix));
-    json_t *root = json_pack("{s:o}", "devices", list);
-    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
-    json_decref(root);
-    if (!text) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
-    puts(text);
-    free(text);
-    return KN_EXIT_OK;
+    return kn_devices_print("devices", "devices", list);
 }
+
+typedef struct options {
+    const char *root;
+    bool json;
+} options;
 
 int kn_devices_main(int argc, char **argv)
 {
-    static const struct option list[] = {{"json", 0, 0, 'j'}, {"root", 1, 0, 'r'}, {"help", 0, 0, 'h'}, {0, 0, 0, 0}};
-    const char *root = "";
-    bool json = false;
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, ":", list, NULL)) != -1;) {
-        switch (c) {
-        case 'j': json = true; break;
-        case 'r': root = optarg; break;
-        case 'h': fputs(help, stdout); return KN_EXIT_OK;
-        default:
-            return kn_complain("devices", KN_EXIT_USAGE, "%s: %s", argv[optind - 1],
-                               c == ':' ? "expected a value" : "unknown option; knead devices --help lists them");
-        }
-    }
+    static const kn_option rows[] = {
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+        KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead devices --help lists them"};
+    options o = {.root = ""};
+    int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("devices", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
     kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
     if (!found) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
-    int count = kn_devices_find(root, found), code = KN_EXIT_OK;
-    if (json) code = print_json(found, count);
+    int count = kn_devices_find(o.root, found);
+    code = KN_EXIT_OK;
+    if (o.json) code = print_json(found, count);
     else print_lines(found, count);
     free(found);
     return code;

@@ -7,6 +7,7 @@
 //     the Inverse Service         accepts a connection                     knead hand haply
 //     /dev/ttyACM*, /dev/ttyUSB*  name of the device (/sys), permission    knead hand paddle --tty
 //     USB devices in /sys         haptic devices without a driver here     see clients/examples/hand.c
+#include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -29,5 +30,12 @@ typedef struct kn_found {
 // Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. If more devices exist, the
 // others are left out. root: "", or for tests a folder that contains the folders dev and sys.
 int kn_devices_find(const char *root, kn_found *found);
+
+// Read the first line of a file, without its end. Return false if the file cannot be read or is empty.
+bool kn_devices_read_line(const char *path, char *line, size_t size);
+
+// Print {key: list} as JSON, and free the list. Return KN_EXIT_OK, or complain in the name of the command and return
+// KN_EXIT_INTERNAL if memory is short.
+int kn_devices_print(const char *command, const char *key, json_t *list);
 
 #endif

@@ -1,18 +1,17 @@
 // knead doctor: checks this machine for real time, LCM and devices, and lists each problem with its remedy.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "clients/tactile/devices.h"
 #include "core/model.h"
-#include "core/order.h"
+#include "core/algebra/algebra.h"
 #include "server/bus.h"
 #include "server/clock.h"
 #include "server/daemon.h"
+#include "server/option_table.h"
 #include <errno.h>
-#include <getopt.h>
 #include <glob.h>
 #include <grp.h>
 #include <inttypes.h>
-#include <jansson.h>
 #include <limits.h>
 #include <pwd.h>
 #include <sched.h>
@@ -28,18 +27,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
 static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
-    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time "
-    "priority,\n"
-    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups "
-    "of\n"
+    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
+    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups of\n"
     "the user, permissions of devices. Then measure how late a thread wakes that sleeps a millisecond at a time, as\n"
     "kneadd's does.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
     "  --root DIR    look for dev and sys in DIR (default: /)\n\n"
     "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
+// clang-format on
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
 #define LOCKED_BYTES ((size_t)64 << 20) // memory that kneadd locks for a large object
@@ -79,15 +79,6 @@ __attribute__((format(printf, 2, 3))) static void fix(check *c, const char *form
     va_start(arguments, format);
     vsnprintf(c->fix, sizeof c->fix, format, arguments);
     va_end(arguments);
-}
-
-static bool read_word(const char *path, char *word, size_t size)
-{
-    FILE *file = fopen(path, "r");
-    bool read = file && fgets(word, (int)size, file);
-    if (file) fclose(file);
-    if (read) word[strcspn(word, "\n")] = '\0';
-    return read;
 }
 
 // Run a function in a child process, so that its effects end with the child. Return its errno, 0 for success.
@@ -134,7 +125,7 @@ static void look_at_limits(findings *f)
     // The kernel limits real-time threads to a part of each second. A limit below 90 % could stop a busy servo loop. A
     // negative value means no limit.
     char word[32];
-    if (!read_word("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
+    if (!kn_devices_read_line("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
     c = add(f, "throttling", us < 0 || us >= 900000,
             us < 0 ? "none: a real-time thread that does not sleep stops the machine"
@@ -159,7 +150,7 @@ static void look_at_bus(findings *f)
     if (cure) *cure = '\0';
     check *c = add(f, "route", good, "%s%s", good ? url : error, good ? " stays on this machine" : "");
     fix(c, "%s%s", cure ? "as root: " : "unset LCM_DEFAULT_URL", cure ? cure + strlen(also) : "");
-    if (!read_word("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
+    if (!kn_devices_read_line("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
     long bytes = strtol(word, NULL, 10);
     // Root may exceed rmem_max, so the limit does not matter for root.
     c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may keep %ld KiB", bytes >> 10);
@@ -184,13 +175,13 @@ static void look_at_processor(findings *f)
     if (glob("/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor", 0, NULL, &list) == 0) {
         size_t slow = 0;
         for (size_t i = 0; i < list.gl_pathc; i++)
-            slow += read_word(list.gl_pathv[i], word, sizeof word) && strcmp(word, "performance") != 0;
+            slow += kn_devices_read_line(list.gl_pathv[i], word, sizeof word) && strcmp(word, "performance") != 0;
         c = add(f, "governor", slow == 0, slow ? "%zu of %zu processors slow down when idle" : "performance", slow,
                 list.gl_pathc);
         fix(c, "sudo cpupower frequency-set -g performance");
         globfree(&list);
     }
-    if (read_word("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
+    if (kn_devices_read_line("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
         c = add(f, "clock", strcmp(word, "hpet") != 0 && strcmp(word, "acpi_pm") != 0, "%s", word);
         fix(c, "add clocksource=tsc to the kernel's parameters: reading %s takes a microsecond", word);
     }
@@ -328,11 +319,7 @@ static int print_json(const findings *f)
         json_array_append_new(list, json_pack("{s:s, s:b, s:s, s:s}", "check", c->name, "good", c->good, "found",
                                               c->found, "fix", c->fix));
     }
-    json_t *root = json_pack("{s:o}", "checks", list);
-    bool told = root && json_dumpf(root, stdout, JSON_INDENT(2)) == 0;
-    json_decref(root);
-    putchar('\n');
-    return told ? KN_EXIT_OK : kn_complain("doctor", KN_EXIT_INTERNAL, "out of memory");
+    return kn_devices_print("doctor", "checks", list);
 }
 
 static void print_lines(const findings *f)
@@ -344,31 +331,33 @@ static void print_lines(const findings *f)
     }
 }
 
+typedef struct options {
+    const char *root;
+    bool json;
+    int seconds;
+} options;
+
 int kn_doctor_main(int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"json", 0, NULL, 'j'}, {"seconds", 1, NULL, 's'}, {"root", 1, NULL, 'r'}, {"help", 0, NULL, 'h'}, {0}};
+    static const kn_option rows[] = {
+        KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
+        KN_OPTION("seconds", INTEGER, .offset = offsetof(options, seconds), .expected = "1 .. 3600", KN_RANGE(1, 3600)),
+        KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true};
     static findings f;
-    const char *root = "";
-    bool json = false;
-    char end;
-    int seconds = 2, code = KN_EXIT_OK;
-    for (int option; (option = getopt_long(argc, argv, "h", names, NULL)) != -1;) {
-        if (option == 'h') return fputs(help, stdout), KN_EXIT_OK;
-        else if (option == 'j') json = true;
-        else if (option == 'r') root = optarg;
-        else if (option != 's') return KN_EXIT_USAGE; // getopt has printed an error message
-        else if (sscanf(optarg, "%4d%c", &seconds, &end) != 1 || seconds < 1 || seconds > 3600)
-            return kn_complain("doctor", KN_EXIT_USAGE, "--seconds %s: expected 1 .. 3600", optarg);
-    }
+    options o = {.root = "", .seconds = 2};
+    int code = kn_options_read(&table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
+    code = KN_EXIT_OK;
     look_at_limits(&f);
     look_at_bus(&f);
     look_at_processor(&f);
-    look_at_devices(&f, root);
-    measure(&f, seconds);
-    if (json) code = print_json(&f);
+    look_at_devices(&f, o.root);
+    measure(&f, o.seconds);
+    if (o.json) code = print_json(&f);
     else print_lines(&f);
     for (int i = 0; i < f.count && code == KN_EXIT_OK; i++)
         if (!f.check[i].good) code = KN_EXIT_FAILED;

@@ -1,13 +1,11 @@
 // knead hand: connect a real device to a running kneadd. The device's thread is in bridge.h. This file finds where the
 // tool begins, starts the bridge, and reports on both.
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
-#include "clients/knead/foot.h"
-#include "clients/knead/live.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/hand/tool_height.h"
+#include "clients/hand/live_server.h"
 #include "clients/tactile/hand_options.h"
-#include "clients/tactile/mount.h"
 #include "clients/tactile/paddle.h"
-#include "clients/tactile/spacenav.h"
 #include "server/clock.h"
 #include <errno.h>
 #include <inttypes.h>
@@ -32,21 +30,21 @@ static const double above_m = 0.02; // height of the tool above the object at th
 static const double cautious_n = 3.3;
 static const double thinnest = 0.5; // fraction of the object's height that must remain under a tool steered by a puck
 
-// Counters and states that were reported last, so that each event is reported once.
+// State of the reports, so that each event is reported once.
 typedef struct told {
-    int64_t losses, arrivals, force_trips, pose_trips, faults, bad, reflexes, refusals, units;
+    kn_bridge_news last; // state of the bridge at the last report
     // bad_ms, far_ms: times of the last reports of bad messages and of a slow link; answer_ms: time since when forces
     // are missing.
     int64_t bad_ms, far_ms, answer_ms;
     int64_t model_ms; // time since when contact messages are missing although forces arrive
-    int64_t heard, foreign;
-    bool unanswered, latched, modelless;
+    int64_t foreign;  // number of forces for other clients when a force of this session last arrived
+    bool unanswered, modelless;
 } told;
 
 typedef struct hand {
     kn_hand_options opt;
     char probe[KN_NAME_MAX], error[512];
-    kn_render_def render;
+    kn_haptic_render_def render;
     kn_bridge bridge;
     union {
         kn_tactile base;
@@ -67,33 +65,26 @@ static void on_signal(int number)
 
 static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
 
-// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
-static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
-{
-    for (int i = 0; i < def->probe_count; i++)
-        if (name ? !strcmp(def->probe[i].name, name) : !kn_foot_flat(def->probe[i].shape)) return &def->probe[i];
-    return name || def->probe_count == 0 ? NULL : &def->probe[0];
-}
-
 // Set up the renderer from the scene's device and the tool. Options of the command line take precedence.
 static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
 {
     kn_device_def *d = &h->render.device;
     const kn_hand_options *o = &h->opt;
     double extent_m[3], *at_m = d->position_m, axes[3][3];
-    h->render = (kn_render_def){.device = scene->device,
-                                .coupling_n_m = tool->coupling_n_m,
-                                .coupling_n_s_m = tool->coupling_n_s_m,
-                                .radius_m = tool->radius_m,
-                                .level = tool->shape == KN_PROBE_PLATE,
-                                .guard_n_per_ms = scene->limits.guard_n_per_ms,
-                                .local = o->local,
-                                // A puck has no motors, so a late force can do no harm.
-                                .held = o->kind == KN_HAND_SPACENAV};
+    h->render = (kn_haptic_render_def){.device = scene->device,
+                                       .coupling_n_m = tool->coupling_n_m,
+                                       .coupling_n_s_m = tool->coupling_n_s_m,
+                                       .radius_m = tool->radius_m,
+                                       .level = tool->shape == KN_PROBE_PLATE,
+                                       .guard_n_per_ms = scene->limits.guard_n_per_ms,
+                                       .local = o->local,
+                                       // A puck has no motors, so a late force can do no harm.
+                                       .held = o->kind == KN_HAND_SPACENAV};
     kn_model_def_extent(&scene->model, extent_m);
     // Zero of the device: set by the option or by the scene, otherwise above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
-    else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0) at_m[2] = extent_m[2] + kn_foot_m(tool) + above_m;
+    else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0)
+        at_m[2] = extent_m[2] + kn_tool_height_m(tool) + above_m;
     // Apply the option --basis. Its text was checked when the options were parsed.
     if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
     // The bench profile allows more force than real devices bear, so its limit is replaced.
@@ -104,12 +95,12 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     // Limit how deep a steered tool can go. With a tilted mount only its reach limits the tool, because the device's z
     // is not the height.
     bool upright = axes[2][2] > 0.999;
-    h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_foot_m(tool) - at_m[2]) / d->scale : -INFINITY;
+    h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_tool_height_m(tool) - at_m[2]) / d->scale : -INFINITY;
 }
 
 static int use_scene(hand *h, const kn_scene *scene)
 {
-    const kn_probe_def *tool = find_tool(&scene->model, h->opt.probe);
+    const kn_probe_def *tool = kn_tool_height_choose_tool(&scene->model, h->opt.probe);
     if (!tool)
         return kn_complain("hand", KN_EXIT_USAGE, "%s has no probe %s", scene->name, h->opt.probe ? h->opt.probe : "");
     strcpy(h->probe, tool->name);
@@ -120,16 +111,17 @@ static int use_scene(hand *h, const kn_scene *scene)
 // Find the tool, the object's height and the device's settings in the scene that kneadd serves.
 static int look_at_scene(hand *h)
 {
-    kn_live live;
-    if (!kn_live_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
+    kn_live_server live;
+    if (!kn_live_server_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
-    for (int64_t end_ms = kn_live_now_ms() + scene_wait_ms; !live.scene && kn_live_now_ms() < end_ms && !interrupted;)
-        kn_live_listen(&live, look_ms);
-    int code = live.scene ? use_scene(h, live.scene)
-               : *live.scene_error
-                   ? complain(KN_EXIT_USAGE, live.scene_error)
-                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s", kn_join_why(KN_JOIN_ASK));
-    kn_live_close(&live);
+    for (int64_t end_ms = kn_live_server_now_ms() + scene_wait_ms;
+         !live.scene && kn_live_server_now_ms() < end_ms && !interrupted;)
+        kn_live_server_listen(&live, look_ms);
+    int code = live.scene          ? use_scene(h, live.scene)
+               : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
+                                   : kn_complain("hand", KN_EXIT_DEVICE, "no KNEAD_SCENE for 4 s: %s",
+                                                 kn_bus_client_why(KN_BUS_CLIENT_ASK));
+    kn_live_server_close(&live);
     return code;
 }
 
@@ -138,75 +130,62 @@ static int look_at_scene(hand *h)
 // Report losses, arrivals and bad messages of the device.
 static void tell_device(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
-    if (n->losses > t->losses)
+    const kn_bridge_news *last = &t->last;
+    if (n->losses > last->losses)
         fprintf(stderr, "knead hand: %s lost: %s; 0 N, tried again twice a second\n", name, n->why);
-    if (n->arrivals > t->arrivals && t->arrivals > 0) fprintf(stderr, "knead hand: %s is back\n", name);
-    t->losses = n->losses;
-    t->arrivals = n->arrivals;
-    bool tell = n->bad > t->bad && (t->bad == 0 || now_ms - t->bad_ms >= bad_ms);
-    t->bad = n->bad;
-    if (!tell) return;
+    if (n->arrivals > last->arrivals && last->arrivals > 0) fprintf(stderr, "knead hand: %s is back\n", name);
+    if (n->bad <= last->bad || (last->bad > 0 && now_ms - t->bad_ms < bad_ms)) return;
     fprintf(stderr, "knead hand: %s: %s\n", name, n->bad_why);
     t->bad_ms = now_ms;
 }
 
 // Report stops of the renderer: the impulse guard, a link that is too slow, and missing contacts.
-static void tell_stop(told *t, const kn_tether *r, const char *then, int64_t now_ms)
+static void tell_stop(told *t, const kn_device_session *r, const char *then, int64_t now_ms)
 {
-    const kn_render *n = &r->render;
-    if (n->reflexes > t->reflexes) fprintf(stderr, "knead hand: %s: %s\n", kn_render_why(KN_RENDER_REFLEX), then);
-    if (n->refusals > t->refusals && (t->refusals == 0 || now_ms - t->far_ms >= bad_ms)) {
-        fprintf(stderr, "knead hand: %s\n", kn_render_why(KN_RENDER_FAR));
+    const kn_haptic_render *n = &r->render, *last = &t->last.session.render;
+    if (n->reflexes > last->reflexes)
+        fprintf(stderr, "knead hand: %s: %s\n", kn_haptic_render_why(KN_HAPTIC_RENDER_REFLEX), then);
+    if (n->refusals > last->refusals && (last->refusals == 0 || now_ms - t->far_ms >= bad_ms)) {
+        fprintf(stderr, "knead hand: %s\n", kn_haptic_render_why(KN_HAPTIC_RENDER_FAR));
         t->far_ms = now_ms;
     }
-    t->reflexes = n->reflexes;
-    t->refusals = n->refusals;
-
     // The local model needs contacts. Forces without contacts mean that kneadd does not send them.
-    bool misses = n->def.local && r->heard > t->heard && n->model.taken == t->units;
+    bool misses = n->def.local && r->heard > t->last.session.heard && n->model.taken == last->model.taken;
     if (!misses) t->model_ms = now_ms, t->modelless = false;
-    t->units = n->model.taken;
     if (t->modelless || now_ms - t->model_ms < answer_ms) return;
     t->modelless = true;
     fprintf(stderr, "knead hand: forces, but no contact for 3 s: 0 N; start kneadd with --local-model\n");
 }
 
 // Report watchdog trips, faults of kneadd, and missing forces.
-static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
+static void tell_session(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
-    const kn_tether *r = &n->tether;
+    const kn_device_session *r = &n->session, *last = &t->last.session;
     const char *then = "0 N; 1.2 s of silence, then a new session";
-    bool force = r->forces.trips > t->force_trips, pose = r->poses.trips > t->pose_trips;
+    bool force = r->forces.trips > last->forces.trips, pose = r->poses.trips > last->poses.trips;
     // If the tick lasted 10 ms or more, this process itself stood still, so neither the device nor kneadd caused the
     // trip.
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
     else if (pose && n->there) fprintf(stderr, "knead hand: nothing from the %s for 20 ms: %s\n", name, then);
-    if (r->faults > t->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
-    t->force_trips = r->forces.trips;
-    t->pose_trips = r->poses.trips;
-    t->faults = r->faults;
-
+    if (r->faults > last->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
     tell_stop(t, r, then, now_ms);
 
     // Report a latched fault of kneadd once, with its remedy.
-    bool latched = r->flags & KN_FLAG_LATCHED;
-    if (latched && !t->latched)
+    if (r->flags & KN_FLAG_LATCHED && !(last->flags & KN_FLAG_LATCHED))
         fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
                 kn_fault_remedy((kn_fault)r->fault));
-    t->latched = latched;
     // The loss of the device was already reported, so do not report missing forces.
     bool away = !n->there && n->arrivals > 0;
-    if (r->heard > t->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
-    t->heard = r->heard;
+    if (r->heard > last->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
     // Report the likely cause of missing forces: another client holds the tool, kneadd does not run, or the device has
     // not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
-            : n->there              ? kn_join_why("is kneadd running, and does it serve this probe?")
+            : n->there              ? kn_bus_client_why("is kneadd running, and does it serve this probe?")
             : *n->state             ? n->state
                                     : "the device has not sent a position yet");
 }
@@ -214,21 +193,21 @@ static void tell_tether(told *t, const kn_bridge_news *n, const char *name, int6
 // Overwrite one terminal line with the tool's position, its force and the state of the link.
 static void tell_tool(const kn_bridge_news *n)
 {
-    const double *x = n->position_m, *f = n->tether.render.given_n;
+    const double *x = n->position_m, *f = n->session.render.given_n;
     printf("\r%6.1f %6.1f %6.1f mm  %6.2f %6.2f %6.2f N  %-28s", 1e3 * x[0], 1e3 * x[1], 1e3 * x[2], f[0], f[1], f[2],
-           !n->there                                 ? "no device"
-           : n->tether.mode == KN_TETHER_SILENT      ? "silent"
-           : n->tether.render.stop == KN_RENDER_FAR  ? "round trip above 5 ms: 0 N"
-           : n->tether.flags & KN_FLAG_REENGAGE_LIFT ? "lift the tool"
-           : n->tether.flags & KN_FLAG_ENGAGED ? n->tether.render.def.local ? "in the model, local" : "in the model"
-                                               : n->state);
+           !n->there                                        ? "no device"
+           : n->session.mode == KN_SESSION_SILENT           ? "silent"
+           : n->session.render.stop == KN_HAPTIC_RENDER_FAR ? "round trip above 5 ms: 0 N"
+           : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
+           : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
+                                                : n->state);
     fflush(stdout);
 }
 
 // Print the counters of the whole run.
 static void summarise(const kn_bridge_news *n, const char *name, bool motors)
 {
-    const kn_tether *t = &n->tether;
+    const kn_device_session *t = &n->session;
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
@@ -255,20 +234,21 @@ static int watch(hand *h)
 {
     const char *name = h->device.base.name;
     bool follow = !h->opt.quiet && isatty(STDOUT_FILENO);
-    int64_t begin_ms = kn_live_now_ms(), now_ms = begin_ms;
+    int64_t begin_ms = kn_live_server_now_ms(), now_ms = begin_ms;
     h->told.answer_ms = begin_ms;
     while (!interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
-        now_ms = kn_live_now_ms();
+        now_ms = kn_live_server_now_ms();
         // The test of the device's own watchdog has failed, so it would not be safe to continue.
         if (n->watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE,
                                "the %s kept its motor on during 100 ms of silence: if this program dies, the force "
                                "stays. --no-watchdog accepts that",
                                name);
-        tell_tether(&h->told, n, name, now_ms);
+        tell_session(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
+        h->told.last = *n;
         if (follow) tell_tool(n);
     }
     if (follow) putchar('\n');
@@ -305,12 +285,11 @@ static int run(hand *h)
 
 int kn_hand_main(int argc, char **argv)
 {
-    bool done = false;
     struct sigaction stop = {.sa_handler = on_signal};
     hand *h = calloc(1, sizeof *h);
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_hand_options_parse(&h->opt, argc, argv, &done);
-    if (code == KN_EXIT_OK && !done) {
+    int code = kn_hand_options_parse(&h->opt, argc, argv);
+    if (code == KN_OPTIONS_READ) {
         // libspnav and sockets raise SIGPIPE when a device is gone. The bridge handles the loss.
         signal(SIGPIPE, SIG_IGN);
         sigaction(SIGINT, &stop, NULL);

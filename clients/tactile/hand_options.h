@@ -2,7 +2,8 @@
 #define KN_CLIENTS_HAND_OPTIONS_H
 // Command line of `knead hand`.
 #include "clients/tactile/haply.h"
-#include "clients/tactile/puck.h"
+#include "clients/tactile/spacenav.h"
+#include "server/option_table.h"
 #include <stdbool.h>
 
 typedef enum kn_hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } kn_hand_kind;
@@ -28,7 +29,7 @@ typedef struct kn_hand_options {
     const char *device_id, *preset;
 } kn_hand_options;
 
-// Parse the command line. Return a KN_EXIT_* code. *done is set to true if --help was answered.
-int kn_hand_options_parse(kn_hand_options *options, int argc, char **argv, bool *done);
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+int kn_hand_options_parse(kn_hand_options *options, int argc, char **argv);
 
 #endif

@@ -6,34 +6,62 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_size)
+// Set the name of the new file. Return false if the path is too long for one.
+static bool name(kn_beside *b, const char *path)
 {
-    struct stat there;
     *b = (kn_beside){.path = path};
-    // Call lstat, not stat, so that a symbolic link is refused and not followed.
-    if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode)) {
-        snprintf(error, error_size, "%s: is no regular file, expected a file that may be replaced", path);
-        return false;
-    }
-    if (snprintf(b->tmp, sizeof b->tmp, "%s.XXXXXX", path) >= (int)sizeof b->tmp) {
-        snprintf(error, error_size, "%.40s...: a path of more than 4000 bytes", path);
-        return false;
-    }
+    return snprintf(b->tmp, sizeof b->tmp, "%s.XXXXXX", path) < (int)sizeof b->tmp;
+}
+
+// Create the new file with these permissions. On failure return false with the reason in errno.
+static bool create(kn_beside *b, mode_t mode)
+{
     // The new file is in the same folder, because a rename is atomic only within one file system.
     int fd = mkostemp(b->tmp, O_CLOEXEC);
     b->file = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (b->file) {
-        mode_t mask = umask(0);
-        umask(mask);
-        fchmod(fd, 0666 & ~mask); // set the usual permissions by the umask, because mkostemp created the file with 0600
+        fchmod(fd, mode); // mkostemp created the file with 0600
         return true;
     }
-    snprintf(error, error_size, "%s: %s", path, strerror(errno));
+    const int why = errno;
     if (fd >= 0) {
         close(fd);
         unlink(b->tmp);
     }
+    errno = why;
     return false;
+}
+
+// Return the permissions of a new file by the umask.
+static mode_t usual_mode(void)
+{
+    const mode_t mask = umask(0);
+    umask(mask);
+    return 0666 & ~mask;
+}
+
+bool kn_beside_open(kn_beside *b, const char *path, char *error, size_t error_size)
+{
+    struct stat there;
+    // Call lstat, not stat, so that a symbolic link is refused and not followed.
+    if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode))
+        snprintf(error, error_size, "%s: is no regular file, expected a file that may be replaced", path);
+    else if (!name(b, path)) snprintf(error, error_size, "%.40s...: a path of more than 4000 bytes", path);
+    else if (!create(b, usual_mode())) snprintf(error, error_size, "%s: %s", path, strerror(errno));
+    else return true;
+    return false;
+}
+
+bool kn_beside_write(kn_beside *b, const char *path)
+{
+    struct stat there;
+    const bool exists = lstat(path, &there) == 0;
+    const bool own = !exists || (S_ISREG(there.st_mode) && there.st_nlink == 1 && there.st_uid == geteuid() &&
+                                 there.st_gid == getegid() && access(path, W_OK) == 0);
+    if (name(b, path) && own && create(b, exists ? there.st_mode & 07777 : usual_mode())) return true;
+    *b->tmp = '\0';
+    b->file = fopen(path, "we");
+    return b->file;
 }
 
 bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
@@ -41,9 +69,9 @@ bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
     // Check both the writes and the close, because a full disk may cause an error only at the close.
     const bool written = !ferror(b->file), closed = fclose(b->file) == 0;
     b->file = NULL;
-    if (written && closed && rename(b->tmp, b->path) == 0) return true;
+    if (written && closed && (!*b->tmp || rename(b->tmp, b->path) == 0)) return true;
     snprintf(error, error_size, "%s: %s", b->path, strerror(errno));
-    unlink(b->tmp);
+    kn_beside_drop(b);
     return false;
 }
 
@@ -51,5 +79,5 @@ void kn_beside_drop(kn_beside *b)
 {
     if (b->file) fclose(b->file);
     b->file = NULL;
-    unlink(b->tmp);
+    if (*b->tmp) unlink(b->tmp);
 }

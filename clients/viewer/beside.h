@@ -3,20 +3,25 @@
 // Atomic replacement of a file. The data is written to a new file with an unused name in the same folder. Renaming then
 // puts the new file in place. A reader of the path sees the old file or the whole new one.
 //
-//     kn_beside_open -> write .file, or the name .tmp -> kn_beside_keep, or kn_beside_drop
+//     kn_beside_open or kn_beside_write -> write .file, or the name .tmp -> kn_beside_keep, or kn_beside_drop
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
 
 typedef struct kn_beside {
     const char *path;
-    char tmp[4096];
+    char tmp[4096]; // name of the new file; "": the path itself is written
     FILE *file;
 } kn_beside;
 
 // Create the new file. Borrows `path`. If `path` exists and is not a regular file, it is refused, because the rename
 // would replace a device or a link by a file. On failure return false and put one sentence in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
+
+// Like kn_beside_open, for a path that the user may choose freely. What a rename would change is written directly: a
+// pipe, a device, a link, a file with several names, of another user or group, or in a folder that takes no new file. A
+// file that is replaced keeps its permissions. On failure return false with the reason in errno.
+bool kn_beside_write(kn_beside *beside, const char *path);
 
 // kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with
 // one of the two calls. If the file could not be written completely, kn_beside_keep removes it, returns false and puts

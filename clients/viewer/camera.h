@@ -1,8 +1,67 @@
 #ifndef KN_CLIENTS_VIEWER_CAMERA_H
 #define KN_CLIENTS_VIEWER_CAMERA_H
-// Camera that looks at a box from a distance at which all of the box is visible, with some empty space above the box.
-// All functions are pure.
+// View of a scene: what a picture shows, and the camera, which looks at a box from a distance at which all of the box
+// is visible, with some empty space above the box. Vectors and matrices for pictures. All functions are pure.
+#include "core/model.h"
+#include <math.h>
 #include <stdbool.h>
+
+typedef struct kn_view_probe {
+    kn_probe_def def; // shape and size of the tool
+    // Position of the tool (core/shape.h); for a plate: centre of the face that touches the object.
+    double position_m[3];
+    double orientation_wxyz[4]; // orientation of the tool, unit quaternion; all 0: the tool is level
+    // Force on the tool. Drawn as an arrow beyond the tool, with a length of one square of the table per 5 N. There is
+    // no arrow below 0.05 N.
+    double force_n[3];
+    // True if the tool does not act on the object (no session yet, or a latched fault); drawn pale and without a
+    // shadow.
+    bool outside;
+    bool held; // true if the fields hand_* give the pose of the hand that holds the tool
+    double hand_position_m[3], hand_orientation_wxyz[4];
+} kn_view_probe;
+
+typedef enum kn_view_style {
+    KN_VIEW_LINED, // the surface with the lines of the lattice on it
+    KN_VIEW_SOLID, // the surface without lines
+    KN_VIEW_WIRE,  // only the lines of the lattice on the surface; the surface between the lines is transparent
+    KN_VIEW_EDGES  // every edge of the lattice, including those inside the object
+} kn_view_style;
+
+typedef struct kn_view_scene {
+    const float (*xyz)[3]; // [vertex_count] present positions, m
+    // [vertex_count] values on the colour scale, 0..1; NaN: the object's colour. NULL: all vertices have the object's
+    // colour
+    const float *value;
+    int edge_count;            // number of edges, for KN_VIEW_EDGES; otherwise 0
+    const float (*edge)[2][3]; // [edge_count] ends of each edge, m
+    // [edge_count] values on the colour scale at the two ends of each edge; NULL: the object's colour.
+    const float (*edge_value)[2];
+    float color[3]; // colour of the object, sRGB 0..1
+    // Thickness of a flat object, m; 0: not flat. On a flat object, a ball is drawn as a disc and a plate as a line,
+    // both 1 % thinner than the object.
+    double thickness_m;
+    int probe_count; // number of probes, 0 .. KN_PROBES_MAX
+    kn_view_probe probe[KN_PROBES_MAX];
+    double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
+    double elevation_deg; // 0: horizontal line of sight, 90: from above
+    kn_view_style style;
+    // If true, an object that was lifted or pushed away from its first place stays in the picture, and so does the
+    // first place.
+    bool follow;
+    // [2]: low and high corner of a box that is framed instead of the object. NULL: frame the object
+    const float (*frame)[3];
+    double zoom; // magnification; 2: the picture shows half the width and height; 0 means 1
+    bool hands;  // draw the outline of a hand that is at least 0.5 mm or 3 degrees away from its tool
+    // Use a camera distance that fits every azimuth, so that the object keeps its size while the camera turns.
+    bool turns;
+} kn_view_scene;
+
+// Return the default view: from the front and above, to show both the top and the profile of a dent across the block.
+// The colour is that of dough, lattice lines are on, and there are no probes.
+kn_view_scene kn_view_scene_default(void);
+
+// ---- camera
 
 #define KN_CAMERA_TAN_HALF                                                                                             \
     0.2217f // tangent of half the angle of view: 25 degrees from top to bottom, a telephoto with little perspective
@@ -32,5 +91,47 @@ bool kn_camera_pick(const kn_camera *camera, double u, double v, double z_m, dou
 
 // Compute the unit axes of a camera that looks from the direction azimuth_deg, elevation_deg.
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3]);
+
+// ---- vectors and matrices; matrices are column-major, as OpenGL reads them: m[4*column + row]
+
+static inline float kn_dotf(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static inline void kn_crossf(float out[3], const float a[3], const float b[3]) // out must be neither a nor b
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline float kn_normalizef(float v[3]) // returns the former length; a zero vector stays zero
+{
+    float length = sqrtf(kn_dotf(v, v));
+    for (int i = 0; i < 3 && length > 0; i++) v[i] /= length;
+    return length;
+}
+
+static inline void kn_mat_mul(float out[16], const float a[16], const float b[16]) // out must be neither a nor b
+{
+    for (int column = 0; column < 4; column++) {
+        for (int row = 0; row < 4; row++) {
+            float sum = 0;
+            for (int k = 0; k < 4; k++) sum += a[4 * k + row] * b[4 * column + k];
+            out[4 * column + row] = sum;
+        }
+    }
+}
+
+// Transform from the world to a frame with these unit axes, which looks along -z from eye.
+static inline void kn_mat_view(float out[16], const float right[3], const float up[3], const float back[3],
+                               const float eye[3])
+{
+    const float *axis[3] = {right, up, back};
+    for (int row = 0; row < 3; row++) {
+        for (int column = 0; column < 3; column++) out[4 * column + row] = axis[row][column];
+        out[12 + row] = -kn_dotf(axis[row], eye);
+        out[4 * row + 3] = 0;
+    }
+    out[15] = 1;
+}
 
 #endif

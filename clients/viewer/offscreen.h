@@ -1,18 +1,69 @@
 #ifndef KN_CLIENTS_VIEWER_OFFSCREEN_H
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
-// Drawing without a window: an OpenGL 3.3 core context, frame buffers of a given size, and their pixels.
+// Drawing without a window: an OpenGL 3.3 core context, its functions, frame buffers of a given size, and their pixels.
 //
-// There are two back ends (offscreen_backend.h). OSMesa is Mesa's software rasteriser as a library of its own, which
-// Mesa 25.1 dropped. The other is EGL's surfaceless platform. They need no display, no GPU and no root. The environment
-// variable KNEAD_GL=osmesa or =egl chooses one; without it, the first one that is installed is used. The module is not
-// thread safe: the same thread must open, draw, read and close.
+// There are two back ends. OSMesa is Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped. The
+// other is EGL's surfaceless platform. They need no display, no GPU and no root. The environment variable
+// KNEAD_GL=osmesa or =egl chooses one; without it, the first one that is installed is used. The module is not thread
+// safe: the same thread must open, draw, read and close.
 //
 // The library is loaded with the first picture, not at the program's start. It brings 117 MB of LLVM, and `knead probe`
 // must neither wait for that (25 ms) nor lock it into memory.
 //
 // LP_NUM_THREADS, the number of rasteriser threads, is set to 1 unless the environment sets it, because the servo uses
 // the other core. The pictures do not depend on the number of threads.
-#include "clients/viewer/gl.h"
+//
+// Nothing links libGL. The addresses of OpenGL's functions come from the context, so a process can also load a
+// desktop's libGL without a conflict.
+#define GL_GLEXT_PROTOTYPES // the types of the functions below
+#include <GL/glcorearb.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+// Functions of OpenGL 3.3 core that the viewer calls. To use a new function, add one line to the list.
+// clang-format off
+#define KN_GL_FUNCTIONS(X)                                                                                             \
+    X(AttachShader) X(BindBuffer) X(BindFramebuffer) X(BindRenderbuffer) X(BindTexture) X(BindVertexArray)             \
+    X(BlendFunc) X(BlitFramebuffer) X(BufferData) X(CheckFramebufferStatus) X(Clear) X(ColorMask) X(CompileShader)     \
+    X(CreateProgram) X(CreateShader) X(CullFace) X(DeleteProgram) X(DeleteShader) X(Disable)                           \
+    X(DisableVertexAttribArray) X(DrawArrays) X(DrawBuffer) X(Enable) X(EnableVertexAttribArray)                       \
+    X(FramebufferRenderbuffer) X(FramebufferTexture2D) X(GenBuffers) X(GenFramebuffers) X(GenRenderbuffers)            \
+    X(GenTextures) X(GenVertexArrays) X(GetError) X(GetProgramInfoLog) X(GetProgramiv) X(GetUniformLocation)           \
+    X(LinkProgram) X(PolygonOffset) X(ReadBuffer) X(ReadPixels) X(RenderbufferStorageMultisample) X(Scissor)           \
+    X(ShaderSource) X(TexImage2D) X(TexParameteri) X(Uniform1f) X(Uniform1i) X(Uniform3fv) X(Uniform4fv)               \
+    X(UniformMatrix4fv) X(UseProgram) X(VertexAttribPointer) X(Viewport)
+// clang-format on
+
+typedef struct kn_gl {
+#define KN_GL_MEMBER(name) __typeof__(gl##name) *name;
+    KN_GL_FUNCTIONS(KN_GL_MEMBER)
+#undef KN_GL_MEMBER
+} kn_gl;
+
+// Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The solids
+// have depth and several samples per pixel. The picture receives the solids, resolved over the backdrop. With one
+// sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their context, and never
+// deleted singly.
+typedef struct kn_gl_target {
+    int width, height;
+    GLuint backdrop, solids, picture;
+    GLuint buffer[4]; // render buffers: backdrop, colour and depth of the solids, picture
+} kn_gl_target;
+
+typedef struct kn_gl_region { // rectangle of the picture, pixels from its lower left corner
+    int x, y, width, height;
+} kn_gl_region;
+
+void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make the backdrop the target of all drawing
+// Begin to draw the solids: make their buffer the target of all drawing. Clear only their region, because buffers with
+// several samples take most of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop;
+// otherwise it starts empty.
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
+// Resolve the solids into the picture. From then on, drawing goes to this region of the picture, behind the solids.
+// Alpha is the fraction of a pixel that solids cover, and drawing fills the remaining fraction. With one sample per
+// pixel, the depth buffer decides.
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 
 #define KN_OFFSCREEN_MIN 16
 // Largest size of a picture, pixels on a side; 4 samples of colour and depth take 32 bytes per pixel.
@@ -34,8 +85,6 @@ const kn_gl_target *kn_offscreen_target(const kn_offscreen *screen); // return t
 // Wait until drawing has finished, and copy the picture: [height][width][4] bytes, top row first.
 void kn_offscreen_read_rgba(kn_offscreen *screen, uint8_t *rgba);
 
-// Return the OpenGL function `name`. Return NULL before the first kn_offscreen_open, or if there is no such function.
-kn_gl_proc kn_offscreen_get_proc(const char *name);
 void kn_offscreen_close(kn_offscreen *screen); // `screen` may be NULL
 
 #endif

@@ -2,9 +2,12 @@
 #define KN_CLIENTS_VIEWER_RANGE_H
 // Range image: the height of the surface above the table at every pixel, as a range finder above the table measures it.
 // The lines of sight are parallel and point straight down. x points to the right and y up in the picture; pixels are
-// square. Heights are computed from the triangles in float precision, not read from a depth buffer. All functions are
-// pure.
+// square. Heights are computed from the triangles in float precision, not read from a depth buffer.
+//
+// Range image as a file: a PNG of 16-bit grey with texts for step_mm, pixel_mm, left_mm and top_mm. `knead view
+// --depth` writes such files. An image of another instrument can be read if these four numbers are given separately.
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 typedef struct kn_range {
@@ -26,7 +29,21 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
 void kn_range_draw(kn_range *range, const float (*now)[3], int triangle_count, const int (*triangle)[3],
                    uint16_t *level);
 
-// Fill in lowest_m and highest_m from the levels. Return false if nothing is visible.
-bool kn_range_look(kn_range *range, const uint16_t *level);
+#define KN_RANGE_MOST 8192 // largest width or height of an image that can be read, pixels
+
+// Write a range image. `title`: text that says which object is shown. On failure return false and put one sentence in
+// error.
+bool kn_range_save(const char *path, const kn_range *range, const char *title, const uint16_t *level, char *error,
+                   size_t error_size);
+
+typedef struct kn_range_given { // numbers that replace those in the file's texts; NAN: use the number in the file
+    double step_m, pixel_m, left_m, top_m;
+} kn_range_given;
+
+// Read a range image. table_m becomes 0, because heights are in the scene's frame. The caller frees *level. Return
+// false and put one sentence in error if kn_image_read_gray16 fails, if a number is missing or malformed, or if no
+// surface is visible in the image.
+bool kn_range_load(const char *path, const kn_range_given *given, kn_range *range, uint16_t **level, char *error,
+                   size_t error_size);
 
 #endif

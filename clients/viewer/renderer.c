@@ -1,13 +1,6 @@
 #include "clients/viewer/renderer.h"
-#include "clients/viewer/camera.h"
-#include "clients/viewer/form.h"
-#include "clients/viewer/offscreen.h"
-#include "clients/viewer/region.h"
-#include "clients/viewer/scale.h"
-#include "clients/viewer/shaders.h"
-#include "clients/viewer/skin.h"
-#include "clients/viewer/tool.h"
-#include "clients/viewer/vec.h"
+#include "clients/viewer/drawn_probe.h"
+#include "clients/viewer/label.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,11 +23,11 @@ static const float arrow_color[3] = {0.86f, 0.30f, 0.12f};
 struct kn_renderer {
     kn_offscreen *screen;
     const kn_gl *gl;
-    GLuint depth, solid, table, bare, edge; // shader programs; `bare`: for the part of the table where no shadow falls
+    kn_shader_programs program;
     GLuint shadow_frame, shadow_map;
-    kn_tools tools;
-    kn_form square, object, edges;
-    kn_skin *skin;
+    kn_drawn_shapes tools;
+    kn_gl_mesh square, object, edges;
+    kn_shaded_mesh *mesh;
     float *corners; // [triangle_count][3][6] position and normal of each corner
     int width, height, samples;
     kn_camera camera;
@@ -45,21 +38,16 @@ struct kn_renderer {
     float square_m;
 };
 
-kn_view_scene kn_view_scene_default(void)
-{
-    return (kn_view_scene){.color = {0.90f, 0.78f, 0.58f}, .azimuth_deg = 28, .elevation_deg = 27};
-}
-
 // ---- open, mesh, close
 
 static void create_shapes(kn_renderer *r)
 {
     static const float square[] = {-1, -1, 0, 0, 0, 1, 1, -1, 0, 0, 0, 1, 1,  1, 0, 0, 0, 1,
                                    -1, -1, 0, 0, 0, 1, 1, 1,  0, 0, 0, 1, -1, 1, 0, 0, 0, 1};
-    r->tools = kn_tools_create(r->gl);
-    r->square = kn_form_create(r->gl);
-    kn_form_corners(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
-    r->object = kn_form_create(r->gl);
+    r->tools = kn_drawn_shapes_create(r->gl);
+    r->square = kn_gl_mesh_create(r->gl);
+    kn_gl_mesh_upload(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
+    r->object = kn_gl_mesh_create(r->gl);
     r->gl->GenVertexArrays(1, &r->edges.array); // the array for edges has positions only, without normals
     r->gl->BindVertexArray(r->edges.array);
     r->gl->GenBuffers(1, &r->edges.buffer);
@@ -68,7 +56,7 @@ static void create_shapes(kn_renderer *r)
 }
 
 // Return the longest side of the object.
-static float scale_of(const kn_skin *s)
+static float scale_of(const kn_shaded_mesh *s)
 {
     float longest = 1e-6f;
     for (int i = 0; i < 3; i++) longest = fmaxf(longest, s->rest_high[i] - s->rest_low[i]);
@@ -100,13 +88,8 @@ static bool create(kn_renderer *r, char *error, size_t error_size)
 {
     r->screen = kn_offscreen_open(r->width, r->height, r->samples, error, error_size);
     if (!r->screen) return false;
-    const kn_gl *gl = r->gl = kn_offscreen_begin(r->screen);
-    r->depth = kn_gl_program(gl, kn_shader_depth_vertex, kn_shader_depth_fragment, error, error_size);
-    r->solid = kn_gl_program(gl, kn_shader_solid_vertex, kn_shader_solid_fragment, error, error_size);
-    r->table = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_table_fragment, error, error_size);
-    r->bare = kn_gl_program(gl, kn_shader_table_vertex, kn_shader_bare_fragment, error, error_size);
-    r->edge = kn_gl_program(gl, kn_shader_edge_vertex, kn_shader_edge_fragment, error, error_size);
-    if (!r->depth || !r->solid || !r->table || !r->bare || !r->edge) return false;
+    r->gl = kn_offscreen_begin(r->screen);
+    if (!kn_shader_programs_create(r->gl, &r->program, error, error_size)) return false;
     create_shapes(r);
     if (create_shadow_map(r)) return true;
     snprintf(error, error_size, "OpenGL cannot create a shadow map of %d x %d", SHADOW_SIZE(r), SHADOW_SIZE(r));
@@ -132,7 +115,7 @@ void kn_renderer_close(kn_renderer *r)
 {
     if (!r) return;
     kn_offscreen_close(r->screen);
-    kn_skin_destroy(r->skin);
+    kn_shaded_mesh_destroy(r->mesh);
     free(r->corners);
     free(r);
 }
@@ -144,21 +127,21 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     // The old backdrop may show squares of another size, so it must be drawn again.
     memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
     memset(r->last_camera, 0, sizeof r->last_camera);
-    kn_skin_destroy(r->skin);
+    kn_shaded_mesh_destroy(r->mesh);
     free(r->corners);
     r->corners = NULL;
-    r->skin = kn_skin_create(vertex_count, rest, triangle_count, triangle);
-    if (!r->skin) return false;
+    r->mesh = kn_shaded_mesh_create(vertex_count, rest, triangle_count, triangle);
+    if (!r->mesh) return false;
     size_t corners = 3 * (size_t)triangle_count;
     r->corners = calloc(corners, 6 * sizeof *r->corners);
     if (!r->corners) return false;
     // Choose the side of the table's squares: the power of ten that gives 2 to 20 squares along the object.
-    r->square_m = powf(10, floorf(log10f(scale_of(r->skin) / 2)));
+    r->square_m = powf(10, floorf(log10f(scale_of(r->mesh) / 2)));
     // Compute the barycentric distance of each corner from each side. A side that is not a line gets a large distance
     // everywhere.
     for (size_t i = 0; i < corners; i++)
         for (size_t side = 0; side < 3; side++)
-            r->corners[3 * i + side] = i % 3 == side || !r->skin->line[i - i % 3 + side];
+            r->corners[3 * i + side] = i % 3 == side || !r->mesh->line[i - i % 3 + side];
     gl->BindVertexArray(r->object.array);
     gl->BindBuffer(GL_ARRAY_BUFFER, r->object.sides);
     gl->BufferData(GL_ARRAY_BUFFER, (GLsizeiptr)(corners * 3 * sizeof *r->corners), r->corners, GL_STATIC_DRAW);
@@ -173,7 +156,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 // quarter of its size, frame both the place and the object.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
-    const kn_skin *s = r->skin;
+    const kn_shaded_mesh *s = r->mesh;
     float low[3], high[3], beyond = 0;
     for (int i = 0; i < 3; i++) {
         low[i] = s->rest_low[i], high[i] = s->rest_high[i];
@@ -192,15 +175,24 @@ static void aim(kn_renderer *r, const kn_view_scene *scene)
     r->side = (int)floor(scene->azimuth_deg / 90 + 1e-9) & 3;
 }
 
+static void orthographic_matrix(float out[16], float half, float near, float far)
+{
+    for (int i = 0; i < 16; i++) out[i] = 0;
+    out[0] = out[5] = 1 / half;
+    out[10] = 2 / (near - far);
+    out[14] = (far + near) / (near - far);
+    out[15] = 1;
+}
+
 // Place the light at the upper left of the viewer, whatever the azimuth.
 static void light_up(kn_renderer *r, const kn_view_scene *scene)
 {
-    float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->skin);
+    float right[3], up[3], back[3], eye[3], view[16], box[16], radius = LIT_RADIUS * scale_of(r->mesh);
     kn_camera_axes(scene->azimuth_deg - 52, 48, right, up, back);
     memcpy(r->key, back, sizeof r->key);
-    for (int i = 0; i < 3; i++) eye[i] = 0.5f * (r->skin->rest_low[i] + r->skin->rest_high[i]) + 2 * radius * back[i];
+    for (int i = 0; i < 3; i++) eye[i] = 0.5f * (r->mesh->rest_low[i] + r->mesh->rest_high[i]) + 2 * radius * back[i];
     kn_mat_view(view, right, up, back, eye);
-    kn_mat_orthographic(box, radius, 0.5f * radius, 4 * radius);
+    orthographic_matrix(box, radius, 0.5f * radius, 4 * radius);
     kn_mat_mul(r->light, box, view);
 }
 
@@ -240,9 +232,9 @@ static void place(float m[16], const float at[3], const float direction[3], floa
 {
     float x[3] = {1, 0, 0}, y[3];
     if (fabsf(direction[0]) > 0.9f) memcpy(x, (float[]){0, 1, 0}, sizeof x);
-    kn_cross(y, direction, x);
-    kn_normalize(y);
-    kn_cross(x, y, direction);
+    kn_crossf(y, direction, x);
+    kn_normalizef(y);
+    kn_crossf(x, y, direction);
     for (int i = 0; i < 3; i++) {
         m[i] = sx * x[i];
         m[4 + i] = sy * y[i];
@@ -255,13 +247,13 @@ static void place(float m[16], const float at[3], const float direction[3], floa
 
 // Draw a shape with the depth program or the lit program. The depth program, for the shadow map, needs only the shape's
 // position.
-static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, const float model[16],
+static void draw_shape(const kn_renderer *r, GLuint program, const kn_gl_mesh *s, const float model[16],
                        const float color[3], float gloss, float lines)
 {
     const kn_gl *gl = r->gl;
     if (s->corners == 0) return;
     set_matrix(gl, program, "u_model", model);
-    if (program == r->solid) {
+    if (program == r->program.solid) {
         set_color(gl, program, color);
         set_number(gl, program, "u_gloss", gloss);
         set_number(gl, program, "u_lines", lines);
@@ -272,7 +264,7 @@ static void draw_shape(const kn_renderer *r, GLuint program, const kn_form *s, c
 
 // ---- tools
 
-static void draw_arrow(const kn_renderer *r, GLuint program, const kn_tool_arrow *a)
+static void draw_arrow(const kn_renderer *r, GLuint program, const kn_drawn_arrow *a)
 {
     float m[16], at[3];
     // A short arrow is thinner, so that its head keeps its shape.
@@ -292,62 +284,62 @@ static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
     const double *x = hand->position_m;
     const float *eye = r->camera.eye;
     const float away = hypotf(hypotf((float)x[0] - eye[0], (float)x[1] - eye[1]), (float)x[2] - eye[2]);
-    kn_tool_solid s[KN_TOOL_SOLIDS_MAX];
-    const int count = kn_tool_solids(&r->tools, hand, s);
+    kn_drawn_solid s[KN_DRAWN_SOLIDS_MAX];
+    const int count = kn_drawn_probe_solids(&r->tools, hand, s);
     gl->Clear(GL_DEPTH_BUFFER_BIT);
     for (int outline = 0; outline < 2; outline++) {
         const GLboolean seen = outline ? GL_TRUE : GL_FALSE;
         gl->ColorMask(seen, seen, seen, seen);
         gl->CullFace(outline ? GL_FRONT : GL_BACK);
-        set_number(gl, r->solid, "u_grow", (float)outline * HAND_LINE * r->camera.tan_half * away);
-        set_number(gl, r->solid, "u_flat", (float)outline);
-        for (int i = 0; i < count; i++) draw_shape(r, r->solid, s[i].shape, s[i].place, hand_color, 0, 0);
+        set_number(gl, r->program.solid, "u_grow", (float)outline * HAND_LINE * r->camera.tan_half * away);
+        set_number(gl, r->program.solid, "u_flat", (float)outline);
+        for (int i = 0; i < count; i++) draw_shape(r, r->program.solid, s[i].shape, s[i].place, hand_color, 0, 0);
     }
     gl->CullFace(GL_BACK);
-    set_number(gl, r->solid, "u_grow", 0);
-    set_number(gl, r->solid, "u_flat", 0);
+    set_number(gl, r->program.solid, "u_grow", 0);
+    set_number(gl, r->program.solid, "u_flat", 0);
 }
 
 // Draw all hands. They come last, because each of them clears the depth buffer.
 static void draw_hands(const kn_renderer *r, const kn_view_scene *scene)
 {
     kn_view_probe hand;
-    r->gl->UseProgram(r->solid);
+    r->gl->UseProgram(r->program.solid);
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (kn_tool_hand(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
+        if (kn_drawn_probe_hand(scene, &scene->probe[i], &hand)) draw_hand(r, &hand);
 }
 
 // Draw a probe with its arrow. A probe that does not act on the object is pale and casts no shadow.
 static void draw_probe(const kn_renderer *r, GLuint program, const kn_view_probe *p)
 {
-    if (p->outside && program == r->depth) return;
-    kn_tool_solid s[KN_TOOL_SOLIDS_MAX];
-    for (int i = 0, n = kn_tool_solids(&r->tools, p, s); i < n; i++)
+    if (p->outside && program == r->program.depth) return;
+    kn_drawn_solid s[KN_DRAWN_SOLIDS_MAX];
+    for (int i = 0, n = kn_drawn_probe_solids(&r->tools, p, s); i < n; i++)
         draw_shape(r, program, s[i].shape, s[i].place, p->outside ? outside_color : tool_color,
                    s[i].shape == &r->tools.box ? 0.25f : 0.5f, 0);
-    kn_tool_arrow a = kn_tool_arrow_of(p, r->square_m);
+    kn_drawn_arrow a = kn_drawn_probe_arrow(p, r->square_m);
     if (a.length > 0) draw_arrow(r, program, &a);
 }
 
 static void draw_edges(const kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_gl *gl = r->gl;
-    gl->UseProgram(r->edge);
-    set_matrix(gl, r->edge, "u_camera", r->camera.matrix);
-    set_color(gl, r->edge, scene->color);
-    set_scale(r, r->edge);
-    set_number(gl, r->edge, "u_scaled", scene->edge_value != NULL);
+    gl->UseProgram(r->program.edge);
+    set_matrix(gl, r->program.edge, "u_camera", r->camera.matrix);
+    set_color(gl, r->program.edge, scene->color);
+    set_scale(r, r->program.edge);
+    set_number(gl, r->program.edge, "u_scaled", scene->edge_value != NULL);
     gl->BindVertexArray(r->edges.array);
     gl->DrawArrays(GL_LINES, 0, r->edges.corners);
-    gl->UseProgram(r->solid);
+    gl->UseProgram(r->program.solid);
 }
 
-// Draw the object in its style. Its shadow is always that of the skin.
+// Draw the object in its style. Its shadow is always that of the surface.
 static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
 {
     static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
     const kn_gl *gl = r->gl;
-    const bool seen = program == r->solid, wire = scene->style == KN_VIEW_WIRE;
+    const bool seen = program == r->program.solid, wire = scene->style == KN_VIEW_WIRE;
     float m[16];
     if (seen && scene->style == KN_VIEW_EDGES) {
         draw_edges(r, scene);
@@ -355,7 +347,7 @@ static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scen
     }
     place(m, here, up, 1, 1, 1);
     if (seen && scene->value) set_scale(r, program), set_number(gl, program, "u_scaled", 1);
-    // In the wire style, the far side is visible through the skin, so draw back faces as well.
+    // In the wire style, the far side is visible through the surface, so draw back faces as well.
     if (seen && wire) set_number(gl, program, "u_wire", 0.5f), gl->Disable(GL_CULL_FACE);
     draw_shape(r, program, &r->object, m, scene->color, 0.06f, scene->style == KN_VIEW_LINED ? 0.30f : 0);
     if (seen && wire) gl->Enable(GL_CULL_FACE);
@@ -366,7 +358,7 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
 {
     draw_object(r, program, scene);
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
-        if (kn_tool_somewhere(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
+        if (kn_drawn_probe_is_finite(&scene->probe[i])) draw_probe(r, program, &scene->probe[i]);
 }
 
 // Clear the shadow map and make it the target of all drawing.
@@ -383,11 +375,11 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_gl *gl = r->gl;
     clear_shadow_map(r);
-    gl->UseProgram(r->depth);
-    set_matrix(gl, r->depth, "u_light", r->light);
+    gl->UseProgram(r->program.depth);
+    set_matrix(gl, r->program.depth, "u_light", r->light);
     gl->Enable(GL_POLYGON_OFFSET_FILL);
     gl->PolygonOffset(3, 4); // shift the depths away from the light, so that no surface shades itself
-    draw_solids(r, r->depth, scene);
+    draw_solids(r, r->program.depth, scene);
     gl->Disable(GL_POLYGON_OFFSET_FILL);
 }
 
@@ -406,13 +398,13 @@ static void use_lit(const kn_renderer *r, GLuint program)
     set_matrix(gl, program, "u_light", shadow);
     set_vector(gl, program, "u_eye", r->camera.eye);
     set_vector(gl, program, "u_key", r->key);
-    set_number(gl, program, "u_height", r->skin->rest_high[2] - r->skin->rest_low[2]);
+    set_number(gl, program, "u_height", r->mesh->rest_high[2] - r->mesh->rest_low[2]);
 }
 
 // Find where the object stands on the table now: the box around the vertices of its lowest quarter. Return the radius
 // of the box's corners. The radius follows from the largest |x| + |y| of these vertices in half sides: 2 for a
 // rectangle, sqrt 2 for an ellipse.
-static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
+static float footprint(const kn_shaded_mesh *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
     memcpy(foot, (float[]){INFINITY, INFINITY, -INFINITY, -INFINITY}, 4 * sizeof *foot);
@@ -432,13 +424,13 @@ static float footprint(const kn_skin *s, const float (*xyz)[3], float foot[4])
 }
 
 // Return the height of the table, slightly below the object, so that table and underside do not flicker.
-static float level_of(const kn_renderer *r) { return r->skin->rest_low[2] - 1e-3f * scale_of(r->skin); }
+static float level_of(const kn_renderer *r) { return r->mesh->rest_low[2] - 1e-3f * scale_of(r->mesh); }
 
 // Put the rectangle of the bar on the table into `bar`: low x, low y, high x, high y. The bar lies in front of the
 // object's side that is at the left of the picture.
 static void bar_of(const kn_renderer *r, float bar[4])
 {
-    const float *low = r->skin->rest_low, *high = r->skin->rest_high, s = r->square_m;
+    const float *low = r->mesh->rest_low, *high = r->mesh->rest_high, s = r->square_m;
     const float away = 1.5f * s, wide = 0.12f * s;
     const float place[4][4] = {
         {low[0], low[1] - away, low[0] + s, low[1] - away + wide},
@@ -487,7 +479,7 @@ static void draw_table(const kn_renderer *r, GLuint program, const float foot[4]
     set_number(gl, program, "u_corner", corner);
     gl->Uniform4fv(gl->GetUniformLocation(program, "u_bar"), 1, bar);
     set_number(gl, program, "u_square", s);
-    set_number(gl, program, "u_reach", 4 * scale_of(r->skin));
+    set_number(gl, program, "u_reach", 4 * scale_of(r->mesh));
     set_number(gl, program, "u_level", level_of(r));
     gl->BindVertexArray(r->square.array);
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
@@ -509,7 +501,7 @@ static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_regi
     for (int i = 0; i < 5; i++) {
         if (around[i].width <= 0 || around[i].height <= 0) continue;
         r->gl->Scissor(around[i].x, around[i].y, around[i].width, around[i].height);
-        draw_table(r, i < 4 ? r->bare : r->table, foot, corner);
+        draw_table(r, i < 4 ? r->program.bare : r->program.table, foot, corner);
     }
 }
 
@@ -523,11 +515,11 @@ static bool draw_backdrop(kn_renderer *r)
     if (!still || memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return still;
     memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
     kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
-    draw_table(r, r->bare, nobody, 0);
+    draw_table(r, r->program.bare, nobody, 0);
     return true;
 }
 
-static void set_values(const kn_gl *gl, const kn_form *s, const float *value, int count)
+static void set_values(const kn_gl *gl, const kn_gl_mesh *s, const float *value, int count)
 {
     gl->BindVertexArray(s->array);
     gl->BindBuffer(GL_ARRAY_BUFFER, s->values);
@@ -537,7 +529,7 @@ static void set_values(const kn_gl *gl, const kn_form *s, const float *value, in
 }
 
 // Detach the values, because a buffer for a smaller mesh may still be attached.
-static void unset_values(const kn_gl *gl, const kn_form *s)
+static void unset_values(const kn_gl *gl, const kn_gl_mesh *s)
 {
     gl->BindVertexArray(s->array);
     gl->DisableVertexAttribArray(3);
@@ -546,7 +538,7 @@ static void unset_values(const kn_gl *gl, const kn_form *s)
 // Upload the values. r->corners has been uploaded already and serves as scratch.
 static void upload_values(kn_renderer *r, const kn_view_scene *scene)
 {
-    const kn_skin *s = r->skin;
+    const kn_shaded_mesh *s = r->mesh;
     for (int i = 0; i < 3 * s->triangle_count; i++) r->corners[i] = scene->value[s->triangle[i]];
     set_values(r->gl, &r->object, r->corners, 3 * s->triangle_count);
 }
@@ -554,7 +546,7 @@ static void upload_values(kn_renderer *r, const kn_view_scene *scene)
 static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_gl *gl = r->gl;
-    kn_form *s = &r->edges;
+    kn_gl_mesh *s = &r->edges;
     s->corners = 2 * scene->edge_count;
     gl->BindVertexArray(s->array);
     gl->BindBuffer(GL_ARRAY_BUFFER, s->buffer);
@@ -568,8 +560,8 @@ static void upload_edges(kn_renderer *r, const kn_view_scene *scene)
 // Upload the positions, values and edges of this picture.
 static void upload(kn_renderer *r, const kn_view_scene *scene)
 {
-    kn_skin_corners(r->skin, scene->xyz, r->corners);
-    kn_form_corners(r->gl, &r->object, 3 * r->skin->triangle_count, r->corners, GL_STREAM_DRAW);
+    kn_shaded_mesh_corners(r->mesh, scene->xyz, r->corners);
+    kn_gl_mesh_upload(r->gl, &r->object, 3 * r->mesh->triangle_count, r->corners, GL_STREAM_DRAW);
     if (scene->value) upload_values(r, scene);
     else unset_values(r->gl, &r->object);
     if (scene->style == KN_VIEW_EDGES) upload_edges(r, scene);
@@ -581,19 +573,19 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
     // Prepare the tools, the camera, the light, and the region that needs drawing.
-    kn_tools_load(&r->tools, scene);
+    kn_drawn_shapes_load(&r->tools, scene);
     aim(r, scene);
     light_up(r, scene);
-    float corner = footprint(r->skin, scene->xyz, foot);
+    float corner = footprint(r->mesh, scene->xyz, foot);
     kn_gl_region region, table;
-    const kn_region_def seen = {&r->camera,
-                                r->key,
-                                r->width,
-                                r->height,
-                                level_of(r),
-                                r->square_m,
-                                0.6f * (r->skin->rest_high[2] - r->skin->rest_low[2])};
-    kn_region_find(&seen, &r->tools, scene, r->skin->vertex_count, foot, &region, &table);
+    const kn_dirty_region_def seen = {&r->camera,
+                                      r->key,
+                                      r->width,
+                                      r->height,
+                                      level_of(r),
+                                      r->square_m,
+                                      0.6f * (r->mesh->rest_high[2] - r->mesh->rest_low[2])};
+    kn_dirty_region_find(&seen, &r->tools, scene, r->mesh->vertex_count, foot, &region, &table);
     upload(r, scene);
     const bool before_backdrop = draw_backdrop(r);
 
@@ -602,9 +594,9 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     draw_shadow_map(r, scene);
     kn_gl_target_solids(gl, target, region, before_backdrop);
     gl->Enable(GL_CULL_FACE);
-    use_lit(r, r->solid);
-    set_number(gl, r->solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->skin) / (float)SHADOW_SIZE(r));
-    draw_solids(r, r->solid, scene);
+    use_lit(r, r->program.solid);
+    set_number(gl, r->program.solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->mesh) / (float)SHADOW_SIZE(r));
+    draw_solids(r, r->program.solid, scene);
     const bool soft = r->samples > 1; // with several samples per pixel, the solids cover edge pixels only partly
     if (soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);

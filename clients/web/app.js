@@ -1,8 +1,6 @@
 // The page of knead web: draw the received pictures and send the pointer. The wire format is in README.md of this
 // folder.
 'use strict';
-const $ = (id) => document.getElementById(id);
-const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const picture = $('picture'), slider = $('depth');
 
 // Figures for tests and benchmarks. latency: for each of the last 2000 events, time from the event's handler to the
@@ -102,29 +100,24 @@ function draw(bitmap, now) {
         if (knead.latency.push(at - waiting.shift().at) > 2000) knead.latency.shift();
 }
 
-// Write only new text: a screen reader reads every change of the status aloud.
-function write(id, text) {
-    if ($(id).textContent !== text) $(id).textContent = text;
-}
-
 function say(level, words) {
     $('status').dataset.level = level;
-    write('level', { ok: 'Live', wait: 'Waiting', fault: 'Stopped' }[level]);
-    write('words', words);
+    write($('level'), { ok: 'Live', wait: 'Waiting', fault: 'Stopped' }[level]);
+    write($('words'), words);
 }
 
 function show(now) {
     knead.now = now;
     say(now.level, now.status);
-    write('force', now.force_n.toFixed(now.force_n < 9.995 ? 2 : 1));
-    write('pressed', now.depth_mm.toFixed(1));
-    write('contact', now.contact ? 'touching' : 'none');
+    write($('force'), now.force_n.toFixed(now.force_n < 9.995 ? 2 : 1));
+    write($('pressed'), now.depth_mm.toFixed(1));
+    write($('contact'), now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
     // During a press, deepest_mm would be the depth left below this place.
     if (hand.holder === null && !now.contact) slider.max = now.deepest_mm;
     showDepth();
-    write('bar', now.bar_mm ? `bar on the table: ${now.bar_mm < 9.9 ? `${now.bar_mm} mm` : `${now.bar_mm / 10} cm`}` : '');
-    write('time', `${(now.tick / 1000).toFixed(1)} s served`);
+    write($('bar'), now.bar_mm ? `bar on the table: ${now.bar_mm < 9.9 ? `${now.bar_mm} mm` : `${now.bar_mm / 10} cm`}` : '');
+    write($('time'), `${(now.tick / 1000).toFixed(1)} s served`);
     showTouch(now.touch);
     showLegend(now.top);
     drawTrace();
@@ -160,7 +153,7 @@ function tellSoon() {
 
 function showDepth() {
     slider.value = depthNow();
-    write('depth-now', `${depthNow().toFixed(1)} mm`);
+    write($('depth-now'), `${depthNow().toFixed(1)} mm`);
 }
 
 function setDepth(mm) {
@@ -207,8 +200,7 @@ window.addEventListener('pointermove', (event) => {
     if (event.buttons & 1) aim(event), tellSoon(); // a stroke at the current depth
     else letGo(); // released while another button was down, which causes no pointerup
 });
-for (const end of ['pointerup', 'pointercancel'])
-    window.addEventListener(end, (event) => { if (hand.holder === event.pointerId) letGo(); });
+onRelease((event) => { if (hand.holder === event.pointerId) letGo(); });
 picture.addEventListener('wheel', (event) => {
     if (event.ctrlKey) return; // that zooms the page
     event.preventDefault();

@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/x509v3.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -53,7 +54,7 @@ typedef struct session { // libwebsockets keeps one session per connection
     // Index of the page; -1: the page has not shown the token yet, or a newer page has taken its place.
     int page;
     size_t length;
-    uint8_t message[KN_REQUEST_MAX];
+    uint8_t message[KN_PAGE_REQUEST_MAX];
     // True: a reason for closing was set. Writing anything more would end the connection before the reason is sent.
     bool closing;
 } session;
@@ -294,8 +295,8 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
 static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 {
     char why[120]; // reason for closing; a WebSocket close reason has at most 123 bytes
-    kn_request request;
-    if (!kn_request_parse(&request, (const char *)s->message, s->length, why, sizeof why))
+    kn_page_request request;
+    if (!kn_page_request_parse(&request, (const char *)s->message, s->length, why, sizeof why))
         return hang_up(g, wsi, PROTOCOL, why);
     g->on_request(g->arg, s->page, &request);
     return 0;
@@ -305,7 +306,7 @@ static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
-    size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_REQUEST_MAX : KN_GATEWAY_TOKEN;
+    size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_PAGE_REQUEST_MAX : KN_GATEWAY_TOKEN;
     if (size > most - s->length)
         return hang_up(g, wsi, TOO_BIG, "message too large: expected 20 bytes, or at most 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
@@ -483,8 +484,8 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
                      size_t error_size)
 {
     static const struct lws_protocols protocols[] = {
-        {"http", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
-        {"knead", on_event, sizeof(session), KN_REQUEST_MAX, 0, NULL, AT_ONCE},
+        {"http", on_event, sizeof(session), KN_PAGE_REQUEST_MAX, 0, NULL, AT_ONCE},
+        {"knead", on_event, sizeof(session), KN_PAGE_REQUEST_MAX, 0, NULL, AT_ONCE},
         {NULL, NULL, 0, 0, 0, NULL, 0}};
     void *loops[1] = {ev};
     struct lws_context_creation_info info = {
@@ -542,6 +543,19 @@ void kn_gateway_news(kn_gateway *g)
         g->page[i].news = true;
         if (g->page[i].wsi) lws_callback_on_writable(g->page[i].wsi);
     }
+}
+
+void kn_gateway_answer(kn_gateway *g, int page, uint32_t id, bool ok, const char *format, ...)
+{
+    if (page < 0 || g->page[page].answers == KN_GATEWAY_ANSWERS) return;
+    kn_web_answer *a = &g->page[page].answer[g->page[page].answers++];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(a->words, sizeof a->words, format, args);
+    va_end(args);
+    a->id = id;
+    a->ok = ok;
+    kn_gateway_news(g);
 }
 
 void kn_gateway_close(kn_gateway *g)

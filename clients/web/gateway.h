@@ -17,12 +17,72 @@
 // There are KN_GATEWAY_PAGES places for pages. There are KN_GATEWAY_GUESTS more places for guests, which are
 // connections that have not shown the token. A guest stays for 2 s at most. If all places are taken, a new guest
 // replaces the oldest guest, and a new page replaces the oldest page for which `stays` returns false.
-#include "clients/web/request.h"
 #include <ev.h>
 #include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+// ---- requests
+//
+// Requests of a page, each a JSON object in a text message. The parser is pure: it takes bytes and returns a checked
+// request, or the reason for refusing the request.
+//
+//     {"id": 7, "do": "undo"}                                  the answer has the same id
+//     {"id": 8, "do": "set", "name": "k1", "value": 460000}    a verb needs all of its fields and accepts no other
+//
+//     do                                            fields
+//     reset undo snapshot restore estop recover     none
+//     record picture                                none
+//     quality material scene style measure          name: 1..63 characters a-z A-Z 0-9 . _ -, a name sent to the page
+//     set                                           name; value: a finite number
+//     view                                          azimuth and elevation, degrees; zoom: 1..KN_PAGE_REQUEST_ZOOM
+//     verify play stop                              value: the number of a recording, 1..999999
+
+#define KN_PAGE_REQUEST_MAX 256 // largest size of a request message, bytes
+// Largest zoom factor of the camera that a request may set.
+#define KN_PAGE_REQUEST_ZOOM 4
+#define KN_PAGE_REQUEST_NAME 64 // size of a name in a request, bytes including NUL
+
+typedef enum kn_page_verb {
+    KN_VERB_RESET,
+    KN_VERB_UNDO,
+    KN_VERB_SNAPSHOT,
+    KN_VERB_RESTORE,
+    KN_VERB_ESTOP,
+    KN_VERB_RECOVER,
+    KN_VERB_RECORD,
+    KN_VERB_PICTURE,
+    KN_VERB_QUALITY,
+    KN_VERB_MATERIAL,
+    KN_VERB_SCENE,
+    KN_VERB_STYLE,
+    KN_VERB_MEASURE,
+    KN_VERB_SET,
+    KN_VERB_VIEW,
+    KN_VERB_VERIFY,
+    KN_VERB_PLAY,
+    KN_VERB_STOP,
+    KN_VERBS
+} kn_page_verb;
+
+typedef struct kn_page_request {
+    uint32_t id; // number chosen by the page; the answer has the same number
+    kn_page_verb verb;
+    char name[KN_PAGE_REQUEST_NAME];
+    double value;
+    double azimuth_deg, elevation_deg, zoom; // of the camera; ranges -180..180, 2..90, 1..KN_PAGE_REQUEST_ZOOM
+} kn_page_request;
+
+// Return the word that stands for a verb in the field "do" of a request, such as "undo".
+const char *kn_page_verb_word(kn_page_verb verb);
+bool kn_page_request_is_name(const char *text); // returns true if a request may contain the name `text`
+
+// Parse and check a request. `text` need not end in NUL. If the request is invalid, return false and write to `error`
+// what is wrong and what was expected.
+bool kn_page_request_parse(kn_page_request *request, const char *text, size_t size, char *error, size_t error_size);
+
+// ---- gateway
 
 #define KN_GATEWAY_PAGES 4   // most pages connected at once
 #define KN_GATEWAY_GUESTS 16 // most connections at once that have not shown the token
@@ -30,6 +90,7 @@
 // Largest number of messages sent to a page and not acknowledged by the page. With more, outdated pictures would wait
 // in a buffer.
 #define KN_GATEWAY_IN_FLIGHT 2
+#define KN_GATEWAY_ANSWERS 16 // most answers to requests that wait to be sent to one page
 
 // POINTER: place of the pointer and state of its button. SEEN: the page has drawn a message of the gateway.
 typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
@@ -42,6 +103,13 @@ typedef struct kn_web_message {
     float u, v, depth_m;
 } kn_web_message;
 
+// Answer to a request, waiting to be sent to the page that made the request.
+typedef struct kn_web_answer {
+    uint32_t id;
+    bool ok;
+    char words[200];
+} kn_web_answer;
+
 typedef struct kn_web_page { // browser page that has shown the token
     uint32_t sent, seen;     // number of messages sent to the page, and of messages that the page has acknowledged
     bool news;               // true: a message waits to be written to the page
@@ -50,8 +118,10 @@ typedef struct kn_web_page { // browser page that has shown the token
     uint32_t event;          // number of the last pointer event received from the page
     int64_t pointed_ms;      // time (CLOCK_MONOTONIC) of the last pointer event received from the page
     uint64_t told;           // count of force samples sent to the page or dropped
-    int about;               // version of kn_web.about that the page has; set by the caller
-    struct lws *wsi;         // connection to the page; NULL: this place for a page is free
+    int about;               // version of kn_page_state.about that the page has; set by the caller
+    kn_web_answer answer[KN_GATEWAY_ANSWERS];
+    int answers;     // number of elements of `answer`; set to 0 by the caller when they are written
+    struct lws *wsi; // connection to the page; NULL: this place for a page is free
 } kn_web_page;
 
 typedef struct kn_web_file { // contents of one download
@@ -68,7 +138,7 @@ typedef struct kn_gateway {
     int64_t refused; // number of connections and requests refused so far
     // Callbacks, set by the caller.
     void (*on_message)(void *arg, int page, const kn_web_message *message); // called for each POINTER message
-    void (*on_request)(void *arg, int page, const kn_request *request);
+    void (*on_request)(void *arg, int page, const kn_page_request *request);
     void (*on_gone)(void *arg, int page);
     // Return true if the page keeps its place when a newer page comes. At most KN_GATEWAY_PAGES - 1 pages may keep
     // their place.
@@ -110,6 +180,10 @@ int kn_gateway_pages(const kn_gateway *gateway);
 bool kn_gateway_wants(const kn_gateway *gateway); // returns true if at least one page can take a picture now
 // Lets the gateway call `write` for each page as soon as that page can take a message.
 void kn_gateway_news(kn_gateway *gateway);
+// Append an answer to the list of answers that wait for a page. It is dropped if page is -1, or if the page does not
+// read its answers.
+__attribute__((format(printf, 5, 6))) void kn_gateway_answer(kn_gateway *gateway, int page, uint32_t id, bool ok,
+                                                             const char *format, ...);
 void kn_gateway_close(kn_gateway *gateway);
 
 #endif

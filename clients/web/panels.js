@@ -1,12 +1,17 @@
 // Panels beside the picture: buttons for an operator, material, scene, view, numbers. The panels show the facts that
 // the page has received (`about`) and send requests.
 'use strict';
-const by = (id) => document.getElementById(id);
+// Helpers of all scripts of the page.
+const $ = (id) => document.getElementById(id);
+const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
+// Call a function when a pointer is released or lost.
+const onRelease = (call) => ['pointerup', 'pointercancel'].forEach((end) => window.addEventListener(end, call));
 const round3 = (x) => Number(x.toPrecision(3)).toLocaleString('en', { maximumFractionDigits: 6 });
 let about = null;
 
-// Write only new text, so that a screen reader does not repeat it.
-function writeTo(element, text) {
+// Write only new text: a screen reader reads every change aloud.
+function write(element, text) {
     if (element.textContent !== text) element.textContent = text;
 }
 
@@ -16,9 +21,9 @@ let unsaid = 0; // timer that clears the last report
 
 function report(ok, words) {
     clearTimeout(unsaid);
-    by('said').dataset.level = ok ? 'ok' : 'fault';
-    writeTo(by('said'), words);
-    unsaid = setTimeout(() => writeTo(by('said'), ''), ok ? 8000 : 30000);
+    $('said').dataset.level = ok ? 'ok' : 'fault';
+    write($('said'), words);
+    unsaid = setTimeout(() => write($('said'), ''), ok ? 8000 : 30000);
 }
 
 // Send a request and report its answer. silent: report a refusal only.
@@ -29,25 +34,25 @@ async function order(what, fields, silent = false) {
 }
 
 for (const what of ['undo', 'reset', 'snapshot', 'restore', 'estop', 'recover'])
-    by(what).addEventListener('click', () => { letGo(); order(what); });
+    $(what).addEventListener('click', () => { letGo(); order(what); });
 
 function explain(id, words) {
-    by(id).hidden = !words;
-    writeTo(by(id), words || '');
+    $(id).hidden = !words;
+    write($(id), words || '');
 }
 
 // Enable the buttons whose orders kneadd can carry out now, and tell why the others are disabled.
 function showOperator({ why, orders, saves, snapshot, stopped }) {
-    for (const what of ['undo', 'reset', 'recover']) by(what).disabled = Boolean(why);
-    by('estop').disabled = !orders; // the stop stays enabled whatever else fails, as long as kneadd can be asked
-    if (stopped !== by('estop').hidden) { // exactly one of the two is visible; the focus moves with it
-        const focused = [by('estop'), by('recover')].includes(document.activeElement);
-        by('estop').hidden = stopped;
-        by('recover').hidden = !stopped;
-        if (focused) by(stopped ? 'recover' : 'estop').focus();
+    for (const what of ['undo', 'reset', 'recover']) $(what).disabled = Boolean(why);
+    $('estop').disabled = !orders; // the stop stays enabled whatever else fails, as long as kneadd can be asked
+    if (stopped !== $('estop').hidden) { // exactly one of the two is visible; the focus moves with it
+        const focused = [$('estop'), $('recover')].includes(document.activeElement);
+        $('estop').hidden = stopped;
+        $('recover').hidden = !stopped;
+        if (focused) $(stopped ? 'recover' : 'estop').focus();
     }
-    by('snapshot').disabled = Boolean(why) || !saves;
-    by('restore').disabled = Boolean(why) || !saves || snapshot === 0;
+    $('snapshot').disabled = Boolean(why) || !saves;
+    $('restore').disabled = Boolean(why) || !saves || snapshot === 0;
     explain('why', why && `${orders ? 'Only the emergency stop works' : 'Controls are off'}: ${why}.`);
     explain('why-saves', why ? null : !saves ? 'Nothing is saved: kneadd was started without --state-dir.'
         : snapshot === 0 ? 'Nothing has been saved yet.' : null);
@@ -72,10 +77,10 @@ function quantity(x, unit) {
 
 // Add a slider with a logarithmic scale around the scene's value.
 function addSlider(key, value) {
-    const [words, unit] = KEYS[key], row = document.createElement('div');
-    const label = Object.assign(document.createElement('label'), { textContent: words, htmlFor: `m-${key}` });
-    const output = Object.assign(document.createElement('output'), { htmlFor: `m-${key}` });
-    const input = Object.assign(document.createElement('input'),
+    const [words, unit] = KEYS[key], row = make('div', { className: 'slider' });
+    const label = make('label', { textContent: words, htmlFor: `m-${key}` });
+    const output = make('output', { htmlFor: `m-${key}` });
+    const input = make('input',
         { type: 'range', id: `m-${key}`, min: -DECADES * TICKS, max: DECADES * TICKS, step: 1 });
     const one = { input, output, from: value, dragged: false, shown: '' };
     const chosen = () => one.from * 10 ** (Number(input.value) / TICKS);
@@ -105,18 +110,17 @@ function addSlider(key, value) {
         if (!taken && about?.material) one.show(about.material[key]);
     });
     input.setAttribute('aria-describedby', 'why why-zero');
-    row.className = 'slider';
     row.append(label, output, input);
-    by('sliders').append(row);
+    $('sliders').append(row);
     sliders.set(key, one);
 }
 
 // Show the material. A new scene or another damper gets new sliders. A slider that is being dragged keeps its place.
 function showMaterial(material, scene) {
     const keys = Object.keys(KEYS).filter((key) => key in material), made = `${scene} ${keys}`;
-    if (by('sliders').dataset.made !== made) {
-        by('sliders').dataset.made = made;
-        by('sliders').replaceChildren();
+    if ($('sliders').dataset.made !== made) {
+        $('sliders').dataset.made = made;
+        $('sliders').replaceChildren();
         sliders.clear();
         for (const key of keys) addSlider(key, material[key] || 1);
     }
@@ -126,24 +130,24 @@ function showMaterial(material, scene) {
 
 // ---- lists
 
-// Fill a list, and select the chosen name unless the user is in the list.
-function fill(id, names, chosen, first) {
-    const select = by(id), list = first ? [first, ...names] : names;
-    if (select.dataset.names !== list.join()) {
-        select.dataset.names = list.join();
-        select.replaceChildren(...list.map((name) => new Option(name, name)));
+// Fill a list, and select the chosen name unless the user is in the list. words: text of a name.
+function fill(id, names, chosen, words = (name) => name) {
+    const select = $(id);
+    if (select.dataset.names !== names.join()) {
+        select.dataset.names = names.join();
+        select.replaceChildren(...names.map((name) => new Option(words(name), name)));
     }
     if (document.activeElement !== select || !names.includes(select.value)) select.value = chosen;
 }
 
 for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
-    by(what).addEventListener('change', ({ target }) => {
+    $(what).addEventListener('change', ({ target }) => {
         const silent = ['style', 'measure'].includes(what); // their effect is visible in the picture
         if (target.value !== '…') order(what, { name: target.value }, silent);
         // Choosing a material is an action, not a state: the sliders may change the material afterwards.
         if (what === 'material') target.value = '…';
     });
-by('what').addEventListener('change', ({ target }) => choose(target.value));
+$('what').addEventListener('change', ({ target }) => choose(target.value));
 
 // ---- view
 
@@ -153,8 +157,8 @@ let looking = 0;
 // Turn the view, once per animation frame.
 function look(azimuth, elevation, zoom = orbit.zoom) {
     orbit.azimuth = ((azimuth + 540) % 360) - 180;
-    orbit.elevation = Math.min(90, Math.max(2, elevation));
-    orbit.zoom = Math.min(4, Math.max(1, zoom));
+    orbit.elevation = clamp(elevation, 2, 90);
+    orbit.zoom = clamp(zoom, 1, 4);
     looking ||= requestAnimationFrame(() => {
         looking = 0;
         ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: orbit.zoom });
@@ -165,31 +169,21 @@ const turn = (azimuth, elevation) => look(orbit.azimuth + azimuth, orbit.elevati
 
 function beginOrbit(event) {
     Object.assign(orbit, { pointer: event.pointerId, x: event.clientX, y: event.clientY });
-    by('picture').setPointerCapture(event.pointerId);
+    $('picture').setPointerCapture(event.pointerId);
 }
 window.addEventListener('pointermove', (event) => {
     if (orbit.pointer !== event.pointerId) return;
     turn((orbit.x - event.clientX) * 0.4, (event.clientY - orbit.y) * 0.3);
     Object.assign(orbit, { x: event.clientX, y: event.clientY });
 });
-for (const end of ['pointerup', 'pointercancel'])
-    window.addEventListener(end, ({ pointerId }) => { if (orbit.pointer === pointerId) orbit.pointer = null; });
+onRelease(({ pointerId }) => { if (orbit.pointer === pointerId) orbit.pointer = null; });
 for (const button of document.querySelectorAll('[data-view]'))
     button.addEventListener('click', () => look(...button.dataset.view.split(',').map(Number)));
 
 for (const [id, factor] of [['closer', 1.25], ['farther', 0.8]])
-    by(id).addEventListener('click', () => look(orbit.azimuth, orbit.elevation, orbit.zoom * factor));
+    $(id).addEventListener('click', () => look(orbit.azimuth, orbit.elevation, orbit.zoom * factor));
 
-// List the measures that the meshes contain.
-function showMeasures({ measure, measures }) {
-    const select = by('measure'), made = measures.map(({ name }) => name).join();
-    if (select.dataset.made !== made) {
-        select.dataset.made = made;
-        select.replaceChildren(new Option('material', 'none'),
-                               ...measures.map(({ name, words }) => new Option(words, name)));
-    }
-    if (document.activeElement !== select) select.value = measure;
-}
+const wordsOf = (measure) => about?.view.measures.find(({ name }) => name === measure)?.words;
 
 const TOPS = { // top of a scale, as the legend shows it
     displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'),
@@ -197,58 +191,57 @@ const TOPS = { // top of a scale, as the legend shows it
 };
 
 function showLegend(top) {
-    by('legend').hidden = !top || !TOPS[about?.view.measure];
-    if (by('legend').hidden) return;
-    writeTo(by('legend-words'), about.view.measures.find(({ name }) => name === about.view.measure)?.words ?? '');
-    writeTo(by('legend-top'), TOPS[about.view.measure](top));
+    $('legend').hidden = !top || !TOPS[about?.view.measure];
+    if ($('legend').hidden) return;
+    write($('legend-words'), wordsOf(about.view.measure) ?? '');
+    write($('legend-top'), TOPS[about.view.measure](top));
 }
 
 // ---- recordings
 
-by('record').addEventListener('click', () => {
+$('record').addEventListener('click', () => {
     const value = about?.recording || about?.playing;
     order(value ? 'stop' : 'record', value ? { value } : {});
 });
 
 // Add the row of a recording with its buttons.
-function addTake(number) {
-    const [row, words, told] = ['li', 'span', 'p'].map((name) => document.createElement(name));
-    const buttons = Object.assign(document.createElement('p'), { className: 'buttons' });
+function addRecording(number) {
+    const row = make('li'), words = make('span'), told = make('p', { className: 'why' });
+    const buttons = make('p', { className: 'buttons' });
     const add = (name, does) => {
-        const button = Object.assign(document.createElement('button'), { type: 'button', textContent: name });
+        const button = make('button', { type: 'button', textContent: name });
         button.setAttribute('aria-label', `${name}, recording ${number}`);
         button.setAttribute('aria-describedby', 'why');
         button.addEventListener('click', does);
         buttons.append(button);
     };
     const file = (kind) => save(`recording/${number}.${kind}`, `${stem()}-${number}.${kind}`);
-    const one = () => about?.recordings.find((take) => take.number === number);
+    const one = () => about?.recordings.find((each) => each.number === number);
     add('Log', () => file('lcmlog'));
     add('CSV', async () => { if (one()?.csv || await order('verify', { value: number }) || one()?.csv) file('csv'); });
     add('Verify', () => order(about?.replaying === number ? 'stop' : 'verify', { value: number }));
     add('Play', () => order('play', { value: number }));
     row.dataset.number = number;
-    told.className = 'why';
     row.append(words, told, buttons);
     return row;
 }
 
-function showTakes({ recordings, recording, playing, replaying }) {
-    writeTo(by('record'), recording ? 'Stop' : playing ? 'Stop playing' : 'Record');
-    by('record').classList.toggle('on', Boolean(recording));
-    const rows = new Map([...by('takes').children].map((row) => [Number(row.dataset.number), row]));
-    for (const [number, row] of rows) if (!recordings.some((take) => take.number === number)) row.remove();
-    for (const take of recordings.sort((a, b) => a.number - b.number)) { // the newest row ends up first
-        const row = rows.get(take.number) ?? addTake(take.number);
-        if (!row.isConnected) by('takes').prepend(row);
+function showRecordings({ recordings, recording, playing, replaying }) {
+    write($('record'), recording ? 'Stop' : playing ? 'Stop playing' : 'Record');
+    $('record').classList.toggle('on', Boolean(recording));
+    const rows = new Map([...$('recordings').children].map((row) => [Number(row.dataset.number), row]));
+    for (const [number, row] of rows) if (!recordings.some((one) => one.number === number)) row.remove();
+    for (const one of recordings.sort((a, b) => a.number - b.number)) { // the newest row ends up first
+        const row = rows.get(one.number) ?? addRecording(one.number);
+        if (!row.isConnected) $('recordings').prepend(row);
         const [words, told, buttons] = row.children;
-        writeTo(words, { waits: `${take.number}: waits for the scene`, failed: `${take.number}: failed` }[take.state]
-            ?? `${take.number}: ${take.s.toFixed(1)} s, ${take.mb.toFixed(1)} MB`);
-        writeTo(told, replaying === take.number ? 'is being replayed' : take.words);
-        buttons.hidden = take.state !== 'whole';
-        const verify = buttons.children[2], now = replaying === take.number ? 'Stop' : 'Verify';
-        writeTo(verify, now); // one button for both actions, so that the focus stays
-        verify.setAttribute('aria-label', `${now}, recording ${take.number}`);
+        write(words, { waits: `${one.number}: waits for the scene`, failed: `${one.number}: failed` }[one.state]
+            ?? `${one.number}: ${one.s.toFixed(1)} s, ${one.mb.toFixed(1)} MB`);
+        write(told, replaying === one.number ? 'is being replayed' : one.words);
+        buttons.hidden = one.state !== 'whole';
+        const verify = buttons.children[2], now = replaying === one.number ? 'Stop' : 'Verify';
+        write(verify, now); // one button for both actions, so that the focus stays
+        verify.setAttribute('aria-label', `${now}, recording ${one.number}`);
     }
 }
 
@@ -271,31 +264,30 @@ function numbers({ mesh, loop, energy }) {
 }
 
 function showNumbers(told) {
-    const rows = numbers(told), list = by('numbers');
+    const rows = numbers(told), list = $('numbers');
     while (list.children.length < rows.length) {
-        const row = document.createElement('div');
-        row.append(document.createElement('dt'), document.createElement('dd'));
-        list.append(row);
+        list.append(make('div'));
+        list.lastChild.append(make('dt'), make('dd'));
     }
     while (list.children.length > rows.length) list.lastChild.remove();
     rows.forEach(([name, value], i) => {
-        writeTo(list.children[i].firstChild, name);
-        writeTo(list.children[i].lastChild, value);
+        write(list.children[i].firstChild, name);
+        write(list.children[i].lastChild, value);
     });
 }
 
 function showTouch(touch) {
-    by('touch-box').hidden = !touch;
-    if (!touch || !by('touch-box').open) return;
-    const ctx = by('touch').getContext('2d'), most = Math.max(1e-9, ...touch.kpa);
-    const style = getComputedStyle(by('touch')), ink = style.getPropertyValue('--force');
+    $('touch-box').hidden = !touch;
+    if (!touch || !$('touch-box').open) return;
+    const ctx = $('touch').getContext('2d'), most = Math.max(1e-9, ...touch.kpa);
+    const style = getComputedStyle($('touch')), ink = style.getPropertyValue('--force');
     ctx.clearRect(0, 0, 160, 160);
     ctx.fillStyle = ink;
     touch.kpa.forEach((kpa, i) => {
         ctx.globalAlpha = Math.max(0.04, kpa / most);
         ctx.fillRect(20 * (i % 8) + 1, 20 * (7 - Math.floor(i / 8)) + 1, 18, 18);
     });
-    writeTo(by('touch-words'), touch.area_mm2 > 0
+    write($('touch-words'), touch.area_mm2 > 0
         ? `${round3(touch.area_mm2)} mm² touched, ${round3(touch.peak_kpa)} kPa at most` : 'no contact');
 }
 
@@ -304,12 +296,12 @@ function showTouch(touch) {
 // Enable the controls that kneadd answers while kneadd accepts orders, and those of knead web while knead web is
 // connected.
 function showAble(why, there) {
-    for (const select of ['material', 'scene', 'quality']) by(select).disabled = Boolean(why);
+    for (const select of ['material', 'scene', 'quality']) $(select).disabled = Boolean(why);
     for (const one of sliders.values()) {
         one.input.disabled = Boolean(why) || one.fixed;
         if (!there) one.dragged = false;
     }
-    const own = '#view button, #view select, #style, #record, #takes button, [id^=save]';
+    const own = '#view button, #view select, #style, #record, #recordings button, [id^=save]';
     for (const element of document.querySelectorAll(own)) element.disabled = !there;
 }
 
@@ -320,25 +312,26 @@ function showAbout(told) {
         showOperator({ why: 'knead web is not connected', orders: false, saves: false, snapshot: 0, stopped: false });
         return showAble('knead web is not connected', false);
     }
-    writeTo(by('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
+    write($('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
     showOperator(told.control);
     if (told.material) showMaterial(told.material, told.scene);
-    fill('material', told.materials, '…', '…');
+    fill('material', ['…', ...told.materials], '…');
     fill('scene', told.scenes.includes(told.scene) ? told.scenes : [told.scene, ...told.scenes], told.scene);
     const { length } = told.scenes, more = told.unlisted;
     explain('why-scenes',
         more > 0 ? `${more} more are not listed: at most 32 are, with names of letters, digits and . _ -`
         : length === 0 ? 'To list other scenes, start knead web with --scenes DIR.' : null);
     fill('quality', told.points ?? [], told.control.quality ?? '');
-    by('style').value = told.view.style;
-    showMeasures(told.view);
+    $('style').value = told.view.style;
+    const measures = told.view.measures.map(({ name }) => name);
+    fill('measure', ['none', ...measures], told.view.measure, (name) => wordsOf(name) ?? 'material');
     // Follow the view of other pages, unless this page is turning it.
     if (orbit.pointer === null && !looking) {
         const { azimuth, elevation, zoom } = told.view;
         Object.assign(orbit, { azimuth, elevation, zoom });
     }
     showNumbers(told);
-    showTakes(told);
+    showRecordings(told);
     showAble(told.control.why, true);
 }
 
@@ -349,15 +342,14 @@ async function save(name, as) {
     const headers = { Authorization: `Bearer ${location.hash.slice(1)}` };
     const answer = await fetch(`/get/${name}`, { headers, cache: 'no-store' }).catch(() => null);
     if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not connected');
-    const link = document.createElement('a');
-    Object.assign(link, { download: as, href: URL.createObjectURL(await answer.blob()) });
+    const link = make('a', { download: as, href: URL.createObjectURL(await answer.blob()) });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     report(true, `Saved ${as}.`);
 }
 const stem = () => (about?.scene ?? 'scene').replace(/\.yaml$/, '');
-by('save-material').addEventListener('click', () => save('material.yaml', `${stem()}-material.yaml`));
-by('save-picture').addEventListener('click', async () => {
+$('save-material').addEventListener('click', () => save('material.yaml', `${stem()}-material.yaml`));
+$('save-picture').addEventListener('click', async () => {
     if (await order('picture')) save('picture.png', `${stem()}.png`);
 });
-by('save-scene').addEventListener('click', () => save('scene.yaml', `${stem()}-served.yaml`));
+$('save-scene').addEventListener('click', () => save('scene.yaml', `${stem()}-served.yaml`));

@@ -1,12 +1,11 @@
 // knead web: shows the object in a browser and lets the user move a tool. There are three threads. The main thread runs
-// libev and handles messages, the device's thread makes poses at 1 kHz, and the painter's thread draws pictures.
-#include "clients/knead/ask.h"
-#include "clients/knead/commands.h"
+// libev and handles messages, the device's thread makes poses at 1 kHz, and the thread of picture.c draws pictures.
+#include "clients/hand/live_server.h"
+#include "clients/cli/commands.h"
 #include "clients/web/web.h"
+#include "server/option_table.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <getopt.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,18 +15,17 @@
 
 // Largest size of a message without its picture, bytes: `about`, 16 answers of 200 characters of at most 6 bytes each,
 // and the traces.
-#define ROOM (KN_WEB_ABOUT + 40960)
+#define ROOM (KN_PAGE_STATE_ABOUT + 40960)
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
-#define MOVES_MS 200 // the pointer counts as moving for this time after a pointer event
 
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and "
-    "run\n"
-    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only "
-    "with\n"
+    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and run\n"
+    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only with\n"
     "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
     "certificate, whose fingerprint is printed with the address.\n\n"
     "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
@@ -39,137 +37,146 @@ static const char help[] =
     "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
     "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web "
-    "--listen-fd 3\n"
+    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web --listen-fd 3\n"
     "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
     "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
+// clang-format on
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
 
-// ---- pictures
+// ---- downloads of a page, made from the served state; no name from a page is used as a file name
 
-// Update the painter's still to the newest mesh. Return false if the mesh does not belong to the scene that was heard.
-// The matching KNEAD_SCENE then comes within a second.
-static bool fill_still(kn_web *w)
+// Find the block of a scene's text that begins with `head` and ends before the next top-level key. Return its length,
+// including the last newline, or 0 if there is none.
+static size_t block_of(const char *text, const char *head, const char **begin)
 {
-    kn_still *s = &w->painter.still;
-    char error[400];
-    // If the mesh has the same topology as the still, only move the vertices.
-    if (w->mesh_id == w->live.mesh.mesh_id) return kn_still_update(s, &w->live), true;
-    kn_view_scene view = s->view;
-    kn_still_free(s);
-    s->view = view;
-    s->view.value = NULL; // clear the pointer to values of the old still
-    w->mesh_id = 0;
-    if (!kn_still_live(s, &w->live, error, sizeof error) || error[0]) return false;
-    w->mesh_id = w->live.mesh.mesh_id;
-    return w->painter.fresh = true;
+    *begin = strncmp(text, head, strlen(head)) == 0 ? text : NULL;
+    if (!*begin) {
+        char after_newline[64];
+        snprintf(after_newline, sizeof after_newline, "\n%s", head);
+        *begin = strstr(text, after_newline);
+        if (!*begin) return 0;
+        ++*begin;
+    }
+    const char *end = strchr(*begin, '\n');
+    // Indented lines and comment lines that follow belong to the block.
+    while (end && (end[1] == ' ' || end[1] == '#')) end = strchr(end + 1, '\n');
+    return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
 }
 
-// Return whether the meshes contain the values of this measure. Displacement follows from the vertices alone.
-bool kn_web_measured(const kn_web *w, int measure)
+// Make a name safe for a YAML comment. The name came over the bus. Any line break in the name, ASCII or not, would end
+// the comment.
+static void plain(const char *name, char *to, size_t size)
 {
-    return measure == KN_MEASURE_DISPLACEMENT || (measure == KN_MEASURE_STRESS && w->live.mesh.stress_pa) ||
-           (measure == KN_MEASURE_RESIDUAL && w->live.mesh.residual_strain);
+    snprintf(to, size, "%s", name);
+    for (; *to; to++)
+        if (*to < ' ' || *to > '~') *to = '?';
 }
 
-// Colour the still by the chosen measure. The scale follows the largest value with hysteresis, so that it does not
-// flicker.
-static void color(kn_web *w)
+// Make a file of the served material and density, for `material: FILE.yaml`.
+static bool material(const kn_web *w, kn_web_file *file)
 {
-    // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
-    static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
-    kn_still *s = &w->painter.still;
-    s->view.value = NULL;
-    if (w->measure < 0 || !kn_still_told(s, &w->live, (kn_measure)w->measure)) return;
-    const double top = kn_scale_round(fmax(kn_still_most(s), least[w->measure]));
-    // Raise the top of the scale at once, but lower it only if the largest value is below 30 % of the top.
-    if (top > w->top || top < 0.3 * w->top) w->top = top;
-    kn_still_scale(s, w->top);
+    const char *text = w->live.scene ? w->live.scene->text : NULL, *part, *weight;
+    size_t size = text ? block_of(text, "material:", &part) : 0, more = text ? block_of(text, "density:", &weight) : 0;
+    if (size == 0 || more == 0) return false;
+    char name[128];
+    plain(w->live.scene->name, name, sizeof name);
+    int n = asprintf(&file->bytes,
+                     "# As served in %s. In a scene: `material: FILE.yaml`, with this file beside it.\n%.*s%.*s", name,
+                     (int)size, part, (int)more, weight);
+    file->type = "application/yaml; charset=utf-8";
+    file->size = (size_t)n;
+    return n >= 0;
 }
 
-void kn_web_png_path(const kn_web *w, char path[128]) { snprintf(path, 128, "%s/picture.png", w->folder); }
-
-// Prepare the label of a picture, and request a PNG copy of the picture if a page waits for one.
-static void label(kn_web *w)
+static bool scene(const kn_web *w, kn_web_file *file)
 {
-    static char path[128], caption[160];
-    static kn_scale scale;
-    kn_painter *p = &w->painter;
-    kn_web_png_path(w, path);
-    snprintf(caption, sizeof caption, "%s, %.3f s", w->live.scene->name, 1e-3 * (double)w->live.mesh.tick);
-    p->png = w->png_page >= 0 && !w->png_there ? path : NULL;
-    p->label = (kn_label){.caption = caption};
-    if (w->measure < 0) return;
-    scale = (kn_scale){kn_measure_names[w->measure].words, kn_measure_names[w->measure].unit, w->top};
-    p->label.scale = &scale;
+    file->type = "application/yaml; charset=utf-8";
+    file->bytes = w->live.scene ? strdup(w->live.scene->text) : NULL;
+    file->size = file->bytes ? strlen(file->bytes) : 0;
+    return file->bytes;
 }
 
-// Tell the page that asked for the PNG that it is ready, or why it failed.
-static void tell_png(kn_web *w)
+// Find the path of a recording's file. The CSV file exists only after the recording was verified.
+static bool recording(kn_web *w, int number, const char *kind, kn_web_file *file)
 {
-    if (w->png_page < 0 || w->png_there || !w->painter.png) return;
-    const char *why = w->painter.size > 0 ? w->painter.png_error : "The picture could not be drawn.";
-    kn_web_answer_page(w, w->png_page, w->png_id, !*why, "%s", *why ? why : "The picture is ready.");
-    w->png_there = !*why;
-    w->png_page = -1;
+    const kn_recording *one = kn_recordings_find(&w->recordings, number);
+    const bool csv = strcmp(kind, "csv") == 0;
+    if (!one || (csv ? !one->csv : strcmp(kind, "lcmlog") != 0)) return false;
+    if (csv) file->type = "text/csv; charset=utf-8";
+    kn_recordings_path(&w->recordings, number, kind, file->path);
+    return true;
 }
 
-// Return the newest pointer event that kneadd had answered by the tick of this mesh.
-static int32_t answered(const kn_web *w)
+static bool fetch(void *self, const char *name, kn_web_file *file)
 {
-    for (int32_t n = w->wish.event; n > w->painting && n > w->wish.event - KN_WEB_EVENTS; n--)
-        if (w->event[n % KN_WEB_EVENTS].tick <= w->live.mesh.tick) return n;
-    return w->painting;
+    kn_web *w = self;
+    if (strcmp(name, "material.yaml") == 0) return material(w, file);
+    if (strcmp(name, "picture.png") == 0 && w->picture.png_there) {
+        file->type = "image/png";
+        strcpy(file->path, w->picture.png_path);
+        return true;
+    }
+    // Take only the number of a recording and the kind of a file from the name that the page sent.
+    int number;
+    char kind[8], end;
+    if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2) return recording(w, number, kind, file);
+    if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
+    return false;
 }
 
-// Draw the next picture if one is due. Pictures can be late, because meshes come at times of their own. After a late
-// picture the next one is due earlier, which keeps the average rate. While the pointer moves, a picture that shows no
-// new pointer event is delayed a little, so that the painter is free when the mesh with the effect of the event comes.
-static void paint(kn_web *w)
+// ---- events of pages
+
+static void on_message(void *self, int page, const kn_web_message *m)
 {
-    if (!w->live.scene || !kn_gateway_wants(&w->gateway) || w->drawing) return;
-    kn_web_take_samples(w);
-    int64_t now_ms = kn_live_now_ms();
-    int32_t newest = answered(w);
-    bool moves = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms < MOVES_MS && newest == w->painting;
-    const double period_ms = 1000.0 / w->rate_hz;
-    // A mesh that comes up to a tenth of a period early is drawn and not skipped.
-    if ((double)now_ms < w->due_ms + (moves ? 0.4 : -0.1) * period_ms || !fill_still(w)) return;
-    kn_view_scene *view = &w->painter.still.view;
-    view->azimuth_deg = w->look.azimuth_deg;
-    view->elevation_deg = w->look.elevation_deg;
-    view->zoom = w->look.zoom;
-    view->style = w->look.style;
-    color(w);
-    label(w);
-    w->frame_ms = now_ms;
-    // Compensate for a late picture by at most one period.
-    w->due_ms = fmax(w->due_ms, (double)now_ms - period_ms) + period_ms;
-    w->painting = newest;
-    w->drawing = true;
-    kn_painter_draw(&w->painter);
+    kn_page_tool_point(&((kn_web *)self)->tool, page, m);
 }
 
-// Wake the main thread. Runs in the painter's thread, where only ev_async_send is safe.
-static void call_back(void *self) { ev_async_send(((kn_web *)self)->ev, &((kn_web *)self)->painted); }
-
-// Take the finished picture from the painter and send it to the pages.
-static void on_painted(struct ev_loop *ev, ev_async *a, int events)
+// Pass a request to its module. The orders for kneadd change its status, which is asked for after the answer.
+static void on_request(void *self, int page, const kn_page_request *r)
 {
-    (void)ev, (void)events;
-    kn_web *w = a->data;
-    if (!kn_painter_drawn(&w->painter)) return;
-    w->jpeg_size = w->painter.size;
-    w->bar_m = w->painter.bar_m;
-    memcpy(w->jpeg, w->painter.jpeg, w->jpeg_size);
-    w->shown = w->painting;
-    w->drawing = false;
-    w->pictures++;
-    tell_png(w);
-    kn_web_take_samples(w);
-    kn_gateway_news(&w->gateway);
+    kn_web *w = self;
+    switch (r->verb) {
+    case KN_VERB_VIEW:
+    case KN_VERB_STYLE:
+    case KN_VERB_MEASURE:
+    case KN_VERB_PICTURE: kn_picture_request(&w->picture, page, r); break;
+    case KN_VERB_RECORD:
+    case KN_VERB_STOP:
+    case KN_VERB_VERIFY:
+    case KN_VERB_PLAY: kn_recordings_request(&w->recordings, page, r); break;
+    default: kn_control_client_order(&w->client, page, r); return;
+    }
+    kn_page_state_refresh(w);
+}
+
+// Forget a page in all pending work, because its place may be given to another page.
+static void on_gone(void *self, int page)
+{
+    kn_web *w = self;
+    kn_picture_gone(&w->picture, page);
+    kn_recordings_gone(&w->recordings, page);
+    kn_control_client_gone(&w->client, page);
+    kn_page_tool_gone(&w->tool, page);
+}
+
+// Return true if a page keeps its place, because it has the tool or gave the last order.
+static bool stays(void *self, int page)
+{
+    return page == ((kn_web *)self)->tool.owner || page == ((kn_web *)self)->client.ordered_by;
+}
+
+// ---- events of the bus and of the clock
+
+// Adapt to a new scene.
+static void take_scene(kn_web *w)
+{
+    const kn_camera_view view = kn_picture_camera(&w->picture);
+    if (!kn_page_tool_scene(&w->tool, &view)) return;
+    w->picture.mesh_id = 0;
+    kn_page_state_scene(w);
+    kn_page_state_refresh(w);
 }
 
 // Handle bus messages. A new mesh moves the tool's hovering height and may start a picture.
@@ -177,27 +184,13 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
 {
     (void)ev, (void)events;
     kn_web *w = io->data;
-    kn_live_listen(&w->live, 0);
-    kn_web_take_scene(w);
-    if (w->live.meshes == w->meshes) return;
-    w->meshes = w->live.meshes;
-    w->mesh_ms = kn_live_now_ms();
-    if (w->moving && kn_reach_fits(&w->reach, &w->live.mesh)) kn_reach_hover(&w->reach, &w->live.mesh, &w->wish);
-    kn_web_post_wish(w);
-    paint(w);
-}
-
-// Update the rate of mesh messages and the lists that change seldom. This function is called once a second.
-static void count(kn_web *w, int64_t now_ms)
-{
-    const int64_t meshes = w->live.meshes - w->counted_meshes, bytes = w->vitals.mesh_bytes - w->counted_bytes;
-    w->meshes_hz = 1e3 * (double)meshes / (double)(now_ms - w->counted_ms);
-    if (meshes > 0) w->mesh_bytes = round((double)bytes / (double)meshes);
-    w->counted_ms = now_ms;
-    w->counted_meshes = w->live.meshes;
-    w->counted_bytes = w->vitals.mesh_bytes;
-    if (kn_gateway_pages(&w->gateway) > 0) kn_web_list_scenes(w);
-    kn_web_refresh(w);
+    kn_live_server_listen(&w->live, 0);
+    take_scene(w);
+    if (w->live.meshes == w->state.meshes) return;
+    w->state.meshes = w->live.meshes;
+    w->state.mesh_ms = kn_live_server_now_ms();
+    kn_page_tool_mesh(&w->tool);
+    kn_picture_paint(&w->picture);
 }
 
 // Do the periodic work of the main thread. This function is called ten times a second, even when no message arrives.
@@ -205,18 +198,19 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
 {
     (void)ev, (void)events;
     kn_web *w = t->data;
-    int64_t now_ms = kn_live_now_ms();
-    kn_web_take_samples(w);
-    // If a page presses and sends nothing for KN_WEB_LET_GO_MS, lift the tool. The page can press again only after the
-    // button has been released.
-    bool silent = w->owner >= 0 && now_ms - w->gateway.page[w->owner].pointed_ms > KN_WEB_LET_GO_MS;
-    if (silent && w->button != KN_BUTTON_UP) w->button = KN_BUTTON_BARRED;
-    kn_web_post_wish(w);
-    kn_web_ask_status(w);
-    kn_web_turn(w);
-    if (now_ms - w->counted_ms >= 1000) count(w, now_ms);
+    int64_t now_ms = kn_live_server_now_ms();
+    kn_page_tool_turn(&w->tool);
+    kn_control_client_ask_status(&w->client);
+    kn_picture_turn(&w->picture);
+    if (kn_recordings_turn(&w->recordings)) kn_page_state_refresh(w);
+    // Once a second, update the rate of mesh messages and the lists that change seldom.
+    if (now_ms - w->state.counted_ms >= 1000) {
+        kn_page_state_count(w, now_ms);
+        if (kn_gateway_pages(&w->gateway) > 0) kn_control_client_list_scenes(&w->client);
+        kn_page_state_refresh(w);
+    }
     // Send the status to the pages, even if there is no new picture.
-    if (now_ms - w->frame_ms > 200) kn_gateway_news(&w->gateway);
+    if (now_ms - w->picture.frame_ms > 200) kn_gateway_news(&w->gateway);
 }
 
 static void on_stop(struct ev_loop *ev, ev_signal *s, int events)
@@ -230,8 +224,8 @@ static void on_stop(struct ev_loop *ev, ev_signal *s, int events)
 static void watch(kn_web *w)
 {
     static const int signals[] = {SIGINT, SIGTERM, SIGHUP};
-    ev_io_init(&w->bus_readable, on_readable, kn_join_fd(w->live.bus), EV_READ);
-    ev_io_init(&w->mesh_readable, on_readable, kn_join_fd(w->live.mesh_bus), EV_READ);
+    ev_io_init(&w->bus_readable, on_readable, kn_bus_client_fd(w->live.bus), EV_READ);
+    ev_io_init(&w->mesh_readable, on_readable, kn_bus_client_fd(w->live.mesh_bus), EV_READ);
     ev_timer_init(&w->due, on_due, 0, 0.1);
     w->bus_readable.data = w->mesh_readable.data = w->due.data = w;
     ev_io_start(w->ev, &w->bus_readable);
@@ -256,68 +250,53 @@ static void make_folder(kn_web *w)
     w->folder[0] = 0;
 }
 
-// Return true if a page keeps its place, because it has the tool or gave the last order.
-static bool stays(void *self, int page)
-{
-    return page == ((kn_web *)self)->owner || page == ((kn_web *)self)->ordered_by;
-}
-
 // Open all parts of `knead web`. On failure, w->error has the reason, and the caller calls close_all to free the parts.
 static bool open_all(kn_web *w)
 {
-    size_t largest = kn_painter_largest(w->width, w->height);
-    w->ev = ev_default_loop(EVFLAG_AUTO);
-    w->jpeg = malloc(largest);
-    w->painter.still.view = w->look = kn_view_scene_default();
-    w->look.turns = w->painter.still.view.turns = true;
-    w->painter.still.view.hands = true;
     make_folder(w);
-    kn_web_list_scenes(w);
-    kn_mailbox_init(&w->wishes, w->wish_slots, sizeof *w->wish_slots);
-    snprintf(w->error, sizeof w->error, "out of memory");
-    if (!w->ev || !w->jpeg || !kn_ring_init(&w->samples, 1024, sizeof(kn_web_sample))) return false;
-    ev_async_init(&w->painted, on_painted);
-    w->painted.data = w;
-    ev_async_start(w->ev, &w->painted);
-    w->gateway.on_message = kn_web_on_message;
-    w->gateway.on_request = kn_web_on_request;
-    w->gateway.on_gone = kn_web_on_gone;
+    w->ev = w->client.ev = w->picture.ev = w->recordings.ev = ev_default_loop(EVFLAG_AUTO);
+    w->client.gateway = w->tool.gateway = w->picture.gateway = w->recordings.gateway = &w->gateway;
+    w->client.live = w->tool.live = w->picture.live = &w->live;
+    w->picture.tool = w->recordings.tool = &w->tool;
+    w->recordings.client = &w->client;
+    w->client.path = w->control;
+    w->client.scenes = w->scenes;
+    w->client.changed = w->recordings.changed = kn_page_state_refresh;
+    w->client.arg = w->recordings.arg = w->gateway.arg = w;
+    w->tool.probe = w->probe;
+    w->tool.url = w->recordings.url = w->url;
+    w->picture.folder = w->recordings.folder = w->folder;
+    w->picture.width = w->width;
+    w->picture.height = w->height;
+    w->picture.rate_hz = w->rate_hz;
+    w->gateway.on_message = on_message;
+    w->gateway.on_request = on_request;
+    w->gateway.on_gone = on_gone;
     w->gateway.stays = stays;
-    w->gateway.fetch = kn_web_fetch;
-    w->gateway.write = kn_web_write;
-    w->asker.path = w->control;
-    w->asker.answered = kn_web_on_answered;
-    w->gateway.arg = w->asker.arg = w;
-    kn_asker_open(&w->asker, w->ev);
-    w->takes = (kn_takes){.folder = w->folder, .url = w->url, .ev = w->ev, .done = kn_web_on_replayed, .arg = w};
-    // The painter and the gateway come last, so that nothing is served before the rest works.
-    return kn_live_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) &&
-           kn_vitals_open(&w->vitals, w->live.bus, w->live.mesh_bus) &&
-           kn_painter_open(&w->painter, w->width, w->height, call_back, w, w->error, sizeof w->error) &&
-           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, largest + ROOM, w->error,
-                           sizeof w->error);
+    w->gateway.fetch = fetch;
+    w->gateway.write = kn_page_state_write;
+    w->gateway.fd = w->client.ordered_by = w->recordings.page = -1;
+    kn_control_client_list_scenes(&w->client);
+    snprintf(w->error, sizeof w->error, "out of memory");
+    // The pictures and the gateway come last, so that nothing is served before the rest works.
+    return kn_page_tool_open(&w->tool) && w->ev &&
+           kn_live_server_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
+           kn_picture_open(&w->picture, w->error, sizeof w->error) &&
+           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd,
+                           kn_picture_largest(w->width, w->height) + ROOM, w->error, sizeof w->error);
 }
 
 static void close_all(kn_web *w)
 {
     // Closing the gateway ends all pages, so no page has the tool any more.
     kn_gateway_close(&w->gateway);
-    kn_web_post_wish(w);
-    for (int i = 0; w->moving && i < 50 && w->news.mode != KN_POINTER_ABSENT; i++)
-        usleep(10000), kn_web_take_samples(w); // wait while the hand lifts the tool
-    if (w->moving) kn_device_stop(&w->device);
-    kn_asker_close(&w->asker);
-    json_decref(w->status);
-    free(w->about);
-    kn_painter_close(&w->painter);
-    kn_live_close(&w->live);
-    kn_reach_close(&w->reach);
-    kn_ring_free(&w->samples);
-    free(w->jpeg);
-    char path[128];
-    kn_takes_close(&w->takes);
-    kn_web_png_path(w, path);
-    if (w->folder[0]) unlink(path), rmdir(w->folder);
+    kn_page_tool_close(&w->tool);
+    kn_control_client_close(&w->client);
+    kn_picture_close(&w->picture);
+    kn_live_server_close(&w->live);
+    kn_recordings_close(&w->recordings);
+    free(w->state.about);
+    if (w->folder[0]) rmdir(w->folder);
 }
 
 // Open the socket as descriptor 3 and replace this program by the command. A socket keeps the network namespace in
@@ -334,96 +313,79 @@ static int bind_and_become(const kn_web *w, char **command)
     return KN_EXIT_USAGE;
 }
 
-// Parse a decimal number without sign within low..high.
-static bool integer(const char *word, int low, int high, int *value)
+static const char *take_size(void *web, const char *word)
 {
+    kn_web *w = web;
     char end = 0;
-    return *word >= '0' && *word <= '9' && sscanf(word, "%7d%c", value, &end) == 1 && *value >= low && *value <= high;
+    const bool good = *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", &w->width, &w->height, &end) == 2 &&
+                      w->width >= 160 && w->width <= 1920 && w->height >= 160 && w->height <= 1920;
+    return good ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
 }
 
-static bool pixels(const char *word, int *width, int *height)
+static const char *take_address(void *host, const char *text)
 {
-    char end = 0;
-    return *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", width, height, &end) == 2 && *width >= 160 &&
-           *width <= 1920 && *height >= 160 && *height <= 1920;
+    struct in_addr address;
+    return kn_gateway_host(*(const char **)host = text, &address) ? NULL : "an IPv4 address of this machine";
+}
+
+static const char *take_directory(void *path, const char *text)
+{
+    struct stat it;
+    *(const char **)path = text;
+    return stat(text, &it) == 0 && S_ISDIR(it.st_mode) ? NULL : "a directory";
 }
 
 // Parse the number of a descriptor that is a listening socket.
-static bool listening(const char *word, int *fd)
+static const char *take_socket(void *fd, const char *word)
 {
+    double number = -1;
     int yes = 0;
     socklen_t size = sizeof yes;
-    return integer(word, 0, 1 << 20, fd) && getsockopt(*fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes;
-}
-
-static bool is_directory(const char *path)
-{
-    struct stat it;
-    return stat(path, &it) == 0 && S_ISDIR(it.st_mode);
-}
-
-// Store one option of the command line. Return NULL, or a text that says what was expected.
-static const char *take(kn_web *w, int option, const char *text)
-{
-    struct in_addr host;
-    switch (option) {
-    case 'a': return kn_gateway_host(w->host = text, &host) ? NULL : "an IPv4 address of this machine";
-    case 'h': w->help = true; return NULL;
-    case 'b': w->bind = true; return NULL;
-    case 'P': w->probe = text; return NULL;
-    case 'l': w->url = text; return NULL;
-    case 'm': w->mesh_url = text; return NULL;
-    case 'p': return integer(text, 0, 65535, &w->port) ? NULL : "a port, 0..65535";
-    case 'r': return integer(text, 5, 60, &w->rate_hz) ? NULL : "pictures per second, 5..60";
-    case 's': return pixels(text, &w->width, &w->height) ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
-    case 'c': return (w->control = text), *text ? NULL : "a path";
-    case 'S': return (w->scenes = text), is_directory(text) ? NULL : "a directory";
-    default: return listening(text, &w->listen_fd) ? NULL : "a listening socket";
-    }
+    const bool good = strspn(word, "0123456789") == strlen(word) && kn_number_take(word, 0, 1 << 20, &number);
+    *(int *)fd = (int)number;
+    return good && getsockopt(*(int *)fd, SOL_SOCKET, SO_ACCEPTCONN, &yes, &size) == 0 && yes ? NULL
+                                                                                              : "a listening socket";
 }
 
 static int parse(kn_web *w, int argc, char **argv)
 {
-    static const struct option names[] = {
-        {"address", 1, NULL, 'a'},  {"probe", 1, NULL, 'P'}, {"port", 1, NULL, 'p'},      {"rate", 1, NULL, 'r'},
-        {"size", 1, NULL, 's'},     {"bind", 0, NULL, 'b'},  {"control", 1, NULL, 'c'},   {"lcm-url", 1, NULL, 'l'},
-        {"mesh-url", 1, NULL, 'm'}, {"help", 0, NULL, 'h'},  {"listen-fd", 1, NULL, 'f'}, {"scenes", 1, NULL, 'S'},
-        {NULL, 0, NULL, 0}};
-    opterr = 0; // this file prints its own messages
-    for (int option, which = 0; (option = getopt_long(argc, argv, "+:h", names, &which)) != -1;) {
-        const char *word = argv[optind - 1], *expected = option == ':' ? "a value" : "an option of knead web --help";
-        if (option == ':' || option == '?')
-            return fprintf(stderr, "knead web: %s: expected %s\n", word, expected), KN_EXIT_USAGE;
-        if ((expected = take(w, option, optarg)))
-            return fprintf(stderr, "knead web: --%s %s: expected %s\n", names[which].name, optarg, expected),
-                   KN_EXIT_USAGE;
-    }
-    if (w->help) return KN_EXIT_OK;
+#define AT(member) .offset = offsetof(kn_web, member)
+    static const kn_option rows[] = {
+        KN_OPTION("address", SPECIAL, AT(host), .take = take_address),
+        KN_OPTION("probe", TEXT, AT(probe)),
+        KN_OPTION("port", DIGITS, AT(port), KN_RANGE(0, 65535), .expected = "a port, 0..65535"),
+        KN_OPTION("rate", DIGITS, AT(rate_hz), KN_RANGE(5, 60), .expected = "pictures per second, 5..60"),
+        KN_OPTION("size", SPECIAL, .take = take_size),
+        KN_OPTION("bind", FLAG, AT(bind)),
+        KN_OPTION("control", TEXT, AT(control), .expected = "a path"),
+        KN_OPTION("lcm-url", TEXT, AT(url)),
+        KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+        KN_OPTION("listen-fd", SPECIAL, AT(listen_fd), .take = take_socket),
+        KN_OPTION("scenes", SPECIAL, AT(scenes), .take = take_directory),
+    };
+    static const kn_option_table table = {KN_OPTION_ROWS(rows),
+                                          .help = help,
+                                          .short_help = true,
+                                          .help_last = true,
+                                          .options_first = true,
+                                          .always_named = true,
+                                          .unknown = "expected an option of knead web --help"};
+    const int code = kn_options_read(&table, w, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
     if (w->bind && optind == argc) return fail(KN_EXIT_USAGE, "--bind: expected a command");
     if (!w->bind && optind < argc)
         return fprintf(stderr, "knead web: %s: expected an option\n", argv[optind]), KN_EXIT_USAGE;
-    if (!kn_join_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
-        !kn_join_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
+    if (!kn_bus_client_check(w->url, KN_FORCE_URL, w->error, sizeof w->error) ||
+        !kn_bus_client_check(w->mesh_url, KN_MESH_URL, w->error, sizeof w->error))
         return fail(KN_EXIT_USAGE, w->error);
-    return KN_EXIT_OK;
+    return code;
 }
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800,
-                       .height = 450,
-                       .listen_fd = -1,
-                       .rate_hz = 30,
-                       .owner = -1,
-                       .ordered_by = -1,
-                       .measure = -1,
-                       .png_page = -1,
-                       .replayed.page = -1,
-                       .gateway.fd = -1,
-                       .host = "127.0.0.1"};
+    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);
-    if (code == KN_EXIT_OK && w.help) return fputs(help, stdout), KN_EXIT_OK;
-    if (code != KN_EXIT_OK) return code;
+    if (code != KN_OPTIONS_READ) return code;
     if (w.bind) return bind_and_become(&w, argv + optind);
     code = open_all(&w) ? KN_EXIT_OK : fail(KN_EXIT_DEVICE, w.error);
     if (code == KN_EXIT_OK) {

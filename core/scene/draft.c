@@ -1,5 +1,4 @@
 #include "core/scene/draft.h"
-#include "core/scene/library.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -15,6 +14,19 @@ enum { NODES_MAX = 1 << 22 };
 // Largest deviation of an extent from a whole number of spacings, in spacings: 5 cm / 3.3333333333333333 mm passes,
 // 5 cm / 3.333 mm does not.
 #define SPACING_TOLERANCE 1e-6
+
+_Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
+
+// The key table. Each list of keys.h has its own struct, so each has its own row macro for offsetof.
+#define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
+    [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
+                     most_,           fallback_, offsetof(parent, member), meaning_},
+#define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
+#define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
+#define SURFACE_ROW(...) ROW(kn_draft_surface, __VA_ARGS__)
+#define PART_ROW(...) ROW(kn_draft_part, __VA_ARGS__)
+const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW)
+                                          KN_PART_KEYS(PART_ROW)};
 
 void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
 {
@@ -91,12 +103,6 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
         }
 }
 
-// Return true if the key was written in the file or a --set.
-static bool given(const kn_draft *draft, int slot, kn_key_id id)
-{
-    return draft->at[slot][id].source != KN_SOURCE_DEFAULT;
-}
-
 // Return the mark to report if two values do not fit together: that of the value written last. A --set counts as later
 // than the file.
 static kn_mark later_of(kn_mark x, kn_mark y)
@@ -113,19 +119,13 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
 // Return the key whose value decides whether key id is relevant.
 static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
 {
+    if (kn_keys[id].when >= KN_WHEN_PLATE) return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK:
     case KN_WHEN_MESH: return KN_KEY_MESH;
     case KN_WHEN_DIAGONALS: return *draft->mesh_path ? KN_KEY_MESH : KN_KEY_STRUCTURE;
     case KN_WHEN_PRESSURE: return KN_KEY_PRESSURE;
     case KN_WHEN_TABLE: return KN_KEY_SUPPORT;
-    case KN_WHEN_PLATE:
-    case KN_WHEN_TOOL:
-    case KN_WHEN_ROUND:
-    case KN_WHEN_LONG:
-    case KN_WHEN_BOX:
-    case KN_WHEN_SURFACE:
-    case KN_WHEN_EDGED: return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
     default: return KN_KEY_DAMPER;
     }
 }
@@ -158,6 +158,7 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     const kn_model_def *def = &draft->scene.model;
     const bool mesh = *draft->mesh_path != '\0';
     // shapes belong to a probe or part, all other conditions to the scene
+    if (kn_keys[id].when >= KN_WHEN_PLATE) return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK: return !mesh;
     case KN_WHEN_MESH: return mesh;
@@ -168,13 +169,6 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     case KN_WHEN_FORCE: return def->material.damper == KN_DAMPER_EXPONENTIAL || def->material.damper == KN_DAMPER_RAMP;
     case KN_WHEN_EXPONENTIAL: return def->material.damper == KN_DAMPER_EXPONENTIAL;
     case KN_WHEN_TABLE: return def->support == KN_SUPPORT_FRICTION;
-    case KN_WHEN_PLATE:
-    case KN_WHEN_TOOL:
-    case KN_WHEN_ROUND:
-    case KN_WHEN_LONG:
-    case KN_WHEN_BOX:
-    case KN_WHEN_SURFACE:
-    case KN_WHEN_EDGED: return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     default: return true;
     }
 }
@@ -183,7 +177,7 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 static bool require(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
-    if (kn_keys[id].fallback || given(draft, slot, id)) return true;
+    if (kn_keys[id].fallback || kn_draft_given(draft, slot, id)) return true;
     // blame the choice that made the key necessary if a --set made it, else the mapping in which the key is missing
     bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(draft, id)].source >= 0;
     return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(draft, id)] : draft->group[slot][id],
@@ -206,7 +200,7 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
     kn_probe_shape shape = slot > 0 ? kn_draft_shape(draft, slot) : KN_PROBE_PLATE;
     if (!either || !(of_shape(KN_WHEN_PLATE, shape) || of_shape(KN_WHEN_BOX, shape)))
         memset(kn_draft_field(draft, slot, id), 0, size);
-    if (!given(draft, slot, id) || dropped) return true;
+    if (!kn_draft_given(draft, slot, id) || dropped) return true;
     if (by == KN_KEY_MESH)
         return kn_draft_complain(draft, draft->at[slot][id],
                                  "%s means nothing with%s object.mesh, expected it left out", kn_keys[id].path,
@@ -259,7 +253,7 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
     const kn_key *key = &kn_keys[id];
     double *value = kn_draft_field(draft, 0, id);
     kn_mark at = draft->at[0][id];
-    if (at.per_height && !given(draft, 0, KN_KEY_SPECIMEN_HEIGHT))
+    if (at.per_height && !kn_draft_given(draft, 0, KN_KEY_SPECIMEN_HEIGHT))
         return kn_draft_complain(draft, at, "%s is given per height of a specimen (%s/m), expected %s, too, e.g. 1 cm",
                                  key->path, key->unit, kn_keys[KN_KEY_SPECIMEN_HEIGHT].path);
     if (at.per_height) *value *= draft->specimen_height_m;
@@ -275,15 +269,17 @@ static bool take_ends(kn_draft *draft)
     static const kn_key_id ends[2] = {KN_KEY_C_MAX, KN_KEY_C_MIN}, curve[2] = {KN_KEY_ALPHA, KN_KEY_BETA};
     kn_material *mat = &draft->scene.model.material;
     kn_mark at = later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN);
-    if (mat->damper != KN_DAMPER_EXPONENTIAL || !(given(draft, 0, ends[0]) || given(draft, 0, ends[1]))) return true;
-    if (!given(draft, 0, KN_KEY_P0) || !given(draft, 0, KN_KEY_P1)) // report the missing stress
-        return require(draft, 0, given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
+    if (mat->damper != KN_DAMPER_EXPONENTIAL ||
+        !(kn_draft_given(draft, 0, ends[0]) || kn_draft_given(draft, 0, ends[1])))
+        return true;
+    if (!kn_draft_given(draft, 0, KN_KEY_P0) || !kn_draft_given(draft, 0, KN_KEY_P1)) // report the missing stress
+        return require(draft, 0, kn_draft_given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
     // both ends must be there and no later alpha or beta; alpha and beta then count as written where the ends are
     for (int i = 0; i < 2; i++) {
-        if (!given(draft, 0, ends[i]))
+        if (!kn_draft_given(draft, 0, ends[i]))
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
                                      kn_keys[ends[!i]].path);
-        if (given(draft, 0, curve[i]) && draft->at[0][curve[i]].source >= at.source)
+        if (kn_draft_given(draft, 0, curve[i]) && draft->at[0][curve[i]].source >= at.source)
             return kn_draft_complain(draft, draft->at[0][curve[i]],
                                      "%s is given beside c_max and c_min, expected only one of the pairs",
                                      kn_keys[curve[i]].path);
@@ -308,7 +304,7 @@ static bool finish_stroke(kn_draft *draft)
 {
     kn_material *mat = &draft->scene.model.material;
     kn_mark at = later(draft, KN_KEY_STROKE, KN_KEY_RATIO);
-    bool stroke = given(draft, 0, KN_KEY_STROKE), ratio = given(draft, 0, KN_KEY_RATIO);
+    bool stroke = kn_draft_given(draft, 0, KN_KEY_STROKE), ratio = kn_draft_given(draft, 0, KN_KEY_RATIO);
     if (ratio && !stroke)
         return kn_draft_complain(draft, at, "material.ratio means nothing without a stroke, expected it left out");
     if (stroke && mat->stroke[1] == 0)
@@ -336,7 +332,7 @@ static bool finish_material(kn_draft *draft)
         return kn_draft_complain(draft, later(draft, KN_KEY_C_MAX, KN_KEY_C_MIN),
                                  "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
                                  mat->c_max_pa_s);
-    if (!kn_library_vary(draft)) return false;
+    if (!kn_draft_vary_material(draft)) return false;
     // check the material without its stroke first, so that an error points at the right key
     kn_material bare = *mat;
     bare.stroke[0] = bare.stroke[1] = 0;
@@ -351,7 +347,7 @@ static bool finish_thickness(kn_draft *draft, bool flat)
     char expects[KN_LINE_MAX];
     const kn_key_id by = *draft->mesh_path ? KN_KEY_MESH : KN_KEY_SIZE;
     const kn_mark at = draft->at[0][KN_KEY_THICKNESS], what = draft->at[0][by];
-    if (given(draft, 0, KN_KEY_THICKNESS) == flat) return true;
+    if (kn_draft_given(draft, 0, KN_KEY_THICKNESS) == flat) return true;
     if (flat)
         return kn_draft_complain(draft, later_of(draft->group[0][KN_KEY_THICKNESS], what),
                                  "object.thickness is missing, expected %s as %s",
@@ -422,12 +418,12 @@ static bool finish_solver(kn_draft *draft)
                                  "solver.iterations_max is %d, expected at least solver.iterations, %d",
                                  solver->iterations_max, solver->iterations);
     if (solver->kind == KN_SOLVER_IMPLICIT) return true;
-    if (given(draft, 0, KN_KEY_PRECISION) && solver->precision != KN_PRECISION_F64)
+    if (kn_draft_given(draft, 0, KN_KEY_PRECISION) && solver->precision != KN_PRECISION_F64)
         return kn_draft_complain(draft, later(draft, KN_KEY_PRECISION, KN_KEY_KIND),
                                  "solver.precision is f32, expected f64 with 'kind: %s'",
                                  solver->kind == KN_SOLVER_RK4 ? "rk4" : "fixed");
-    if (solver->kind == KN_SOLVER_FIXED && !given(draft, 0, KN_KEY_ITERATIONS)) solver->iterations = 8;
-    if (solver->kind == KN_SOLVER_FIXED && !given(draft, 0, KN_KEY_PASSES)) solver->passes = 2;
+    if (solver->kind == KN_SOLVER_FIXED && !kn_draft_given(draft, 0, KN_KEY_ITERATIONS)) solver->iterations = 8;
+    if (solver->kind == KN_SOLVER_FIXED && !kn_draft_given(draft, 0, KN_KEY_PASSES)) solver->passes = 2;
     solver->precision = KN_PRECISION_F64;
     return true;
 }
@@ -449,11 +445,11 @@ static void couple(kn_draft *draft, int slot)
     kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
     kn_mark *at = draft->at[slot], profile = draft->at[0][KN_KEY_PROFILE];
     if (probe->shape == KN_PROBE_PLATE || draft->scene.model.solver.kind != KN_SOLVER_IMPLICIT) return;
-    if (!given(draft, slot, KN_KEY_PROBE_COUPLING) && strcmp(device->name, "bench") != 0) {
+    if (!kn_draft_given(draft, slot, KN_KEY_PROBE_COUPLING) && strcmp(device->name, "bench") != 0) {
         probe->coupling_n_m = device->coupling_n_m;
         at[KN_KEY_PROBE_COUPLING] = profile;
     }
-    if (!given(draft, slot, KN_KEY_PROBE_COUPLING_DAMPING) && probe->coupling_n_m > 0) {
+    if (!kn_draft_given(draft, slot, KN_KEY_PROBE_COUPLING_DAMPING) && probe->coupling_n_m > 0) {
         probe->coupling_n_s_m = device->coupling_n_s_m;
         at[KN_KEY_PROBE_COUPLING_DAMPING] = profile;
     }
@@ -482,7 +478,7 @@ bool kn_draft_finish(kn_draft *draft)
     // the device's coupling is the default of the probes' couplings
     if (!kn_draft_device(draft)) return false;
     for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
-    if (!given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
+    if (!kn_draft_given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     mark_solver(draft);
     // the canonical size follows from the nodes: equal lattices have equal texts, however the file rounded the size
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
@@ -537,7 +533,7 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     char value[KN_LINE_MAX];
     const char *dot = strrchr(key->path, '.');
     bool optional = key->fallback && *key->fallback == '\0';
-    if (!relevant(draft, slot, id) || (optional && !given(draft, slot, id))) return;
+    if (!relevant(draft, slot, id) || (optional && !kn_draft_given(draft, slot, id))) return;
     if (slot == 0 && id == KN_KEY_VARIANT) return; // the material's numbers are already those of the variant
     if (kn_draft_of_device(id) && !draft->device_whole) return;
     // indentation, with "- " before the first key of a list item

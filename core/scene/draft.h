@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SCENE_DRAFT_H
 #define KN_CORE_SCENE_DRAFT_H
 // A scene while it is read: the values as written, and the place where each was written. So an error about two keys can
-// still name a line. The reader fills in the draft (scene.c). Then kn_draft_finish checks the rules and computes all
+// still name a line. The reader fills in the draft (reader.c). Then kn_draft_finish checks the rules and computes all
 // derived values.
 #include "core/scene/keys.h"
 #include "core/scene/scene.h"
@@ -82,6 +82,12 @@ void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id);
 // Print the path of a key: "probes.plate.size", or "probes[0].size" before the name is known.
 const char *kn_draft_path(kn_draft *draft, int slot, kn_key_id id, char path[KN_LINE_MAX]);
 
+// Return true if the file, a --set, or a named material or profile gives the key.
+static inline bool kn_draft_given(const kn_draft *draft, int slot, kn_key_id id)
+{
+    return draft->at[slot][id].source != KN_SOURCE_DEFAULT;
+}
+
 // Write "file:line:col: ..." or "--set key: ..." into error. Always return false.
 bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
@@ -96,10 +102,26 @@ bool kn_draft_finish_point(kn_draft *draft);
 // Fill in the quality points and `built` (draft_quality.c). Return false after an error.
 bool kn_draft_quality(kn_draft *draft);
 
-// Find the box of fine cells from accuracy, margin and the probes' reach (draft_fine.c). Return false after an error.
+// Find the box of fine cells from accuracy, margin and the probes' reach (draft_quality.c). Return false after an
+// error.
 bool kn_draft_fine(kn_draft *draft);
 
-// Copy the device keys of `from` into the draft (draft_device.c). From a device's file, copy all keys. From a profile
+// The numbers are those of a rheological object. Variants follow from them by the second paper's rules:
+//     viscoelastic  stroke [1, 1]: the damper cannot move, so all of the deformation is lost
+//     plastic       k1 = 0; c1 = c2 = 2 c2 if c2 is constant; c1 = 25 c2(0) if c2 depends on the stress: then the pair
+//                   equals the damper alone to within 1/26 (equation 8)
+// material.variant chooses the variant. A material's file may set its default variant. In a scene, the name of a
+// material may have the variant as a suffix: dough-plastic.
+//
+// Copy material and density from the draft of a material's file (draft_library.c). Every value is marked with the place
+// where the scene names the material. A density in the scene itself takes precedence. Return false with an error about
+// any other key in the file.
+bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark);
+
+// Replace the complete numbers, in SI, by those of the draft's variant. Return false after an error.
+bool kn_draft_vary_material(kn_draft *draft);
+
+// Copy the device keys of `from` into the draft (draft_library.c). From a device's file, copy all keys. From a profile
 // (mark.library), copy only the keys that the draft does not have. Return false with an error if `from` has any other
 // key.
 bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark);

@@ -1,5 +1,5 @@
 #include "core/scene/draft.h"
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 
 #include <errno.h>
 #include <inttypes.h>

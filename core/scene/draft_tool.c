@@ -1,9 +1,8 @@
 #include "core/field.h"
 #include "core/hash.h"
-#include "core/outside.h"
+#include "core/solve/tool.h"
 #include "core/scene/draft.h"
-#include "core/scene/shell.h"
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -24,7 +23,7 @@ static void turn_of(const double rad[3], double turn[3][3])
 static bool add_part(kn_shape *tool, const kn_draft_part *part)
 {
     kn_shape own = {0};
-    bool fits = kn_outside_shape(&part->as, &own);
+    bool fits = kn_tool_shape(&part->as, &own);
     for (int i = 0; fits && i < own.part_count; i++) {
         kn_solid *p = &own.part[i];
         memcpy(p->at_m, part->at_m, sizeof p->at_m);
@@ -165,7 +164,7 @@ static bool solid_fits(kn_draft *draft, int slot)
     const kn_model_def *def = &draft->scene.model;
     const kn_probe_def *probe = &def->probe[slot - 1];
     if (probe->shape == KN_PROBE_UNION || probe->shape == KN_PROBE_MESH) return true;
-    const char *unfit = kn_outside_unfit(probe, def->spacing_m);
+    const char *unfit = kn_tool_unfit(probe, def->spacing_m);
     kn_mark at = draft->at[slot][KN_KEY_PROBE_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
     // blame the measure that was written last
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
@@ -182,7 +181,7 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
     const kn_probe_def *probe = &def->probe[slot - 1];
     if (!solid_fits(draft, slot)) return false;
     // a surface that is too narrow usually has a wrong unit
-    const char *wide = probe->shape == KN_PROBE_MESH ? kn_outside_unfit(probe, def->spacing_m) : NULL;
+    const char *wide = probe->shape == KN_PROBE_MESH ? kn_tool_unfit(probe, def->spacing_m) : NULL;
     if (wide)
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],
                                  "probes.%s.mesh: %s (spacing %g m, half width %.3g m): is its unit right?",
@@ -190,7 +189,7 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
     // in a union, check every part by itself
     for (int i = 0; i < draft->part_count[slot - 1]; i++) {
         const int part = kn_slot_of_part(slot, i);
-        const char *unfit = kn_outside_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);
+        const char *unfit = kn_tool_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);
         kn_mark at = draft->at[part][KN_KEY_PART_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
         if (unfit)
             return kn_draft_complain(draft, spacing.source > at.source ? spacing : at,

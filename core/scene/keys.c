@@ -1,24 +1,11 @@
 #include "core/scene/keys.h"
-#include "core/scene/draft.h"
+#include "core/scene/scene.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-_Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
-
-// The key table. Each list of keys.h has its own struct, so each has its own row macro for offsetof.
-#define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
-    [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
-                     most_,           fallback_, offsetof(parent, member), meaning_},
-#define SCENE_ROW(...) ROW(kn_draft, __VA_ARGS__)
-#define PROBE_ROW(...) ROW(kn_probe_def, __VA_ARGS__)
-#define SURFACE_ROW(...) ROW(kn_draft_surface, __VA_ARGS__)
-#define PART_ROW(...) ROW(kn_draft_part, __VA_ARGS__)
-const kn_key kn_keys[KN_KEY_COUNT] = {KN_SCENE_KEYS(SCENE_ROW) KN_PROBE_KEYS(PROBE_ROW) KN_SURFACE_KEYS(SURFACE_ROW)
-                                          KN_PART_KEYS(PART_ROW)};
 
 // Return the unit of a key; dimensionless if it has none.
 static kn_unit unit_of(const kn_key *key)
@@ -29,8 +16,7 @@ static kn_unit unit_of(const kn_key *key)
     return unit;
 }
 
-// Return the index of a word in a list of words "a|b|c", or -1 if the list does not contain the word.
-static int choice_of(const char *words, const char *word)
+int kn_choice_of(const char *words, const char *word)
 {
     size_t size = strlen(word);
     for (int i = 0;; i++) {
@@ -114,7 +100,8 @@ bool kn_key_quotable(const char *text)
 static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
-    bool fits = size > 4 && size < KN_PATH_MAX && choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
+    bool fits =
+        size > 4 && size < KN_PATH_MAX && kn_choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
     if (fits) memcpy(field, text, size + 1);
     else snprintf(problem, KN_LINE_MAX, "not the name of a mesh");
     return fits;
@@ -131,7 +118,7 @@ static bool read_hash(uint64_t *field, const char *text, char problem[KN_LINE_MA
 
 static bool read_choice(const kn_key *key, int *field, const char *text, char problem[KN_LINE_MAX])
 {
-    *field = choice_of(key->unit, text);
+    *field = kn_choice_of(key->unit, text);
     if (*field < 0) snprintf(problem, KN_LINE_MAX, "'%.24s' is unknown", text);
     return *field >= 0;
 }

@@ -274,13 +274,14 @@ typedef enum kn_key_when {
     KN_WHEN_RAMP,        // material.damper is ramp
     KN_WHEN_FORCE,       // material.damper is exponential or ramp
     KN_WHEN_TABLE,       // support is friction
-    KN_WHEN_PLATE,       // the tool's shape is plate
-    KN_WHEN_TOOL,        // the tool's shape is any but plate
-    KN_WHEN_ROUND,       // the tool's shape is sphere, capsule or cylinder
-    KN_WHEN_LONG,        // the tool's shape is capsule or cylinder
-    KN_WHEN_BOX,         // the tool's shape is box or cross
-    KN_WHEN_EDGED,       // the tool's shape is box, cross or cylinder
-    KN_WHEN_SURFACE      // the tool's shape is mesh
+    // the conditions from here on are those on a tool's shape
+    KN_WHEN_PLATE,  // the tool's shape is plate
+    KN_WHEN_TOOL,   // the tool's shape is any but plate
+    KN_WHEN_ROUND,  // the tool's shape is sphere, capsule or cylinder
+    KN_WHEN_LONG,   // the tool's shape is capsule or cylinder
+    KN_WHEN_BOX,    // the tool's shape is box or cross
+    KN_WHEN_EDGED,  // the tool's shape is box, cross or cylinder
+    KN_WHEN_SURFACE // the tool's shape is mesh
 } kn_key_when;
 
 typedef enum kn_key_type {
@@ -320,6 +321,9 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
 // Return true if YAML can hold the text between quotes without change: UTF-8 without control characters and line
 // breaks.
 bool kn_key_quotable(const char *text);
+
+// Return the index of a word in a list of words "a|b|c", or -1 if the list does not contain the word.
+int kn_choice_of(const char *words, const char *word);
 
 // Describe the values that the key expects: "a list of 3, each from 1e-05 to 10 m".
 const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX]);

@@ -1,6 +1,5 @@
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "core/hash.h"
-#include "core/scene/words.h"
 
 #include <limits.h>
 #include <math.h>

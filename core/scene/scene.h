@@ -36,7 +36,7 @@ typedef struct kn_scene {
     kn_device_def device; // haptic device: profile touch, falcon, omega, unknown, or bench for the virtual hand
     kn_safety_limits limits;
     double mesh_hz;    // rate of mesh messages, 30..60
-    int mesh_measures; // KN_MESH_STRESS, KN_MESH_RESIDUAL: values that meshes carry beside positions (gauge.h)
+    int mesh_measures; // KN_MESH_STRESS, KN_MESH_RESIDUAL: values that meshes carry beside positions (measure.h)
     // Place in the file of the last of the keys kind, dt, isa and mass_scale of solver; 1, 1 if it has none of them. An
     // error of building or stepping the model points there.
     int solver_line, solver_col;
@@ -52,11 +52,12 @@ typedef struct kn_scene {
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size);
-// Parse text that the file `beside` holds. A mesh that is not at its path in the text is also looked for by its base
-// name in that file's folder. kn_scene_parse looks in the folder of `name`.
+// Parse the text of the scene file whose path is `beside`. If a mesh is not found at the path given in the text, look
+// for its base name in the folder of `beside`. (kn_scene_parse does so in the folder of `name`.)
 kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char *text, size_t size,
                                 const char *const *sets, int set_count, char *error, size_t error_size);
 void kn_scene_destroy(kn_scene *scene); // does nothing if `scene` is NULL
+void kn_scene_clear(kn_scene *scene);   // free what a scene owns, but not the scene itself
 
 const char *kn_quality_name(kn_quality quality); // "fast", "balanced", "accurate", "own"
 // Return the setting that --quality NAME stands for, "quality=NAME", or NULL if the name is not one of
@@ -66,5 +67,27 @@ extern const char kn_quality_names[]; // all names in one text: "fast, balanced,
 
 // Return the table of all keys for `knead check --keys` as NULL-terminated lines: path, unit, range, default, meaning.
 const char *const *kn_scene_keys(void);
+
+// --- library --------------------------------------------------------------------------------------------------------
+
+// Named materials: the files of core/scenes/materials, compiled in. So `material: dough` means the same material in
+// every scene, wherever the scene is and whatever is installed. Each file holds a material and its density, with the
+// source of every number. Device profiles, the files of core/devices, are compiled in the same way. material.variant
+// chooses a variant of a material (draft.h). In a scene, the name of a material may have the variant as a suffix:
+// dough-plastic.
+typedef struct kn_library_entry {
+    const char *name; // name of the material or device, e.g. "dough"
+    const char *text; // text of the file
+} kn_library_entry;
+
+extern const kn_library_entry kn_library[]; // in alphabetical order; the last entry has the name NULL
+extern const kn_library_entry kn_devices[]; // the files of core/devices: one for each word of device.profile
+
+// Return the entry of a name without its suffix, or NULL if there is none. *variant becomes the number of the suffix in
+// the words of material.variant, or -1.
+const kn_library_entry *kn_library_find(const char *name, int *variant);
+
+// Print the names of all materials into `text`, a buffer of 256 bytes, and return it: "clay, dough, ...".
+const char *kn_library_names(char text[256]);
 
 #endif

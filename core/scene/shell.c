@@ -1,5 +1,4 @@
-#include "core/scene/shell.h"
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 #include <ctype.h>
 #include <limits.h>
 #include <math.h>

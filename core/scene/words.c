@@ -1,4 +1,4 @@
-#include "core/scene/words.h"
+#include "core/scene/mesh_file.h"
 
 #include <errno.h>
 #include <limits.h>

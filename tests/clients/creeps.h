@@ -2,7 +2,7 @@
 #define KN_TESTS_CREEPS_H
 // Creep curves of the first paper's dough, computed by core/network.h, with noise: 60 s under a load, then 70 s
 // without.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 #include "core/network.h"
 #include "tests/dice.h"
 #include "tests/dough.h"

@@ -1,7 +1,7 @@
 #ifndef KN_TESTS_MADE_H
 #define KN_TESTS_MADE_H
 // A curve that a test builds reading by reading.
-#include "clients/identify/curve.h"
+#include "clients/identify/measured_curve.h"
 
 enum { MADE_MOST = 4000 };
 

@@ -149,7 +149,7 @@ while read -r name; do
     failed=1
 done <ends
 
-[ -z "$(ls -A here)" ] || { echo "FAIL files were made: $(ls -A here)" && failed=1; }
+[ -z "$(ls -A here)" ] || { echo "FAIL files were created: $(ls -A here)" && failed=1; }
 echo "$count bad scenes: $kept kept as files, $made_count made of bytes," \
     "$((count - kept - made_count)) beyond a key's range; kneadd read 1 in $every"
 [ $kept -ge 200 ] || { echo "FAIL only $kept bad scenes in $bad" && failed=1; }

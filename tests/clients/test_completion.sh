@@ -51,7 +51,7 @@ is "scenes" knead view --scene sc
 touch -- '$(touch run)'
 completed knead '$(touch run)' "" >/dev/null
 completed knead check '$(touch' >/dev/null
-check "nothing that is typed is run" [ ! -e run ]
+check "typed words are never executed" [ ! -e run ]
 
 # Find every option of every help by other means: words with two dashes in a line that begins with one, before its
 # explanation.
@@ -66,11 +66,11 @@ for program in "${programs[@]}"; do
         [[ $offered == *" $option "* ]] || { echo "FAIL $program: $option is not completed" && failed=1; }
     done
 done
-check "all $options options of ${#programs[@]} helps are completed" [ $options -gt 150 ]
+check "completion offers all $options options of ${#programs[@]} help texts" [ $options -gt 150 ]
 prefix=$PWD/prefix
 cmake --install "$KN_BUILD" --prefix "$prefix" >install.log
 for program in knead kneadd knead-simdev; do
-    check "$program has an installed one" cmp -s "$prefix/share/bash-completion/completions/$program" <(knead completion)
+    check "the installed completion of $program is the output of knead completion" cmp -s "$prefix/share/bash-completion/completions/$program" <(knead completion)
 done
-check "nothing on stderr" [ ! -s err ]
+check "completion writes nothing to stderr" [ ! -s err ]
 exit $failed

@@ -8,7 +8,7 @@ value() { awk -v row="$1" -v column="$2" '$1 == row && $2 == "element" { print $
 
 knead creep dough --load 10gf,30gf,50gf,70gf,90gf --csv creep.csv --png creep.png >out || fail "creep dough: exit $?"
 [ "$(value 50 4)" = 26.33 ] || fail "50 gf end at $(value 50 4) gf/cm^2"
-[ "$(value 50 5)" = 0.5266 ] || fail "50 gf leave $(value 50 5) cm"
+[ "$(value 50 5)" = 0.5266 ] || fail "after 50 gf the height is $(value 50 5) cm"
 for row in "10 9.64 0.0363 0.0205 0.0158" "30 23.70 0.2099 0.0511 0.1588" "70 24.64 0.6480 0.0541 0.5938" \
     "90 22.82 0.7464 0.0502 0.6962"; do # an integration by hand, to its digits: 0.0363 0.210 0.648 0.746 ...
     set -- $row
@@ -20,10 +20,10 @@ head -c 8 creep.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
 
 # The default is the paper's test. The scene's file, and the same parts as an expression, give the same result.
 knead creep dough | grep -v '^specimen' >named
-knead creep "$KN_SOURCE/core/scenes/dough.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "by file"
+knead creep "$KN_SOURCE/core/scenes/dough.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "the scene file creeps differently from the material name"
 knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
-    --param d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)' | grep -v '^specimen' | cmp -s - named || fail "by parts"
-knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff brings back $(value 50 7)"
+    --param d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)' | grep -v '^specimen' | cmp -s - named || fail "the expression creeps differently from the material name"
+knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff recovers $(value 50 7)"
 knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
 
 # At small strain a lattice of the same material creeps alike.

@@ -1,6 +1,6 @@
 // The report of `knead identify`: a page of plain HTML in a folder that appears as a whole.
-#include "clients/identify/document.h"
-#include "clients/knead/commands.h"
+#include "clients/report/report_page.h"
+#include "clients/cli/commands.h"
 #include "tests/check.h"
 #include "tests/cleared.h"
 #include <sys/stat.h>
@@ -32,7 +32,7 @@ static void clean(void)
 static kn_document d;
 static char *typed[] = {"knead identify creep", "my file.csv", "--report", "out"};
 
-TEST("a report has its title, its sections, its tables' heads and what was typed")
+TEST("a report contains its title, sections, table headings, verdict and command line")
 {
     begin();
     CHECK(kn_document_open(&d, "identify creep", out, "Dough", 4, typed) == KN_EXIT_OK);
@@ -55,7 +55,7 @@ TEST("a report has its title, its sections, its tables' heads and what was typed
     CHECK(!strstr(page, "<script") && !strstr(page, "http"));
 }
 
-TEST("a folder with something in it is not written to")
+TEST("a folder that is not empty is refused")
 {
     kn_document again;
     int terminal = dup(STDERR_FILENO);
@@ -69,7 +69,7 @@ TEST("a folder with something in it is not written to")
     clean();
 }
 
-TEST("what a file's name does to HTML, and bytes that are no UTF-8, cannot be done to the page")
+TEST("HTML characters in a name are escaped, and invalid UTF-8 bytes are replaced")
 {
     begin();
     if (!mkdtemp(strcpy(folder, "/tmp/test_document.XXXXXX"))) exit(1);
@@ -83,7 +83,7 @@ TEST("what a file's name does to HTML, and bytes that are no UTF-8, cannot be do
     clean();
 }
 
-TEST("of work that failed nothing is left")
+TEST("a failed command leaves no report and no other file")
 {
     if (!mkdtemp(strcpy(folder, "/tmp/test_document.XXXXXX"))) exit(1);
     snprintf(out, sizeof out, "%s/out", folder);
@@ -96,7 +96,7 @@ TEST("of work that failed nothing is left")
     CHECK(rmdir(folder) == 0); // no other file is left beside the report
 }
 
-TEST("of a check that failed the report is kept: it says why")
+TEST("a check that fails keeps its report, with the reason")
 {
     if (!mkdtemp(strcpy(folder, "/tmp/test_document.XXXXXX"))) exit(1);
     snprintf(out, sizeof out, "%s/out", folder);
@@ -108,7 +108,7 @@ TEST("of a check that failed the report is kept: it says why")
     clean();
 }
 
-TEST("a report that nobody asked for takes everything and does nothing")
+TEST("a report that is switched off accepts every call and writes nothing")
 {
     char path[PATH_MAX];
     CHECK(kn_document_open(&d, "identify creep", NULL, "Dough", 0, NULL) == KN_EXIT_OK);

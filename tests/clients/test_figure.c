@@ -1,7 +1,7 @@
 // Panels of points and lines: values that cannot be drawn are left out, and the picture is as large as its panels
 // need.
-#include "clients/identify/figure.h"
-#include "clients/knead/commands.h"
+#include "clients/report/plot_panels.h"
+#include "clients/cli/commands.h"
 #include "tests/check.h"
 #include <unistd.h>
 
@@ -25,7 +25,7 @@ static int draw(const kn_figure_panel *panel, int panels, int across, int size[2
     return code;
 }
 
-TEST("numbers that are none, and zeros on a logarithmic axis, are gaps")
+TEST("a figure with NaN, infinite and negative values is drawn, also on logarithmic axes")
 {
     if (system("command -v gnuplot >/dev/null 2>&1") != 0) SKIP("gnuplot is not installed");
     int file = mkstemp(path), size[2];
@@ -40,7 +40,7 @@ TEST("numbers that are none, and zeros on a logarithmic axis, are gaps")
     CHECK(draw(&p, 1, 1, size) == KN_EXIT_OK);
 }
 
-TEST("panels stand in rows, and many names below them")
+TEST("three panels in two columns take two rows, and many series names make the picture taller")
 {
     int few[2], many[2];
     const double x[] = {0, 1, 2}, y[] = {1, 3, 2};

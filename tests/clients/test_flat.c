@@ -18,7 +18,7 @@ static int shown(kn_renderer *r, const block *b, kn_probe_def def, double thickn
     return n;
 }
 
-TEST("to a flat object a ball is a disc as wide as it is thick, to a block it is a ball")
+TEST("a ball is drawn on a flat object as a disc of the object's thickness, and on a block as a ball")
 {
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b);
@@ -30,7 +30,7 @@ TEST("to a flat object a ball is a disc as wide as it is thick, to a block it is
     CHECK_NEAR(shown(r, &b, ball, 0.002, 90), from_front * 0.008 * 0.002 / (M_PI * 0.004 * 0.004), 0.05 * from_front);
 }
 
-TEST("and a plate is a line across it")
+TEST("a plate on a flat object is drawn as wide as the object is thick")
 {
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b);

@@ -20,7 +20,7 @@ files="10gf.csv 30gf.csv 50gf.csv 70gf.csv 90gf.csv"
 
 curves 10gf,30gf,50gf,70gf,90gf 0.01
 knead identify creep $files --out dough.yaml --csv fit.csv --json >o.json 2>err || fail "five loads: $(cat err)"
-python3 - <<'PY' && ok "five loads, 1 % of noise: k1, c1, alpha, beta within 2 %, P1 within 5 %, P0 bounded" || fail "five loads"
+python3 - <<'PY' && ok "five loads with 1 % noise give k1, c1, alpha and beta within 2 %, P1 within 5 %, and a bound of P0" || fail "five loads"
 import json, sys
 n = json.load(open("o.json"))["numbers"]
 truth = {"k1": 46091.26, "c1": 245166.25, "alpha": 8002226.4, "beta": 8.31069e-4, "P1": 7845.32}
@@ -31,11 +31,11 @@ for name, value in truth.items():
 assert n["P0"]["known"] == "at_most" and 900 < n["P0"]["high"] < 1000 and n["P0"]["low"] is None and n["P0"]["words"]
 PY
 [ "$(wc -l <fit.csv)" -gt 2900 ] && head -1 fit.csv | grep -q '^curve,time_s,strain,fit_strain,stress_pa,readings$' &&
-    ok "--csv: readings and fit" || fail "--csv"
+    ok "--csv writes the readings and the fit" || fail "--csv"
 
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
-knead check scene.yaml >check.txt 2>err && ok "a scene loads what --out wrote" || fail "scene: $(cat err)"
-knead creep scene.yaml --load 50gf --json >back.json && python3 - <<'PY' && ok "and creeps as the dough did" || fail "creeps back"
+knead check scene.yaml >check.txt 2>err && ok "a scene loads the material that --out wrote" || fail "scene: $(cat err)"
+knead creep scene.yaml --load 50gf --json >back.json && python3 - <<'PY' && ok "the scene with the identified material creeps like the dough" || fail "the identified material creeps differently"
 import json
 assert abs(json.load(open("back.json"))["loads"][0]["height_m"] - 0.005266) < 5e-5
 PY
@@ -43,18 +43,18 @@ PY
 odd=$'a, "b"\n\001\303.csv'
 cp 50gf.csv "$odd"
 knead identify creep "$odd" --no-models --csv odd-fit.csv --out odd-name.yaml >out 2>err || fail "odd name: $(cat err)"
-python3 - <<'PY' && ok "commas, quotes and line ends in a file's name break neither table nor material" || fail "odd name: $(head -3 odd-fit.csv odd-name.yaml)"
+python3 - <<'PY' && ok "commas, quotes and line ends in a file name are safe in the table and in the material" || fail "odd name: $(head -3 odd-fit.csv odd-name.yaml)"
 import csv
 rows = list(csv.reader(open("odd-fit.csv", newline="", encoding="latin-1")))
 assert all(len(r) == 6 for r in rows) and rows[1][0].startswith('a, "b"'), rows[:2]
 assert open("odd-name.yaml").readline().startswith('# Identified by knead identify creep from a, "b"???.csv: 1 curve')
 PY
 sed 's/^material: .*/material: odd-name.yaml/' scene.yaml >odd-scene.yaml
-knead check odd-scene.yaml >check.txt 2>err && ok "which a scene loads" || fail "odd name: $(cat err)"
+knead check odd-scene.yaml >check.txt 2>err && ok "a scene loads the material from the file with the odd name" || fail "odd name: $(cat err)"
 
 knead identify creep 50gf.csv >one.txt 2>err || fail "one load: $(cat err)"
 grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told from P0 and P1' one.txt &&
-    grep -q 'not known separately' one.txt && ok "one load: says what it cannot know" || fail "one load"
+    grep -q 'not known separately' one.txt && ok "one load gives bounds of P0 and P1, and says which parameters are not known separately" || fail "one load"
 
 # The same readings in the formats of other programs give the same numbers: shuffled, some missing, one far off.
 python3 - <<'PY'
@@ -73,14 +73,14 @@ open("odd.csv", "w", encoding="utf-8", newline="").write(
     "".join(r.replace(",", ";").replace(".", ",") + "\r\n" for r in rows))
 PY
 knead identify creep odd.csv >odd.txt 2>err || fail "odd: $(cat err)"
-grep -q 'odd.csv:[0-9]*:1: left out, .* standard deviations' odd.txt && ok "the outlier is left out, by its line" || fail "outlier"
+grep -q 'odd.csv:[0-9]*:1: left out, .* standard deviations' odd.txt && ok "the outlier is left out and its line is reported" || fail "outlier"
 best() { awk -v n="$1" '$1 == n { print $2; exit }' "$2"; }
 near() { awk -v a="$(best "$1" one.txt)" -v b="$(best "$1" odd.txt)" 'BEGIN { exit !(a > 0 && b / a < 1.01 && b / a > 0.99) }'; }
-near k1 && near c1 && near alpha && near beta && ok "shuffled, missing, semicolons, decimal commas, Windows: the same numbers" ||
+near k1 && near c1 && near alpha && near beta && ok "shuffled and missing readings, semicolons, decimal commas and CR LF give the same parameters within 1 %" ||
     fail "odd numbers"
 
 knead identify creep 10gf.csv 50gf.csv --report page --png fit.png >page.txt 2>err || fail "--report: $(cat err)"
-python3 - <<'PY' && ok "--report: one page, whose pictures and links are all there; the lattice goes back as the element does at 4 %" || fail "page"
+python3 - <<'PY' && ok "--report writes one page with all its pictures and links, and compares lattice and element at 4 % strain" || fail "page"
 import os, re
 page = open("page/index.html", encoding="utf-8").read()
 for name in re.findall(r'(?:src|href)="([^"#:]+)"', page):
@@ -91,8 +91,8 @@ strain, element, diagonals, gas, diagonals_e, gas_e = [float(x) for x in re.find
 assert 0.03 < strain < 0.05 and element < 2 and diagonals < 25 and gas < 12, (strain, element, diagonals, gas)
 assert diagonals_e < 25 and gas_e < 12 and "lattices of this material strain differently" in page
 PY
-head -c 8 fit.png | grep -q PNG && ok "--png: a picture" || fail "--png"
-(cd page && knead check scene.yaml >/dev/null) && ok "and its scene is served" || fail "scene of the page"
+head -c 8 fit.png | grep -q PNG && ok "--png writes a PNG" || fail "--png"
+(cd page && knead check scene.yaml >/dev/null) && ok "knead check accepts the scene of the report" || fail "scene of the page"
 refuses 2 "knead identify creep: page: is not empty, expected a new folder" identify creep 50gf.csv --report page
 
 knead identify creep 10gf.csv 50gf.csv --report cut >said 2>err &
@@ -100,12 +100,12 @@ report=$!
 until ls -d cut.* >/dev/null 2>&1 || ! kill -0 $report 2>/dev/null; do sleep 0.02; done
 kill -TERM $report
 wait $report
-[ $? = 143 ] && ! ls -d cut cut.* >/dev/null 2>&1 && ok "a report that is ended leaves nothing" || fail "ended report: $(ls -d cut*)"
+[ $? = 143 ] && ! ls -d cut cut.* >/dev/null 2>&1 && ok "a report ended by SIGTERM leaves no files" || fail "ended report: $(ls -d cut*)"
 
 cp 50gf.csv mine.csv
 refuses 2 "knead identify creep: --csv ./mine.csv: is being read, expected another name" identify creep mine.csv --csv ./mine.csv
 refuses 2 "knead identify creep: --png mine.csv: is being read, expected another name" identify creep mine.csv --png mine.csv
-cmp -s 50gf.csv mine.csv && ok "what is read is not written over" || fail "readings were written over"
+cmp -s 50gf.csv mine.csv && ok "an input file is never overwritten" || fail "readings were written over"
 refuses 2 "knead identify creep: --out both and --csv both: expected names apart" identify creep mine.csv --csv both --out both
 refuses 2 "knead identify creep: mine.csv and ./mine.csv: one file, expected its readings once" identify creep mine.csv ./mine.csv
 sed '1a # load: 30 gf' 50gf.csv >said.csv
@@ -114,25 +114,25 @@ sed 's/^time.*/time [s],displacement [mm],displacement [mm]/; s/^[0-9].*/&,0/' 5
 refuses 2 "twice.csv:5:28: a second column of displacement, 'displacement', expected one: remove the other" identify creep twice.csv
 sed 's/^time.*/time [s],displacement [mm],height [mm]/; s/^[0-9].*/&,5/' 50gf.csv >spare.csv
 knead identify creep spare.csv --no-models >spare.txt 2>err && grep -q 'the column of displacement is used, not that of height' spare.txt &&
-    ok "of two columns that say the same, which one is used is said" || fail "spare column: $(cat err)"
+    ok "if two columns give the same quantity, a message names the one used" || fail "spare column: $(cat err)"
 
 sed 's/^# release.*//' 50gf.csv | awk -F, 'NR < 6 || $1 <= 60' >held.csv
 knead identify creep held.csv >held.txt 2>err && grep -q 'never taken off' held.txt &&
-    ok "a load that was never taken off is said" || fail "never released: $(cat err)"
+    ok "a load that is never released is reported" || fail "never released: $(cat err)"
 
 sed 's/^# release.*//' 50gf.csv >unsaid.csv
 knead identify creep unsaid.csv --no-models --report unsaid --out unsaid.yaml >unsaid.txt 2>err
 [ $? = 1 ] && grep -Eq '^knead identify creep: --out unsaid.yaml: not written, no scene accepts it: material.alpha is [0-9.e+]* Pa\*s, out of range, expected a number from 1e-06 to 1e\+15 Pa\*s$' err &&
     [ "$(wc -l <err)" = 1 ] && [ ! -e unsaid.yaml ] && grep -q '^note: no scene accepts this material' unsaid.txt && [ -s unsaid/index.html ] &&
-    [ ! -e unsaid/material.yaml ] && ! grep -q 'Simulated creep' unsaid/index.html && ok "a material that no scene takes is not written, and told with all else" ||
-    fail "no scene takes it: $(cat err)"
+    [ ! -e unsaid/material.yaml ] && ! grep -q 'Simulated creep' unsaid/index.html && ok "a material outside the range of a scene is not written, and its report says so" ||
+    fail "a material outside the range of a scene is not refused: $(cat err)"
 refuses 2 "knead identify creep: --density '40 g/cm^3': expected a density like '1.2 g/cm^3', 1 to 30000 kg/m^3" identify creep 50gf.csv --density '40 g/cm^3'
 
 mkdir late && cd late && curves 10gf,50gf,70gf 0.001
 awk -F, 'NR > 5 { $1 += 0.15 } { print }' OFS=, 70gf.csv >late70.csv
 knead identify creep 10gf.csv 50gf.csv late70.csv --no-models >late.txt 2>err && grep -q 'note: late70.*--late' late.txt &&
     knead identify creep 10gf.csv 50gf.csv late70.csv --no-models --late | grep -q 'late70 .*applied 0.1[0-9]* s late' &&
-    ok "a load that came late is doubted, and found with --late" || fail "late: $(cat late.txt)"
+    ok "a late load is suspected without --late and found with --late" || fail "late: $(cat late.txt)"
 { # a recording that was started 12 s too soon
     sed 5q 70gf.csv && for i in $(seq 0 39); do echo "$(awk "BEGIN { print 0.3 * $i }"),0"; done
     awk -F, 'NR > 5 { $1 += 12; print }' OFS=, 70gf.csv
@@ -144,7 +144,7 @@ grep -q 'early70 .*applied 1[12].* s late, held' early.txt && awk -F, '
     $1 == "early70" && $2 > 61 && $5 != 0 { bad = 1 }
     $1 == "early70" && ($3 - $4) ^ 2 > 1e-4 { bad = 1 }
     END { exit bad }' early.csv && grep -Eq '^early70 +k1 [+-][0-9.]* %' early.txt &&
-    ok "what was found with --late holds for all that follows: time, stress, the two stages" || fail "early: $(cat err early.txt)"
+    ok "the delay found with --late is applied to times, stresses and the two-stage fit" || fail "early: $(cat err early.txt)"
 cd ..
 
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help tells its columns" identify creep
@@ -164,5 +164,5 @@ refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" 
 refuses 2 "knead identify creep: --bogus: unknown option; --help lists them" identify creep 50gf.csv --bogus
 refuses 2 "knead identify creep: 50gf.csv: exists and was not written by knead identify, expected another name" \
     identify creep 10gf.csv --out 50gf.csv
-[ "$(head -1 50gf.csv)" = "# load: 50 gf" ] && ok "and it is as it was" || fail "50gf.csv was changed"
+[ "$(head -1 50gf.csv)" = "# load: 50 gf" ] && ok "the refused --out leaves the readings unchanged" || fail "50gf.csv was changed"
 exit $failed

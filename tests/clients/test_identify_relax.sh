@@ -8,7 +8,7 @@ set -u
 knead relax dough --strain 30% --ramp 2%/s --hold 300 --csv all.csv >relax.txt || exit 1
 
 knead identify relax all.csv --out dough.yaml --csv fit.csv --json >o.json 2>err || fail "rise and hold: $(cat err)"
-python3 - <<'PY' && ok "rise and hold: every number within 0.5 %, P1 at least what was seen" || fail "rise and hold"
+python3 - <<'PY' && ok "ramp and hold: all parameters but P1 within 0.5 %, and a lower bound of P1" || fail "rise and hold"
 import json
 o = json.load(open("o.json"))
 n = o["numbers"]
@@ -19,9 +19,9 @@ assert n["P1"]["known"] == "at_least" and 4000 < n["P1"]["low"] < 7845 and n["P1
 assert o["scale"] == "rise" and o["models"] and o["verdict"]
 PY
 [ "$(wc -l <fit.csv)" -gt 100 ] && head -1 fit.csv | grep -q '^curve,held_s,stress_pa,fit_pa,readings$' &&
-    awk -F, 'NR > 1 && ($3 / $4 > 1.002 || $3 / $4 < 0.998) { exit 1 }' fit.csv && ok "--csv: readings and fit" || fail "--csv"
+    awk -F, 'NR > 1 && ($3 / $4 > 1.002 || $3 / $4 < 0.998) { exit 1 }' fit.csv && ok "--csv writes the readings and the fit" || fail "--csv"
 
-python3 - <<'PY' && ok "no verdict against the element where it was fitted above its P0 alone, and P0 is not called known" || fail "verdict on what was not seen"
+python3 - <<'PY' && ok "the verdict names the range that the fit has not seen, and P0 is not known for a fit above P0" || fail "the verdict judges the element outside the fitted range"
 import json
 o = json.load(open("o.json"))
 rows = {r["name"]: r for r in o["models"]}
@@ -32,8 +32,8 @@ assert "the fit has not seen" in o["verdict"] and "none does both" not in o["ver
 PY
 
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
-knead check scene.yaml >check.txt 2>err && ok "a scene loads what --out wrote" || fail "scene: $(cat err)"
-knead relax scene.yaml --strain 30% --ramp 2%/s --hold 300 --json >back.json && python3 - <<'PY' && ok "and relaxes as the dough did" || fail "relaxes back"
+knead check scene.yaml >check.txt 2>err && ok "a scene loads the material that --out wrote" || fail "scene: $(cat err)"
+knead relax scene.yaml --strain 30% --ramp 2%/s --hold 300 --json >back.json && python3 - <<'PY' && ok "the scene with the identified material relaxes like the dough" || fail "the identified material relaxes differently"
 import json, re
 held = json.load(open("back.json"))["runs"][0]
 said = [l.split() for l in open("relax.txt") if l.startswith("element")][0]
@@ -44,13 +44,13 @@ PY
 awk -F, 'BEGIN { print "# strain: 30 %\ntime [s],stress [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 }' all.csv >hold.csv
 knead identify relax hold.csv --no-models >hold.txt 2>err || fail "hold: $(cat err)"
 grep -q '^k1 *>= ' hold.txt && grep -q '^c1/k1 *5\.[23]' hold.txt && grep -q '^alpha/k1 *17[234]' hold.txt &&
-    grep -q 'had flowed by the first reading' hold.txt && ok "a hold alone: c1/k1, alpha/k1, beta, and k1 at least" || fail "hold: $(cat hold.txt)"
+    grep -q 'had flowed by the first reading' hold.txt && ok "a hold alone gives c1/k1, alpha/k1 and a lower bound of k1" || fail "hold: $(cat hold.txt)"
 awk -F, 'BEGIN { print "time [s],modulus [Pa]" } NR > 1 && $2 > 0 { printf "%.6f,%.4f\n", $2, $4 / 0.3 }' all.csv >modulus.csv
 knead identify relax modulus.csv --no-models >modulus.txt 2>err || fail "modulus: $(cat err)"
-grep -q 'in units of the modulus' modulus.txt && ! grep -q '^k1 ' modulus.txt && ok "a modulus: in its units, and no k1" || fail "modulus"
+grep -q 'in units of the modulus' modulus.txt && ! grep -q '^k1 ' modulus.txt && ok "a modulus curve is reported in units of the modulus, without k1" || fail "modulus"
 begun=yes refuses 2 "knead identify relax: --out m.yaml: no material without the held strain, expected it in the file or by --strain" identify relax modulus.csv --out m.yaml
 knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && grep -q 'k1: .*>= .*nothing had flowed' m.yaml &&
-    ok "with --strain it makes one, which says that k1 is a bound" || fail "modulus with --strain: $(cat err)"
+    ok "a modulus curve with --strain gives a material, which states k1 as a bound" || fail "modulus with --strain: $(cat err)"
 
 # A curve of a power law in three parts, like muscle's. No element fits, and the verdict says so.
 python3 - <<'PY'
@@ -62,7 +62,7 @@ with open("muscle.csv", "w") as f:
         f.write("%.6g,%.6g\n" % (t, 2000 * t ** -0.11 / (1 + (t / 250) ** 0.55)))
 PY
 knead identify relax muscle.csv --cut 100 --json >muscle.json 2>err || fail "muscle: $(cat err)"
-python3 - <<'PY' && ok "a curve like muscle's: a yardstick wins, the papers' damper foretells it best of the elements" || fail "muscle"
+python3 - <<'PY' && ok "a muscle-like curve: a yardstick wins, and the thinning element predicts better than the Maxwell units" || fail "muscle"
 import json
 o = json.load(open("muscle.json"))
 rows = {r["name"]: r for r in o["models"]}
@@ -86,36 +86,36 @@ refuses 2 "knead identify relax: --strain '150%': expected a share of the height
 printf 'time [s],stress [Pa]\n# strain: 10 %%\n' >below.csv
 for i in $(seq 1 40); do echo "$i,$((20 - i))"; done >>below.csv
 knead identify relax below.csv >out 2>err
-[ $? = 2 ] && grep -q '^below.csv:[0-9]*:1: a stress of .* expected one above 0, or --noise constant$' err && ok "a stress below 0 has no logarithm" || fail "below: $(cat err)"
+[ $? = 2 ] && grep -q '^below.csv:[0-9]*:1: a stress of .* expected one above 0, or --noise constant$' err && ok "a stress below 0 is refused with its line" || fail "below: $(cat err)"
 awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 90; i++) printf "%d,%.1f\n", i, i < 30 ? 1000 : 500 }' >drop.csv
 knead identify relax drop.csv --no-models --out drop.yaml >out 2>err
-[ $? = 1 ] && grep -q 'not written, no scene accepts it: material.*expected a number' err && [ ! -e drop.yaml ] && grep -q '^beta' out && ok "a stress that drops is not the element, and makes no material" ||
+[ $? = 1 ] && grep -q 'not written, no scene accepts it: material.*expected a number' err && [ ! -e drop.yaml ] && grep -q '^beta' out && ok "a stress that drops suddenly is fitted, but gives no material" ||
     fail "drop: $(cat err)"
 awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 60; i++) printf "%d,%.1f\n", i, 1000 + i }' >rise.csv
 knead identify relax rise.csv >out 2>err
-[ $? = 2 ] && grep -q '^rise.csv:[0-9]*:1: the stress does not fall while the strain is held' err && ok "a stress that rises is no relaxation" || fail "rise: $(cat err)"
+[ $? = 2 ] && grep -q '^rise.csv:[0-9]*:1: the stress does not fall while the strain is held' err && ok "a stress that rises during the hold is refused" || fail "rise: $(cat err)"
 knead identify relax hold.csv modulus.csv >out 2>err
-[ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "files with and without a strain" || fail "mixed: $(cat err)"
+[ $? = 2 ] && grep -q '^modulus.csv: \|^knead identify relax: hold.csv: has a strain' err && ok "a file with a strain and one without are refused together" || fail "mixed: $(cat err)"
 knead identify relax modulus.csv all.csv >out 2>err
-[ $? = 2 ] && grep -q 'all.csv: has a strain' err && ok "and the one without first, beside a rise" || fail "mixed with a rise: $(cat err)"
+[ $? = 2 ] && grep -q 'all.csv: has a strain' err && ok "a file without a strain before a ramp with one is refused" || fail "mixed with a rise: $(cat err)"
 sed '2s/.*/time [s],stress [Pa],displacement [furlong]/; 3,$s/$/,1/' hold.csv >furlong.csv
 knead identify relax furlong.csv --height '1 cm' >out 2>err
 [ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected one of displacement, e.g. m" ] &&
-    ok "a unit that is none" || fail "furlong: $(cat err)"
+    ok "an unknown unit is refused with its place" || fail "furlong: $(cat err)"
 sed 1d hold.csv >strainless.csv
 begun=yes refuses 2 "knead identify relax: --out m.yaml: no material without the held strain, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml
 awk -F, 'BEGIN { print "# area: 1 cm^2\ntime [s],load [N]" } NR > 2 { printf "%s,%.7g\n", $1, $2 * 1e-4 }' hold.csv >load.csv
 refuses 2 "load.csv:2:1: a load without the strain, which is needed for the area, expected a line '# strain: 10 %' or '# section: constant', --strain or --constant-area" identify relax load.csv
 knead identify relax load.csv --constant-area --no-models >out 2>err && sed '1i # section: constant' load.csv >section.csv &&
-    knead identify relax section.csv --no-models >out 2>err && ok "and what it expects is taken" || fail "load: $(cat err)"
+    knead identify relax section.csv --no-models >out 2>err && ok "--constant-area and the note '# section: constant' replace the strain of a load" || fail "load: $(cat err)"
 printf 'mine\n' >mine.yaml
 knead identify relax hold.csv --no-models --out mine.yaml >out 2>err
-[ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "what another wrote is not overwritten" || fail "overwritten: $(cat err)"
+[ $? = 2 ] && [ "$(cat mine.yaml)" = mine ] && ok "--out does not overwrite a file of another program" || fail "overwritten: $(cat err)"
 mkdir full && : >full/mine && printf 'mine\n' >early.csv
 refuses 2 "knead identify relax: full: is not empty, expected a new folder" identify relax hold.csv --csv early.csv --out early.yaml --report full
-[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report that cannot be is refused before anything is written" || fail "refused late"
+[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report in a folder that is not empty is refused before any file is written" || fail "refused late"
 knead identify relax modulus.csv --strain 30% --no-models --out m.yaml >with.txt 2>err && [ "$(ls m.yaml*)" = m.yaml ] &&
-    ok "what this command wrote is replaced, and nothing else is left" || fail "m.yaml: $(ls m.yaml*)"
+    ok "--out replaces its own file and leaves no other file" || fail "m.yaml: $(ls m.yaml*)"
 ln -s m.yaml link.yaml
 refuses 3 "knead identify relax: link.yaml: is no regular file, expected a file that may be replaced" identify relax modulus.csv --strain 30% --no-models --out link.yaml
 exit $failed

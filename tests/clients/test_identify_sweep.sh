@@ -19,7 +19,7 @@ swept() {
 # squares of the logarithms are compared, derived from AICc's equation.
 finds() {
     knead identify sweep sweep.csv --json >o.json 2>err || { fail "$1: $(cat err)"; return; }
-    python3 - "$(($(wc -l <sweep.csv) - 1))" "$@" <<'PY' && ok "$1: $*; what has another element within it comes as near" || fail "$1"
+    python3 - "$(($(wc -l <sweep.csv) - 1))" "$@" <<'PY' && ok "$1: $*; an element that contains another one fits no worse" || fail "$1"
 import json, sys
 o, n, best = json.load(open("o.json")), 2 * int(sys.argv[1]), sys.argv[2]
 rows = {e["expression"]: e for e in o["elements"]}
@@ -54,33 +54,33 @@ swept 0.05 dough $range && finds -
 swept 0.01 dough $range && finds '(s|d)-d' k1=46091 c1=245166 c2=3842871
 
 knead identify sweep sweep.csv --out dough.yaml --csv fit.csv >dough.txt 2>err || fail "dough: $(cat err)"
-grep -q 'c2 = c_max, not how it thins' dough.txt && grep -q 'not how it thins' dough.yaml && ok "it says that a linear sweep does not know beta, P0, P1" ||
-    fail "what a sweep cannot know"
+grep -q 'c2 = c_max, not how it thins' dough.txt && grep -q 'not how it thins' dough.yaml && ok "the output and the material say that a linear sweep does not show the thinning" ||
+    fail "the limits of a linear sweep are not stated"
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
 knead sweep scene.yaml $range --csv back.csv >out 2>err || fail "scene: $(cat err)"
 paste -d, all.csv back.csv | awk -F, 'NR > 1 { a = $8 / $2; b = $9 / $3; if (a > 1.05 || a < 0.95 || b > 1.05 || b < 0.95) exit 1 }' &&
-    ok "a scene loads what --out wrote, and swings as the dough did" || fail "swings back"
+    ok "a scene loads the material that --out wrote, and its sweep is within 5 % of the dough's" || fail "the sweep of the identified material differs"
 head -1 fit.csv | grep -q '^curve,frequency_hz,storage_pa,loss_pa,fit_storage_pa,fit_loss_pa$' && [ "$(wc -l <fit.csv)" = 32 ] &&
-    ok "--csv: moduli and fit" || fail "--csv"
+    ok "--csv writes the moduli and the fit" || fail "--csv"
 knead identify sweep sweep.csv --shear --out shear.yaml >out 2>err || fail "--shear: $(cat err)"
 awk '$1 == "k1:" { k = $2 } END { exit !(k > 3 * 46091 * 0.95 && k < 3 * 46091 * 1.05) }' shear.yaml && grep -q 'shear times 3' shear.yaml &&
-    ok "--shear: three times as much in compression" || fail "--shear"
+    ok "--shear: the modulus in compression is three times the shear modulus" || fail "--shear"
 
 swept 0.01 burgers --param s1='2 MPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' --freq 0.0005:0.5:31
 knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'a scene cannot have this element; the nearest' out && [ -s nearest.yaml ] &&
-    ok "an element that no scene can have: the nearest, and that it is not it" || fail "nearest: $(cat err)"
+    ok "if a scene cannot have the best element, --out writes the nearest one and says so" || fail "nearest: $(cat err)"
 far='(s|d)-d, which a scene can load, does not describe these data: it is [0-9.]* % off on average, (s|d)-s-d [0-9.]* %'
-grep -q "^note: $far\$" out && grep -q "^# Beware: $far.\$" nearest.yaml && ok "output and material say how far it is off" || fail "how far: $(cat out nearest.yaml)"
+grep -q "^note: $far\$" out && grep -q "^# Beware: $far.\$" nearest.yaml && ok "the output and the material state the error of the nearest element" || fail "how far: $(cat out nearest.yaml)"
 knead sweep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s' --freq 0.0001:100 --csv swb.csv >out
 knead identify sweep swb.csv --out absurd.yaml >out 2>err
 [ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q '^note: .*does not describe these data: it is 1[0-9][0-9] % off' out &&
     grep -q '^knead identify sweep: --out absurd.yaml: not written, .* is 1[0-9][0-9] % off on average: no element' err &&
-    ok "an element that is beside all data makes no material" || fail "absurd: $(cat err)"
+    ok "an element far from the data is not written as a material" || fail "absurd: $(cat err)"
 swept 0 maxwell --param s1='10 kPa' --param d1='50 kPa*s' $range && sed '1s/Pa/MPa/g' sweep.csv >stiff.csv
 knead identify sweep stiff.csv --out stiff.yaml >out 2>err
 [ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q '^note: no scene accepts this material: material.k1 is 1e+10 Pa, out of range' out &&
-    grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene accepts it: material.k1' err && ok "a material that no scene takes is not written" ||
-    fail "no scene takes it: $(cat out err)"
+    grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene accepts it: material.k1' err && ok "a material outside the range of a scene is not written" ||
+    fail "a material outside the range of a scene is not refused: $(cat out err)"
 swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
 knead identify sweep sweep.csv --out absurd.yaml >out 2>err
 [ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'a scene cannot have this element; the nearest' out || fail "absurd, too: $(cat err)"
@@ -94,29 +94,29 @@ refuses 2 "knead identify sweep: --strain: unknown option; --help lists them" id
 refuses 2 "knead identify relax: --shear: unknown option; --help lists them" identify relax sweep.csv --shear
 sed 's/^\(5;[^;]*\);.*/\1;-3/' sweep.csv >minus.csv
 knead identify sweep minus.csv >out 2>err
-[ $? = 2 ] && grep -q '^minus.csv:32:[0-9]*: .*expected both above 0$' err && ok "a modulus below 0 is named" || fail "minus: $(cat err)"
+[ $? = 2 ] && grep -q '^minus.csv:32:[0-9]*: .*expected both above 0$' err && ok "a modulus below 0 is refused with its line" || fail "minus: $(cat err)"
 awk 'BEGIN { print "frequency [Hz],|G*| [Pa],phase angle [deg]"; for (i = 0; i < 12; i++) printf "%g,20909,%d\n", 0.1 + i, i == 3 ? 100 : 30 + i }' >angle.csv
 knead identify sweep angle.csv >out 2>err
-[ $? = 2 ] && [ "$(cat err)" = "angle.csv:5:1: phase angle of 100 deg, expected one between 0 and 90" ] && ok "a phase angle beyond a right one" || fail "angle: $(cat err)"
+[ $? = 2 ] && [ "$(cat err)" = "angle.csv:5:1: phase angle of 100 deg, expected one between 0 and 90" ] && ok "a phase angle above 90 degrees is refused with its line" || fail "angle: $(cat err)"
 awk 'NR == 3 || NR == 1 { print } { if (NR > 1) print }' all.csv | cut -d, -f1-3 >twice.csv
 knead identify sweep twice.csv >out 2>err
-grep -q '^twice.csv: 1 reading has the frequency of another: averaged$' out && ok "a frequency that comes twice" || fail "twice: $(cat out err)"
+grep -q '^twice.csv: 1 reading has the frequency of another: averaged$' out && ok "readings of a repeated frequency are averaged" || fail "twice: $(cat out err)"
 sed -n 1,9p sweep.csv >few.csv
-knead identify sweep few.csv >out 2>err && ! grep -q nan out && grep -q ' - ' out && ok "runs of few readings are -" || fail "few: $(cat out err)"
+knead identify sweep few.csv >out 2>err && ! grep -q nan out && grep -q ' - ' out && ok "the runs statistic of few readings is shown as -" || fail "few: $(cat out err)"
 sed '4s/;[^;]*;/;1e40;/' sweep.csv >beyond.csv
 knead identify sweep beyond.csv >out 2>err
-[ $? = 2 ] && grep -Eq '^beyond.csv:4:[0-9]*[2-9]: .* in SI units, expected at most 1e\+30$' err && ok "a number beyond all has its place" || fail "beyond: $(cat err)"
+[ $? = 2 ] && grep -Eq '^beyond.csv:4:[0-9]*[2-9]: .* in SI units, expected at most 1e\+30$' err && ok "a number above 1e30 is refused with line and column" || fail "beyond: $(cat err)"
 refuses 2 "knead identify sweep: -xy: unknown option; --help lists them" identify sweep -xy sweep.csv
 refuses 2 "knead identify sweep: -dash.csv: unknown option; --help lists them" identify sweep sweep.csv -dash.csv
 refuses 2 "knead identify sweep: -x: unknown option; --help lists them" identify sweep sweep.csv -x
 refuses 2 "knead identify sweep: --strain=5%: unknown option; --help lists them" identify sweep sweep.csv --strain=5%
 if command -v gnuplot >/dev/null && [ -c /dev/full ]; then
     knead identify sweep sweep.csv --png /dev/full >out 2>err
-    [ $? = 3 ] && [ "$(cat err)" = "knead identify sweep: /dev/full: No space left on device, nothing drawn" ] && ok "a picture that cannot be written is told" || fail "/dev/full: $(cat err)"
+    [ $? = 3 ] && [ "$(cat err)" = "knead identify sweep: /dev/full: No space left on device, nothing drawn" ] && ok "a picture that cannot be written is reported" || fail "/dev/full: $(cat err)"
 fi
 knead identify sweep nowhere.csv >out 2>err
-[ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a file that is not there" || fail "nowhere: $(cat err)"
+[ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a missing file is reported in one line" || fail "nowhere: $(cat err)"
 mkdir full && : >full/mine && printf 'mine\n' >early.csv
 refuses 2 "knead identify sweep: full: is not empty, expected a new folder" identify sweep sweep.csv --csv early.csv --out early.yaml --report full
-[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report that cannot be is refused before anything is written" || fail "refused late"
+[ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report in a folder that is not empty is refused before any file is written" || fail "refused late"
 exit $failed

@@ -51,7 +51,7 @@ static bool update(kn_mesh *m, int64_t id, int64_t tick, int32_t first, int32_t 
     return kn_mesh_update(m, datagram, encode_update(id, tick, first, count, value));
 }
 
-TEST("a tick is applied when its last chunk is in, in any order")
+TEST("a tick is applied when its last chunk arrives, in any order of the chunks")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     CHECK(kn_mesh_init(&m, datagram, encode_init(7, 4, 3)));
@@ -63,7 +63,7 @@ TEST("a tick is applied when its last chunk is in, in any order")
     CHECK(m.positions_m[0] == 1);
 }
 
-TEST("the chunks of a tick that stays incomplete change nothing")
+TEST("chunks of an incomplete tick change nothing")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
@@ -75,7 +75,7 @@ TEST("the chunks of a tick that stays incomplete change nothing")
     CHECK(m.tick == 12 && m.positions_m[0] == 3 && m.positions_m[11] == 3);
 }
 
-TEST("the same topology again keeps the positions, another one starts anew")
+TEST("a repeated topology keeps the positions, and another topology starts a new mesh")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
@@ -87,7 +87,7 @@ TEST("the same topology again keeps the positions, another one starts anew")
     CHECK(!m.whole && m.mesh_id == 8);
 }
 
-TEST("measures are those of the tick, and only when every chunk of it tells them as finite numbers")
+TEST("measures are present only if every chunk of their tick carries them, and non-finite measures are refused")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));
@@ -108,7 +108,7 @@ TEST("measures are those of the tick, and only when every chunk of it tells them
     CHECK(update_measured(&m, 14, 0, 4, true, false, 6) && m.residual_strain && !m.stress_pa);
 }
 
-TEST("chunks outside the mesh, corners outside the mesh and positions that are no numbers are refused")
+TEST("chunks outside the mesh, corners outside the mesh and NaN positions are refused")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     CHECK(!kn_mesh_init(&m, datagram, encode_init(7, 4, 4)));
@@ -123,7 +123,7 @@ TEST("chunks outside the mesh, corners outside the mesh and positions that are n
     CHECK(update(&m, 7, 10, 0, 4, 1));
 }
 
-TEST("counts that the datagram does not hold never reach the decoder")
+TEST("a datagram whose counts disagree with its size is refused before decoding")
 {
     static const int32_t lies[] = {-1, INT32_MIN, INT32_MAX, 0x20000001, 0x40000000, 13, 11, 0};
     AT_END(kn_mesh_free) kn_mesh m = {0};
@@ -143,7 +143,7 @@ TEST("counts that the datagram does not hold never reach the decoder")
     CHECK(m.mesh_id == 7);
 }
 
-TEST("no cut and no changed byte of a datagram is more than refused")
+TEST("a truncated datagram is refused, and a flipped bit never puts a triangle corner outside the mesh")
 {
     AT_END(kn_mesh_free) kn_mesh m = {0};
     kn_mesh_init(&m, datagram, encode_init(7, 4, 3));

@@ -9,9 +9,9 @@ program="knead mesh"
 # ---- an existing mesh
 meshes=$KN_SOURCE/core/scenes/meshes
 knead mesh "$meshes/block.msh" >out || fail "block.msh is refused"
-grep -q "block.msh: Gmsh 4.1 ASCII, 169 nodes, 481 tetrahedra, 799 edges$" out || fail "what block.msh has"
+grep -q "block.msh: Gmsh 4.1 ASCII, 169 nodes, 481 tetrahedra, 799 edges$" out || fail "wrong format or counts of block.msh"
 grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3$" out || fail "size and volume of block.msh"
-grep -q "^warning" out && fail "block.msh warns of itself"
+grep -q "^warning" out && fail "block.msh gives a warning"
 knead mesh "$meshes/block.msh" --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit"
 knead mesh "$meshes/disc.msh" | grep -q "Gmsh 2.2 ASCII, 175 nodes, 308 triangles" || fail "disc.msh"
 count=0
@@ -67,7 +67,7 @@ refused empty.stl "1:1: empty, expected a closed surface"
 refused prose.stl "1:1: not an STL file: neither binary nor text, expected 'solid'"
 refused corner.stl "5:1: a facet of 2 corners, expected 3"
 refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for them, not 200"
-[ -e x.msh ] && fail "a mesh of a surface that was refused"
+[ -e x.msh ] && fail "a refused surface left a mesh"
 
 # ---- without the programs
 mkdir empty
@@ -91,17 +91,17 @@ for tool in gmsh tetgen; do
         grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$tool, $file: $(cat out)"
         grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3" out || fail "$tool, $file: $(cat out)"
         awk '/^spacing/ && $4 > 7 && $4 < 14 { good = 1 } END { exit !good }' out || fail "$tool: $(grep spacing out)"
-        knead mesh block.msh | cmp -s - <(grep -v ^surface out) || fail "$tool: what was made is not what is read"
+        knead mesh block.msh | cmp -s - <(grep -v ^surface out) || fail "$tool: the mesh is reported differently when it is read back"
     done
     cp block.msh first.msh
     knead mesh "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" -o block.msh --size 1cm --tool $tool >/dev/null
-    cmp -s first.msh block.msh || fail "$tool makes another mesh the second time"
+    cmp -s first.msh block.msh || fail "$tool makes a different mesh in the second run"
 done
-knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "a surface in cm"
+knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit cm does not scale the surface"
 
 # A terminal shows that a program is at work; a log does not.
 script -qec "knead mesh $surface -o watched.msh --size 1cm" watched </dev/null >/dev/null
-grep -q "gmsh at work: 0 s" watched || fail "nothing is said on a terminal while gmsh is at work"
+grep -q "gmsh at work: 0 s" watched || fail "no progress is shown on a terminal while gmsh is at work"
 knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
 [ ! -s err ] || fail "$(cat err)"
 
@@ -111,10 +111,10 @@ refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 inte
     --size 6mm -o x.msh --tool tetgen
 knead mesh cross.obj --size 6mm -o x.msh >out 2>err
 [ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && grep -q "^knead mesh: cross.obj: gmsh cannot fill this surface: .*intersect" err ||
-    fail "a surface that crosses itself: $(cat err)"
+    fail "a self-intersecting surface is not refused in one line: $(cat err)"
 refuses 3 "knead mesh: /nowhere/x.msh: No such file or directory, expected a file that can be written" "$surface" \
     --size 2cm -o /nowhere/x.msh
-[ -e x.msh ] && fail "a mesh of a surface that crosses itself"
+[ -e x.msh ] && fail "a self-intersecting surface left a mesh"
 
 # Stopped by a signal: neither files nor the program are left.
 knead mesh "$surface" --size 1mm -o stopped.msh >out 2>err &
@@ -128,6 +128,6 @@ done
 kill -TERM $child
 wait $child
 [ $? = 143 ] || fail "knead mesh does not die of SIGTERM"
-[ -e stopped.msh ] && fail "a mesh although stopped"
+[ -e stopped.msh ] && fail "a stopped knead mesh left a mesh"
 [ -z "$(ls -A "$TMPDIR")" ] || fail "left behind: $(ls -A "$TMPDIR")"
 exit $failed

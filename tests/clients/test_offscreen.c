@@ -27,7 +27,7 @@ static uint8_t *drawn_by(const char *way, const block *b, char *error, size_t er
     return rgba;
 }
 
-TEST("a way that is none is told with those that are")
+TEST("an unknown value of KNEAD_GL is refused with the valid ones")
 {
     char error[300];
     setenv("KNEAD_GL", "vulkan", 1);
@@ -36,7 +36,7 @@ TEST("a way that is none is told with those that are")
     unsetenv("KNEAD_GL");
 }
 
-TEST("OSMesa and EGL draw the same picture, each from its own library, one after the other and again")
+TEST("OSMesa and EGL draw the same picture, each from its own library, and OSMesa again after EGL")
 {
     char error[300] = "";
     AT_END(block_destroy) block b = block_create();

@@ -49,13 +49,13 @@ static void check_outline(int samples)
     free(at_it), free(none), free(through), free(again);
 }
 
-TEST("a hand that is away from its tool is outlined, through the object; one that is at it is not")
+TEST("a hand away from its tool is outlined through the object, and a hand at its tool is not outlined")
 {
     check_outline(4);
     check_outline(1);
 }
 
-TEST("a turned hand is outlined, a hand somewhere that is no number is not")
+TEST("a turned hand is outlined, and a hand at a NaN position is not")
 {
     AT_END(block_destroy) block b = block_create();
     OWN(kn_renderer) *r = open_renderer(&b);

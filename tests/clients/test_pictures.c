@@ -137,7 +137,7 @@ static uint8_t *reference(const look *l)
     return rgba;
 }
 
-TEST("pictures are as they were when they were looked at")
+TEST("pictures match the reference pictures that were inspected by eye")
 {
     const char *write = getenv("KN_PICTURES");
     open_all();
@@ -165,7 +165,7 @@ static void differs(const look *l, const look *mutated, const char *what)
     free(now);
 }
 
-TEST("and would be told different: without arrow, tool, hand or dent, mirrored, in other colours or style")
+TEST("the comparison detects a missing arrow, tool, hand or dent, a mirrored view, and other colours or styles")
 {
     open_all();
     for (int i = 0; i < LOOKS; i++) {

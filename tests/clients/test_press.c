@@ -1,11 +1,11 @@
-// clients/identify/press.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
-#include "clients/identify/press.h"
-#include "clients/identify/candidate.h"
+// clients/shape/press_protocol.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
+#include "clients/shape/press_protocol.h"
+#include "clients/shape/structure_candidate.h"
 #include "server/replay.h"
 #include "tests/check.h"
 #include "tests/clients/recorded_press.h"
 
-TEST("the hold ends when the tool begins to rise: dough still presses then, at any speed, in a log, and without a hold")
+TEST("the hold ends when the tool begins to rise, at any speed, without a hold, and in a log")
 {
     char error[400];
     kn_candidate c[KN_CANDIDATES];
@@ -13,7 +13,7 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     AT_END(kn_pressed_free) kn_pressed pressed = {0};
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
-    const kn_press_play play = {.model = c->first, .surface = c->best.surface, .until_s = press.hold_end_s};
+    const kn_press_play play = {.model = c->first, .surface = c->surface.mesh, .until_s = press.hold_end_s};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
     const double end_n = pressed.force_n[pressed.ticks - 1], before_n = pressed.force_n[pressed.ticks - 51];
     CHECK(end_n > 0.3);
@@ -34,7 +34,7 @@ TEST("the hold ends when the tool begins to rise: dough still presses then, at a
     kn_candidate_free(c);
 }
 
-TEST("a log's press keeps the log's clock where its server missed cycles: times, forces, surfaces as in its replay")
+TEST("a press from a log keeps the log's clock across missed cycles and repeats the replay's forces and surfaces")
 {
     char error[400];
     kn_candidate c[KN_CANDIDATES];
@@ -43,7 +43,7 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
     const double at_s = record_press() - 0.55; // on the way down, after 21 ms of missed cycles
     must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
     must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
-    const kn_press_play play = {c->first, c->best.surface, 1, &at_s, press.end_s, NULL, NULL};
+    const kn_press_play play = {c->first, c->surface.mesh, 1, &at_s, press.end_s, NULL, NULL};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
     float(*seen)[3] = calloc((size_t)pressed.vertex_count, sizeof *seen);
     kn_replay *r = kn_replay_create(&(kn_replay_def){.log_path = "missed.lcmlog"}, error, sizeof error);
@@ -55,7 +55,7 @@ TEST("a log's press keeps the log's clock where its server missed cycles: times,
         CHECK(kn_press_tick(&press, r->tick.time_s) == t);
         CHECK_NEAR(pressed.force_n[t], r->tick.out.force[0].contact_force_n[2], 1e-6);
         if (taken || r->tick.time_s < at_s - KN_REPLAY_HALF_TICK_S) continue;
-        kn_surface_positions(c->best.surface, c->first, kn_replay_state(r), (float *)seen);
+        kn_surface_positions(c->surface.mesh, c->first, kn_replay_state(r), (float *)seen);
         taken = true;
     }
     CHECK(press.ticks == t);

@@ -1,6 +1,6 @@
 // Range images of a block of 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
 #include "clients/viewer/image.h"
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include "core/surface.h"
 #include "tests/check.h"
 #include <png.h>
@@ -62,7 +62,7 @@ static double height_m(const block *b, const kn_range *r, double x_m, double y_m
     return level > 0 ? (level - 1) * r->step_m : -1;
 }
 
-TEST("a block stands as high as it is over its whole footprint, and nothing beside it")
+TEST("a range image of a block shows its height over its whole footprint and nothing beside it")
 {
     OWN(block) *b = block_create();
     const kn_range r = draw(b, (const float(*)[3])b->rest);
@@ -82,7 +82,7 @@ TEST("a block stands as high as it is over its whole footprint, and nothing besi
     CHECK(height_m(b, &r, 0.0245, 0.0245) > 0 && height_m(b, &r, -0.0245, -0.0245) > 0);
 }
 
-TEST("a dent is as deep as the mesh has it: at its vertices, and half way between them")
+TEST("a range image of a dent has the depth of the mesh at its vertices and halfway between them")
 {
     OWN(block) *b = block_create();
     const kn_range r = draw(b, (const float(*)[3])b->dented);
@@ -99,7 +99,7 @@ TEST("a dent is as deep as the mesh has it: at its vertices, and half way betwee
     CHECK_NEAR(height_m(b, &r, 0.0125, 0), height_m(b, &r, -0.0125, 0), 0.4 * r.pixel_m + r.step_m);
 }
 
-TEST("x is to the right and y up the picture; what is above hides what is below; no number is no surface")
+TEST("x points right and y up, the highest surface hides those below, and NaN positions are left out")
 {
     const float now[7][3] = {{0, 0, 0.001f},     {0.01f, 0, 0.001f}, {0, 0.01f, 0.001f}, {0, 0, 0.002f},
                              {0.01f, 0, 0.002f}, {0, 0.01f, 0.002f}, {NAN, 0.05f, 0.1f}};
@@ -112,7 +112,7 @@ TEST("x is to the right and y up the picture; what is above hides what is below;
     CHECK_NEAR((level[70 * 100 + 30] - 1) * r.step_m, 0.001, r.step_m);
 }
 
-TEST("a file holds the levels to the bit, how large a pixel is, and the words")
+TEST("a PNG keeps 16-bit levels, the pixel size and the text fields exactly")
 {
     static const char path[] = "test_range.png";
     static uint16_t level[7 * 5], back[7 * 5];
@@ -146,7 +146,7 @@ TEST("a file holds the levels to the bit, how large a pixel is, and the words")
     CHECK_STR(error, "nosuch/x.png: No such file or directory");
 }
 
-TEST("a range image is read as it was written; what is told beside the file goes before its words")
+TEST("a range image is read back as written, and values given beside the file override the file's own")
 {
     static const char path[] = "test_range_file.png";
     const kn_range_given none = {NAN, NAN, NAN, NAN}, other = {1e-4, NAN, NAN, -0.5};

@@ -11,7 +11,7 @@ knead relax "${maxwell[@]}" --strain 10% --hold 20 --csv relax.csv --png relax.p
 read -r _ peak held last half e tenth < <(grep '^element' out)
 near "$peak" 1000 && near "$held" 1000 && near "$half" 1.386 1e-3 && near "$e" 2 1e-3 && near "$tenth" 4.605 1e-3 || fail "maxwell: $(grep '^element' out)"
 near "$last" "$(awk 'BEGIN { print 1000 * exp(-10) }')" || fail "maxwell ends at $last"
-awk -F, 'NR > 1 { e = 1000 * exp(-$2 / 2); if ($4 < e * (1 - 2e-6) || $4 > e * (1 + 2e-6)) exit 1 }' relax.csv || fail "the curve of maxwell"
+awk -F, 'NR > 1 { e = 1000 * exp(-$2 / 2); if ($4 < e * (1 - 2e-6) || $4 > e * (1 + 2e-6)) exit 1 }' relax.csv || fail "the CSV curve of maxwell differs from the closed form"
 knead sweep "${maxwell[@]}" --freq 0.01:1:3 --csv sweep.csv --png sweep.png >out || fail "sweep maxwell: exit $?"
 knead sweep "${maxwell[@]}" --freq 0.01:1:3 --amplitude 1% --csv swung.csv >out || fail "swung maxwell: exit $?"
 for file in sweep.csv swung.csv; do

@@ -1,5 +1,6 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
-#include "clients/knead/commands.h"
+#include "clients/cli/commands.h"
+#include "server/operator_orders.h"
 #include "server/replay.h"
 #include "server/store.h"
 #include "tests/check.h"
@@ -19,9 +20,9 @@ static recorder *record_with(const char *path, const char *set)
 {
     recorder *r = malloc(sizeof *r);
     kn_recorder_open(r, path,
-                     &(kn_served_def){.scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
-                                      .sets = &set,
-                                      .set_count = set != NULL});
+                     &(kn_served_object_def){.scene_path = KN_SOURCE_DIR "/core/scenes/dough-small.yaml",
+                                             .sets = &set,
+                                             .set_count = set != NULL});
     for (int p = 0; p < 2; p++)
         memcpy(r->hand[p].position_m, (double[]){0.02 * p, 0, 0.07}, sizeof r->hand[p].position_m);
     return r;
@@ -125,7 +126,7 @@ static void slurp(const char *path, char *text, size_t size)
 
 static int replay(const char *const *arguments)
 {
-    char *argv[16] = {"replay"};
+    char *argv[16] = {"knead replay"};
     int argc = 1;
     for (; arguments[argc - 1]; argc++) argv[argc] = (char *)arguments[argc - 1];
     fflush(NULL);
@@ -177,7 +178,7 @@ static void tell_story(const char *path, double trouble, unsigned long long from
     record_end(r);
 }
 
-TEST("a log with its forces replays to the very forces it holds, whatever went wrong while it was recorded")
+TEST("a log replays to its recorded forces, with and without lost poses and missed cycles")
 {
     for (int i = 0; i < 3; i++) {
         tell_story("story.lcmlog", i * 0.03, 5 + (unsigned)i);
@@ -187,7 +188,7 @@ TEST("a log with its forces replays to the very forces it holds, whatever went w
     }
 }
 
-TEST("the log that a replay writes verifies, and replays to the same hash")
+TEST("a log written by a replay verifies and replays to the same hash")
 {
     tell_story("story.lcmlog", 0.02, 9);
     CHECK(REPLAY("story.lcmlog", "--hash", "--out", "again.lcmlog") == KN_EXIT_OK);
@@ -198,7 +199,7 @@ TEST("the log that a replay writes verifies, and replays to the same hash")
     CHECK(hash_in(out) == first);
 }
 
-TEST("the CSV has the columns it promises, one row per force, and contact before the device's limits")
+TEST("the CSV has its documented columns, one row per force, and contact forces before the limits of the device")
 {
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--csv", "a.csv") == KN_EXIT_OK);
@@ -228,7 +229,7 @@ TEST("the CSV has the columns it promises, one row per force, and contact before
     CHECK_NEAR(first, 0.0, 1e-9);
 }
 
-TEST("a lost force record is a gap: replayed with a word, refused by --verify")
+TEST("a lost force record is reported by a replay and refused by --verify")
 {
     scratch();
     seed = 4;
@@ -242,7 +243,7 @@ TEST("a lost force record is a gap: replayed with a word, refused by --verify")
     CHECK(strstr(err, "cannot be verified") && strstr(err, "tick 2000") && !strstr(out, "verified"));
 }
 
-TEST("a log cut within a record is good up to there, says so, and does not pass for a whole one")
+TEST("a log cut within a record replays up to the cut and fails --verify")
 {
     tell_story("story.lcmlog", 0.0, 3);
     char *bytes = malloc(1 << 24);
@@ -263,7 +264,7 @@ TEST("a log cut within a record is good up to there, says so, and does not pass 
     free(bytes);
 }
 
-TEST("two logs in one file are no log that verifies")
+TEST("a file of two logs fails --verify")
 {
     tell_story("story.lcmlog", 0.0, 3);
     char *bytes = malloc(1 << 24);
@@ -296,7 +297,7 @@ static int64_t ticks_of(recorder *r)
     return ticks;
 }
 
-TEST("a replay runs no more ticks than the log has records for, however far a tick or a time lies")
+TEST("a tick or time far ahead in a log does not make the replay run ticks without records")
 {
     enum { HAND_MS = 50, HOUR_MS = 3600000, IDLE_S = 70 };
     static const struct {
@@ -337,7 +338,7 @@ TEST("a replay runs no more ticks than the log has records for, however far a ti
     CHECK(ticks_of(r) == 1000 * IDLE_S + 1 && !err[0]);
 }
 
-TEST("one flipped bit of a force is found and named")
+TEST("one changed bit of a force record is reported with its tick, probe and field")
 {
     scratch();
     seed = 3;
@@ -359,7 +360,7 @@ TEST("one flipped bit of a force is found and named")
     CHECK(strstr(err, "tick 2500, probe plate: gain is 0.99999") && strstr(err, "1 in the replay"));
 }
 
-TEST("a log that begins on an untouched object replays; one of an object already kneaded is refused in plain words")
+TEST("a log that begins on an untouched or reset object replays; one on a deformed object is refused with a message")
 {
     for (int late = 0; late < 3; late++) { // 2: the object is reset at the log's first tick
         scratch();
@@ -416,7 +417,7 @@ static kn_store new_store(recorder *r)
     return store;
 }
 
-TEST("a log that begins on a kneaded object goes on from a snapshot of that run, to the bit of the straight one")
+TEST("a log that begins on a deformed object continues bit for bit from a snapshot of its run")
 {
     // tool in the air, under load, latched; with lost poses and cycles before and after
     for (int mid = 0; mid < 3; mid++) {
@@ -455,7 +456,7 @@ TEST("a log that begins on a kneaded object goes on from a snapshot of that run,
     }
 }
 
-TEST("a snapshot of a straight run at any tick and the log from there on give the bits of the straight run")
+TEST("a snapshot from the middle of a complete log replays to the same bits as the complete log")
 {
     scratch();
     seed = 8;
@@ -475,7 +476,7 @@ TEST("a snapshot of a straight run at any tick and the log from there on give th
     kn_state_destroy(saved.state);
 }
 
-TEST("a log that begins with missed cycles goes on from the snapshot of the tick before them")
+TEST("a log that begins with missed cycles continues from the snapshot of the last tick before the gap")
 {
     for (int told = 0; told < 2; told++) { // missed cycles told by a checkpoint, by a force
         scratch();
@@ -500,7 +501,7 @@ TEST("a log that begins with missed cycles goes on from the snapshot of the tick
     }
 }
 
-TEST("restores replay with their snapshots, undos without; without them, or with others, they are refused by name")
+TEST("restores replay with their snapshots and undos without; a missing or damaged snapshot is refused")
 {
     scratch();
     seed = 4;
@@ -545,7 +546,7 @@ TEST("restores replay with their snapshots, undos without; without them, or with
     kn_state_destroy(saved.state);
 }
 
-TEST("another scene is refused by name, another computation may be asked for, but then nothing can be verified")
+TEST("another scene is refused, and changed solver settings replay but cannot be verified")
 {
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY(KN_SOURCE_DIR "/core/scenes/jelly.yaml", "story.lcmlog") == KN_EXIT_USAGE);
@@ -592,7 +593,7 @@ static void tell_slow_story(const char *path)
     record_end(r);
 }
 
-TEST("points of quality are taken at the log's ticks and never by the time of the replay")
+TEST("a replay changes quality points at the log's ticks, regardless of its own execution time")
 {
     tell_slow_story("slow.lcmlog");
     CHECK(REPLAY("slow.lcmlog", "--verify") == KN_EXIT_OK);
@@ -634,7 +635,7 @@ static void tell_hurried_story(const char *path, int from)
     record_end(r);
 }
 
-TEST("a log has its deadlines: a replay takes them from it, one that begins in mid-run from its first checkpoint")
+TEST("a replay takes its tick deadlines from the log, and from the first checkpoint if the log begins in mid-run")
 {
     for (int from = 0; from < 2000; from += 700) {
         tell_hurried_story("hurried.lcmlog", from);
@@ -652,7 +653,7 @@ TEST("a log has its deadlines: a replay takes them from it, one that begins in m
     }
 }
 
-TEST("--quality replays a log with another of its points, and what its machine did is then not repeated")
+TEST("--quality replays a log at any quality point with another result, and an unknown point is refused")
 {
     static const char *const names[] = {"fast", "balanced", "accurate", "own"};
     long long hashes[4];
@@ -670,15 +671,14 @@ TEST("--quality replays a log with another of its points, and what its machine d
     CHECK(strstr(err, "--quality fast: the scene has no quality points"));
 }
 
-TEST("a probe that --set or the scene leaves out is their fault, not the log's")
+TEST("a --set that renames a probe of the log is refused, and the message names the --set")
 {
     tell_story("story.lcmlog", 0.0, 3);
     CHECK(REPLAY("story.lcmlog", "--set", "density=1 g/cm^3", "--set", "probes.plate.name=stamp") == KN_EXIT_USAGE);
     CHECK(strstr(err, "--set probes.plate.name=stamp: leaves no probe `plate`") && !strstr(err, "malformed"));
 }
 
-TEST("poses alone are judged as the receiver judges them and put on the grid by log time: same story "
-     "within a few per cent")
+TEST("a log of poses alone replays to the same peak contact force within 5 %, and cannot be verified")
 {
     double peak[2];
     scratch();
@@ -707,7 +707,7 @@ TEST("poses alone are judged as the receiver judges them and put on the grid by 
     CHECK(strstr(err, "holds no forces"));
 }
 
-TEST("no byte of a log can hurt: bytes flipped everywhere in its first records are read past or reported")
+TEST("a log with one replaced byte, at every 11th place, is read to its end without a fault")
 {
     scratch();
     seed = 2;
@@ -742,7 +742,7 @@ TEST("no byte of a log can hurt: bytes flipped everywhere in its first records a
     CHECK(records > (int64_t)size / 11);
 }
 
-TEST("what cannot be opened, is no log, or cannot be written is one line and its exit code")
+TEST("a missing, foreign or unwritable file and a bad option are refused in one line with an exit code")
 {
     scratch();
     CHECK(REPLAY("none.lcmlog") == KN_EXIT_USAGE && strstr(err, "No such file"));

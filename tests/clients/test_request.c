@@ -1,28 +1,28 @@
 // The text requests that a page may make.
-#include "clients/web/request.h"
+#include "clients/web/gateway.h"
 #include "tests/check.h"
 
 static char error[124];
 
-static bool taken(kn_request *r, const char *text)
+static bool taken(kn_page_request *r, const char *text)
 {
     *error = 0;
-    return kn_request_parse(r, text, strlen(text), error, sizeof error);
+    return kn_page_request_parse(r, text, strlen(text), error, sizeof error);
 }
 
-TEST("every verb without fields is taken as it is")
+TEST("every verb without fields is parsed with its id")
 {
-    kn_request r;
+    kn_page_request r;
     char text[64];
-    for (kn_verb v = KN_VERB_RESET; v <= KN_VERB_PICTURE; v++) {
-        snprintf(text, sizeof text, "{\"id\": 4294967295, \"do\": \"%s\"}", kn_verb_word(v));
+    for (kn_page_verb v = KN_VERB_RESET; v <= KN_VERB_PICTURE; v++) {
+        snprintf(text, sizeof text, "{\"id\": 4294967295, \"do\": \"%s\"}", kn_page_verb_word(v));
         CHECK(taken(&r, text) && r.verb == v && r.id == 4294967295u);
     }
 }
 
-TEST("fields are taken, each with its bounds")
+TEST("each field is parsed, and a value outside its range is refused")
 {
-    kn_request r;
+    kn_page_request r;
     CHECK(taken(&r, "{\"id\":1,\"do\":\"set\",\"name\":\"k1\",\"value\":4.6e5}"));
     CHECK(!strcmp(r.name, "k1") && r.value == 4.6e5);
     CHECK(taken(&r, "{\"id\":1,\"do\":\"scene\",\"name\":\"dough-small.yaml\"}"));
@@ -38,7 +38,7 @@ TEST("fields are taken, each with its bounds")
     CHECK(!taken(&r, "{\"id\":1,\"do\":\"play\",\"value\":0}"));
 }
 
-TEST("whatever else it is, it is refused in words that fit into a close reason")
+TEST("any other text is refused with an error short enough for a close reason")
 {
     static const char *const bad[] = {
         "",
@@ -66,21 +66,21 @@ TEST("whatever else it is, it is refused in words that fit into a close reason")
         "{\"id\":1,\"do\":\"scene\",\"name\":\"a b\"}",
         "{\"id\":1,\"do\":\"scene\",\"name\":\"\xc3\xa4\"}",
         "{\"id\":1,\"do\":\"scene\",\"name\":\"0123456789012345678901234567890123456789012345678901234567890123\"}"};
-    kn_request r;
+    kn_page_request r;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         CHECK(!taken(&r, bad[i]));
         CHECK(strstr(error, "expected") && strlen(error) < 120);
     }
 }
 
-TEST("a message that is longer than any of ours is not read")
+TEST("a message longer than KN_REQUEST_MAX is refused")
 {
-    kn_request r;
-    char text[KN_REQUEST_MAX + 2];
+    kn_page_request r;
+    char text[KN_PAGE_REQUEST_MAX + 2];
     memset(text, ' ', sizeof text);
     memcpy(text, "{\"id\":1,\"do\":\"undo\"}", 20);
-    CHECK(kn_request_parse(&r, text, KN_REQUEST_MAX, error, sizeof error));
-    CHECK(!kn_request_parse(&r, text, KN_REQUEST_MAX + 1, error, sizeof error));
+    CHECK(kn_page_request_parse(&r, text, KN_PAGE_REQUEST_MAX, error, sizeof error));
+    CHECK(!kn_page_request_parse(&r, text, KN_PAGE_REQUEST_MAX + 1, error, sizeof error));
 }
 
 TESTS_MAIN

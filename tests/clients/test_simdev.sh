@@ -12,16 +12,16 @@ serves() { # serves ARGUMENT...: start the device; set $pid and $uri
         uri=$(head -1 served 2>/dev/null) && [ -n "$uri" ] && return
         sleep 0.05
     done
-    fail "$*: says nothing, $(cat served.err)"
+    fail "$*: prints no URI, $(cat served.err)"
 }
 
 knead-simdev --help >help && head -1 help | grep -q '^usage: knead-simdev' || fail "--help"
 for fault in flip drop duplicate truncate delay hang disconnect blank torn hash; do
-    grep -q "^      $fault " help || fail "--help tells nothing of $fault"
+    grep -q "^      $fault " help || fail "--help does not list $fault"
 done
 [ "$(knead-simdev --version)" = "knead-simdev $(knead --version | sed 's/^knead //')" ] || fail "--version"
 knead-simdev --help >/dev/full 2>err
-[ $? -eq 3 ] || fail "a full disk"
+[ $? -eq 3 ] || fail "--help on a full disk does not exit with 3"
 
 refuses 2 "knead-simdev: no connection: expected one of --uart and --bar NAME"
 refuses 2 "knead-simdev: --uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
@@ -39,7 +39,7 @@ refuses 2 "knead-simdev: more: expected options only" --uart more
 begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file
 begun=yes refuses 3 "knead-simdev: file: File exists" --uart --link file
-[ "$(cat file)" = mine ] || fail "a file of that name"
+[ "$(cat file)" = mine ] || fail "--link overwrote a file of that name"
 
 serves --bar "knead-simdev-$$"
 [ "$uri" = "shm:knead-simdev-$$" ] || fail "says $uri"
@@ -53,6 +53,6 @@ serves --uart --link board
 kill -INT "$pid" 2>/dev/null || fail "gone"
 kill "$pid"
 wait "$pid" || fail "exit $?"
-[ ! -e board ] || fail "leaves its name behind"
-[ $failed = 0 ] && echo "ok   knead-simdev's command line"
+[ ! -e board ] || fail "the link is left behind"
+[ $failed = 0 ] && echo "ok   knead-simdev refuses bad options in one line and removes its names at the end"
 exit $failed

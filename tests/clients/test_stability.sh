@@ -7,7 +7,7 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 
 knead stability --quick --family bar --csv bar.csv --plot bar.png >two || fail "bar: exit $?"
 knead stability --quick --family bar --jobs 1 >one || fail "bar by one process: exit $?"
-cmp one two || fail "processes change the text"
+cmp one two || fail "the number of processes changes the text"
 grep -q 'the default solver is right, or refuses with a reason, in 80 of 80 cells' one || fail "bar: $(tail -n 1 one)"
 [ "$(wc -l <bar.csv)" = $((1 + 5 * 80)) ] || fail "rows: $(wc -l <bar.csv)"
 head -c 8 bar.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"

@@ -1,7 +1,7 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/knead/chart.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/front.h"
+#include "clients/sweep/pareto_chart.h"
+#include "clients/cli/commands.h"
+#include "clients/sweep/pareto_front.h"
 #include "server/log.h"
 #include "server/wire.h"
 #include "tests/check.h"
@@ -75,7 +75,7 @@ static double cell(const char *path, const char *column, int row)
     return end == at ? NAN : value;
 }
 
-TEST("more iterations cost more and err less, and the error of the step is told beside that of the solver")
+TEST("twelve iterations have less than half the solver error of one, and the step error is listed beside it")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--iterations", "1,12", "--csv", "t.csv") == KN_EXIT_OK);
@@ -92,7 +92,7 @@ TEST("more iterations cost more and err less, and the error of the step is told 
     CHECK(twelve > 0 && twelve < 0.2 && one > 2 * twelve);
 }
 
-TEST("half the step has less of the step's error, and its own reference")
+TEST("half the time step has less step error and a reference of its own")
 {
     CHECK(RUN(SMALL, "--iterations", "12", "--dt", "1 ms,0.5 ms", "--csv", "dt.csv") == KN_EXIT_OK);
     double whole = cell("dt.csv", "force_step", 0), half = cell("dt.csv", "force_step", 2);
@@ -101,7 +101,7 @@ TEST("half the step has less of the step's error, and its own reference")
     CHECK(cell("dt.csv", "force_solver", 2) < cell("dt.csv", "force_solver", 0));
 }
 
-TEST("the finest lattice has no error of the lattice, a coarser one has")
+TEST("the finest lattice has no lattice error, and a coarser one has more than 1 %")
 {
     CHECK(RUN(SMALL, "--iterations", "8", "--spacing", "10 mm,5 mm", "--csv", "h.csv") == KN_EXIT_OK);
     CHECK(cell("h.csv", "nodes", 0) == 36 && cell("h.csv", "force_lattice", 0) > 0.01 &&
@@ -109,13 +109,13 @@ TEST("the finest lattice has no error of the lattice, a coarser one has")
     CHECK(cell("h.csv", "nodes", 2) == 175 && cell("h.csv", "force_lattice", 2) == 0);
 }
 
-TEST("Runge-Kutta that cannot run says why, and the rest runs")
+TEST("if rk4 cannot run, the reason is printed and the other solvers run")
 {
     CHECK(RUN(SMALL, "--iterations", "8", "--solver", "rk4,blend") == KN_EXIT_OK);
     CHECK(said("rk4 cannot run here: ") && said("blend   f32  8 "));
 }
 
-TEST("what is kept is not played again; another log, or other sets, are refused by name")
+TEST("kept runs are not repeated, and a kept folder of another scene or log is refused")
 {
     CHECK(system("rm -rf kept") == 0);
     CHECK(RUN(SMALL, "--iterations", "2,8", "--csv", "a.csv", "--resume", "kept") == KN_EXIT_OK);
@@ -131,7 +131,7 @@ TEST("what is kept is not played again; another log, or other sets, are refused 
     CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a folder of knead tradeoff --resume"));
 }
 
-TEST("a budget that nothing meets is told by the exit code, one that all meet takes the nearest")
+TEST("an unreachable budget gives exit code 1, and a budget that every point meets selects the most accurate")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--iterations", "8", "--budget-us", "0.001") == KN_EXIT_FAILED &&
@@ -140,7 +140,7 @@ TEST("a budget that nothing meets is told by the exit code, one that all meet ta
     CHECK(!said("iterations=1'"));
 }
 
-TEST("a log whose tool stays above the object has nothing to compare")
+TEST("a log without contact is refused")
 {
     record("tradeoff.lcmlog", -0.001);
     CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("its tools never touch the object"));
@@ -166,7 +166,7 @@ static void record_with(const char *path, const char *name, const char *text)
     lcm_eventlog_destroy(log);
 }
 
-TEST("a log that is cut, or of another scene, is refused in one line before anything is played")
+TEST("a log that is cut or of another scene is refused in one line before any run")
 {
     record("tradeoff.lcmlog", 0.003);
     copy_part("tradeoff.lcmlog", "whole", 0);
@@ -188,7 +188,7 @@ TEST("a log that is cut, or of another scene, is refused in one line before anyt
     CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
 }
 
-TEST("files that cannot be written are refused before anything is played, and what they hold stays")
+TEST("an output that cannot be written is refused before any run, and existing files keep their contents")
 {
     record("tradeoff.lcmlog", 0.003);
     CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") &&
@@ -203,7 +203,7 @@ TEST("files that cannot be written are refused before anything is played, and wh
     record("tradeoff.lcmlog", 0.003);
 }
 
-TEST("folders that killed sweeps left are removed by the next one; one at work, and one to keep, are not")
+TEST("a sweep removes the temporary folders of killed sweeps, and keeps folders in use and folders of --resume")
 {
     CHECK(system("rm -rf tmp && mkdir -p tmp/knead-sweep-killed tmp/knead-sweep-atwork tmp/knead-sweep-kept") == 0);
     static const char *const sweep = "knead sweep 1\nprogram 1\nscene 2\nlog 3\n";
@@ -227,7 +227,7 @@ TEST("folders that killed sweeps left are removed by the next one; one at work, 
     CHECK(system("[ $(ls tmp | wc -l) = 2 ]") == 0);
 }
 
-TEST("bad options are refused")
+TEST("each bad option is refused")
 {
     static const char *const bad[][3] = {{"--iterations", "0", "expected at most 32 whole numbers"},
                                          {"--iterations", "4,", "expected at most 32 whole numbers"},
@@ -249,88 +249,88 @@ TEST("bad options are refused")
 
 // ---- the file
 
-TEST("a trace comes back as it was; damaged, foreign and missing ones are told apart")
+TEST("a trace is read back as written, and damaged, foreign and missing files are told apart")
 {
     double force[6][3] = {{1, 2, 3}, {4, 5, 6}}, shape[8][3] = {{7}};
     float us[3] = {0, 8, 9};
-    kn_trace t = {.ticks = 3,
-                  .probes = 2,
-                  .force_n = force,
-                  .us = us,
-                  .nodes = 8,
-                  .grid = {2, 2, 2},
-                  .spacing_m = 0.01,
-                  .shape_m = shape,
-                  .faults = 1,
-                  .median_us = 5,
-                  .p90_us = 6},
-             back;
-    CHECK(kn_trace_save(&t, "one.trace", 77));
-    CHECK(kn_trace_load(&back, "one.trace", 77) == KN_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
+    kn_replay_trace t = {.ticks = 3,
+                         .probes = 2,
+                         .force_n = force,
+                         .us = us,
+                         .nodes = 8,
+                         .grid = {2, 2, 2},
+                         .spacing_m = 0.01,
+                         .shape_m = shape,
+                         .faults = 1,
+                         .median_us = 5,
+                         .p90_us = 6},
+                    back;
+    CHECK(kn_replay_trace_save(&t, "one.trace", 77));
+    CHECK(kn_replay_trace_load(&back, "one.trace", 77) == KN_REPLAY_TRACE_FOUND && back.ticks == 3 && back.p90_us == 6);
     CHECK(!memcmp(back.force_n, force, sizeof force) && !memcmp(back.shape_m, shape, sizeof shape));
     CHECK(!memcmp(back.us, us, sizeof us));
-    kn_trace_free(&back);
-    CHECK(kn_trace_load(&back, "one.trace", 78) == KN_TRACE_FOREIGN);
-    CHECK(kn_trace_load(&back, "no.trace", 77) == KN_TRACE_MISSING);
+    kn_replay_trace_free(&back);
+    CHECK(kn_replay_trace_load(&back, "one.trace", 78) == KN_REPLAY_TRACE_FOREIGN);
+    CHECK(kn_replay_trace_load(&back, "no.trace", 77) == KN_REPLAY_TRACE_MISSING);
     for (long at = 0; at < 600; at += 40) { // any changed byte is noticed, and no size is trusted
-        CHECK(kn_trace_save(&t, "bad.trace", 77));
+        CHECK(kn_replay_trace_save(&t, "bad.trace", 77));
         FILE *f = fopen("bad.trace", "r+");
         fseek(f, at, SEEK_SET);
         fputc(0xa5, f);
         fclose(f);
-        kn_trace_found found = kn_trace_load(&back, "bad.trace", 77);
-        kn_trace_free(&back);
+        kn_replay_trace_found found = kn_replay_trace_load(&back, "bad.trace", 77);
+        kn_replay_trace_free(&back);
         bool number = at >= 24 && at < 24 + (long)sizeof t; // numbers in the header: a wrong cost cannot be noticed
-        CHECK(number || found == KN_TRACE_DAMAGED || found == KN_TRACE_FOREIGN);
+        CHECK(number || found == KN_REPLAY_TRACE_DAMAGED || found == KN_REPLAY_TRACE_FOREIGN);
     }
-    CHECK(truncate("one.trace", 300) == 0 && kn_trace_load(&back, "one.trace", 77) == KN_TRACE_DAMAGED);
+    CHECK(truncate("one.trace", 300) == 0 && kn_replay_trace_load(&back, "one.trace", 77) == KN_REPLAY_TRACE_DAMAGED);
 }
 
-TEST("of two times of a tick the lesser counts: what disturbed other ticks in the one and in the other is gone")
+TEST("the smaller of two times counts for each tick, which removes disturbances")
 {
     float one[20] = {0}, two[20] = {0};
     for (int i = 5; i < 20; i++) one[i] = two[i] = 10;
     for (int i = 5; i < 11; i++) one[i] = 90, two[i + 6] = 80;
-    kn_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
-    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
+    kn_replay_trace t = {.ticks = 20, .us = one}, other = {.ticks = 20, .us = two};
+    CHECK(kn_replay_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 10);
     one[7] = one[8] = two[7] = 30; // expensive in both traces
     one[8] = two[8] = 40;
-    CHECK(kn_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
+    CHECK(kn_replay_trace_calm(&t, &other) && t.median_us == 10 && t.p90_us == 30 && one[0] == 0);
 }
 
 // ---- the rules
 
-static kn_row point(const kn_run *run, double us, double solver, double all)
+static kn_pareto_row point(const kn_sweep_run *run, double us, double solver, double all)
 {
-    return (kn_row){.run = run,
-                    .median_us = us,
-                    .p90_us = 1.2 * us,
-                    .force = {.solver = solver, .all = all},
-                    .shape = {.solver = solver, .all = all}};
+    return (kn_pareto_row){.run = run,
+                           .median_us = us,
+                           .p90_us = 1.2 * us,
+                           .force = {.solver = solver, .all = all},
+                           .shape = {.solver = solver, .all = all}};
 }
 
-TEST("the budget is the p90's, and what chatters or latches is never picked")
+TEST("the budget limits the p90 time, and points that chatter or latch are never picked")
 {
-    static kn_front front;
-    kn_run run = {.spacing_m = 0.01};
+    static kn_pareto_front front;
+    kn_sweep_run run = {.spacing_m = 0.01};
     front.count = 4;
     front.row[0] = point(&run, 100, 0.03, 0.03);
     front.row[1] = point(&run, 200, 0.01, 0.01);
     front.row[2] = point(&run, 50, 0.001, 0.001);
     front.row[3] = point(&run, 50, 0.001, 0.001);
     front.row[2].chatters = front.row[3].latched = true;
-    CHECK(kn_front_pick(&front, 240) == &front.row[1]);
-    CHECK(kn_front_pick(&front, 239) == &front.row[0]);
-    CHECK(!kn_front_pick(&front, 60));
+    CHECK(kn_pareto_front_pick(&front, 240) == &front.row[1]);
+    CHECK(kn_pareto_front_pick(&front, 239) == &front.row[0]);
+    CHECK(!kn_pareto_front_pick(&front, 60));
 }
 
 // Points of the scene's own lattice, step and precision. Each has a number of iterations per step and a maximum.
 typedef struct naming {
     kn_scene scene;
-    kn_plan *plan;
-    kn_run run[8];
-    kn_front front;
-    const kn_row *named[KN_QUALITY_OWN];
+    kn_sweep_plan *plan;
+    kn_sweep_run run[8];
+    kn_pareto_front front;
+    const kn_pareto_row *named[KN_QUALITY_OWN];
 } naming;
 
 static void begin(naming *n)
@@ -342,39 +342,39 @@ static void begin(naming *n)
     n->plan->scene = &n->scene;
 }
 
-static kn_row *add(naming *n, int iterations, int most, double us, double solver)
+static kn_pareto_row *add(naming *n, int iterations, int most, double us, double solver)
 {
-    kn_run *run = &n->run[n->front.count];
-    kn_row *row = &n->front.row[n->front.count++];
-    *run = (kn_run){.spacing_m = n->scene.model.spacing_m,
-                    .dt_s = n->scene.model.solver.dt_s,
-                    .passes = 1,
-                    .precision = n->scene.model.solver.precision,
-                    .iterations = iterations,
-                    .iterations_max = most};
+    kn_sweep_run *run = &n->run[n->front.count];
+    kn_pareto_row *row = &n->front.row[n->front.count++];
+    *run = (kn_sweep_run){.spacing_m = n->scene.model.spacing_m,
+                          .dt_s = n->scene.model.solver.dt_s,
+                          .passes = 1,
+                          .precision = n->scene.model.solver.precision,
+                          .iterations = iterations,
+                          .iterations_max = most};
     *row = point(run, us, solver, solver);
     row->jump_n = row->same_jump_n = 1;
     return row;
 }
 
-static void name(naming *n) { kn_front_name(&n->front, n->plan, n->named); }
+static void name(naming *n) { kn_pareto_front_name(&n->front, n->plan, n->named); }
 
-TEST("the named points are the cheapest that are accurate enough, on the scene's own lattice, step and precision")
+TEST("the named points are the cheapest with enough accuracy, at the scene's own spacing, time step and precision")
 {
     static naming n;
     begin(&n);
     add(&n, 2, 2, 10, 0.0001);
     n.run[0].spacing_m *= 2;
-    const kn_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
+    const kn_pareto_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
     add(&n, 12, 36, 80, 0.02);
-    const kn_row *four = add(&n, 16, 48, 300, 0.0005);
+    const kn_pareto_row *four = add(&n, 16, 48, 300, 0.0005);
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == four);
-    CHECK(kn_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
+    CHECK(kn_pareto_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
     n.scene.budget_s = 2e-4; // no point is accurate enough: take the nearest, and for the other names less work
     name(&n);
     CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == two);
-    CHECK(kn_front_excess(two, KN_QUALITY_ACCURATE) == 4);
+    CHECK(kn_pareto_front_excess(two, KN_QUALITY_ACCURATE) == 4);
     n.front.row[2].force.solver = 0.5; // more work and less accurate: no use for a name
     name(&n);
     CHECK(n.named[1] == one && n.named[2] == one);
@@ -384,11 +384,12 @@ TEST("the named points are the cheapest that are accurate enough, on the scene's
     free(n.plan);
 }
 
-TEST("what a machine's noise does to the times changes no name")
+TEST("timing noise of up to 24 % does not change the named points")
 {
     static naming n;
     begin(&n);
-    const kn_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004), *many = add(&n, 8, 8, 50, 0.0005);
+    const kn_pareto_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004),
+                        *many = add(&n, 8, 8, 50, 0.0005);
     add(&n, 2, 24, 20, 0.02);
     add(&n, 4, 24, 30, 0.004);
     unsigned seed = 1;
@@ -396,7 +397,7 @@ TEST("what a machine's noise does to the times changes no name")
         for (int i = 0; i < n.front.count; i++) {
             seed = 1664525 * seed + 1013904223;
             double us = (n.run[i].iterations == 2 ? 20 : n.run[i].iterations == 4 ? 30 : 50);
-            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_NOISE
+            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_PARETO_NOISE
         }
         name(&n);
         CHECK(n.named[0] == two && n.named[1] == four && n.named[2] == many);
@@ -404,35 +405,35 @@ TEST("what a machine's noise does to the times changes no name")
     free(n.plan);
 }
 
-TEST("a server that is late can go down from a name to the one before: it takes no more at most, nor at least")
+TEST("each named point needs at least as many iterations, usual and maximum, as the point below it")
 {
     static naming n;
     begin(&n);
-    const kn_row *loose = add(&n, 2, 24, 20, 0.02);
+    const kn_pareto_row *loose = add(&n, 2, 24, 20, 0.02);
     add(&n, 4, 4, 30, 0.003); // more accurate than loose, but its maximum of iterations is lower
-    const kn_row *tight = add(&n, 4, 24, 90, 0.002);
+    const kn_pareto_row *tight = add(&n, 4, 24, 90, 0.002);
     name(&n);
     CHECK(n.named[0] == loose && n.named[1] == tight && n.named[2] == tight);
     free(n.plan);
 }
 
-TEST("a bound that a point meets is met, whatever the names below would rather be")
+TEST("the accurate point meets its error bound even if a cheaper point fits the lower names better")
 {
     static naming n;
     begin(&n);
-    const kn_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
+    const kn_pareto_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
     add(&n, 16, 16, 50, 0.002); // more work than one, and more accurate; but two is not more work than this point
     name(&n);
-    CHECK(n.named[0] == one && n.named[2] == two && kn_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
+    CHECK(n.named[0] == one && n.named[2] == two && kn_pareto_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
     free(n.plan);
 }
 
-TEST("a point whose force jumps over 1.5 times as far as the converged one's is not named")
+TEST("a point is not named if its force jumps by more than 1.5 times the converged jump")
 {
     static naming n;
     begin(&n);
-    kn_row *rough = add(&n, 2, 2, 20, 0.01);
-    const kn_row *smooth = add(&n, 3, 3, 40, 0.009);
+    kn_pareto_row *rough = add(&n, 2, 2, 20, 0.01);
+    const kn_pareto_row *smooth = add(&n, 3, 3, 40, 0.009);
     rough->jump_n = 1.6;
     name(&n);
     CHECK(n.named[0] == smooth);
@@ -442,7 +443,7 @@ TEST("a point whose force jumps over 1.5 times as far as the converged one's is 
     free(n.plan);
 }
 
-TEST("points that chatter are in the picture")
+TEST("the chart is drawn when a point chatters")
 {
     if (system("command -v gnuplot >/dev/null") != 0) {
         puts("no gnuplot here: no picture");
@@ -454,23 +455,23 @@ TEST("points that chatter are in the picture")
     add(&n, 2, 2, 20, 0.02);
     add(&n, 4, 4, 30, 0.004)->chatters = true;
     name(&n);
-    CHECK(kn_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
+    CHECK(kn_pareto_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
     free(n.plan);
 }
 
-TEST("a better point of another lattice is told, which no name can have")
+TEST("a better point of another lattice is reported if it meets the budget and the accuracy")
 {
     static naming n;
     begin(&n);
     add(&n, 4, 4, 30, 0.004);
-    kn_row *fine = add(&n, 4, 4, 200, 0.002);
+    kn_pareto_row *fine = add(&n, 4, 4, 200, 0.002);
     n.run[1].spacing_m /= 2;
     name(&n);
-    CHECK(n.named[0] == &n.front.row[0] && kn_front_elsewhere(&n.front, n.plan, n.named) == fine);
+    CHECK(n.named[0] == &n.front.row[0] && kn_pareto_front_elsewhere(&n.front, n.plan, n.named) == fine);
     fine->p90_us = 900; // over the budget
-    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
     fine->p90_us = 200, fine->force.all = 0.005;
-    CHECK(!kn_front_elsewhere(&n.front, n.plan, n.named));
+    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
     free(n.plan);
 }
 

@@ -8,23 +8,23 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 
 knead zwidth --quick --csv z.csv --plot z.png >one || fail "exit $?: $(tail -n 3 one)"
 knead zwidth --quick >two || fail "exit $?"
-cmp one two || fail "twice is not the same"
+cmp one two || fail "two runs give different text"
 [ "$(grep -c ' calm$' one)" = 5 ] || fail "$(cat one)"
 [ "$(wc -l <z.csv)" = 6 ] || fail "rows: $(wc -l <z.csv)"
 head -c 8 z.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
 
 # columns: 1 round trip, 3 largest at the class's b_vc, 4 at none, 7 Colgate, 8 delayed, 9 default
-awk -F, 'NR > 1 && !($3 > 0.6 * $8 && $3 < $8 && $9 < $3) { bad = 1 } END { exit bad }' z.csv || fail "bounds: $(cat z.csv)"
-awk -F, '{ k[$1] = $3 } END { r = k[0] / k[1]; exit !(r > 2.5 && r < 3.5) }' z.csv || fail "a period of delay: $(cat z.csv)"
+awk -F, 'NR > 1 && !($3 > 0.6 * $8 && $3 < $8 && $9 < $3) { bad = 1 } END { exit bad }' z.csv || fail "the largest stiffness is outside its bounds: $(cat z.csv)"
+awk -F, '{ k[$1] = $3 } END { r = k[0] / k[1]; exit !(r > 2.5 && r < 3.5) }' z.csv || fail "a period of delay does not divide the stiffness by 2.5 to 3.5: $(cat z.csv)"
 
 # Without damping in the coupling, only the device's own friction stabilises it, as Colgate found.
 knead zwidth --quick --device falcon --csv smooth.csv >/dev/null || fail "falcon: exit $?"
 knead zwidth --quick --device falcon --set device.damping='2.5 N*s/m' --csv rough.csv >/dev/null || fail "rough falcon: exit $?"
 paste -d, smooth.csv rough.csv | awk -F, '$1 == 0 && !($15 > 5 * $4 && $18 == 5 * $7) { bad = 1 } END { exit bad }' ||
-    fail "friction: $(paste -d, smooth.csv rough.csv)"
+    fail "five times the friction does not give five times the stiffness: $(paste -d, smooth.csv rough.csv)"
 
 knead zwidth --quick --hand light --material jelly --csv jelly.csv >/dev/null || fail "jelly: exit $?"
-paste -d, z.csv jelly.csv | awk -F, 'NR > 1 && !($14 > $3) { bad = 1 } END { exit bad }' || fail "jelly bears less than a wall"
+paste -d, z.csv jelly.csv | awk -F, 'NR > 1 && !($14 > $3) { bad = 1 } END { exit bad }' || fail "jelly allows less stiffness than a wall"
 
 knead zwidth --quick --set device.encoder='1 mm' --set device.coupling_damping='6 N*s/m' --set device.coupling='5000 N/m' >loud
 [ $? = 1 ] && grep -q ' buzzes$' loud || fail "a coarse encoder under a stiff coupling is calm: $(cat loud)"

@@ -1,5 +1,5 @@
-#include "core/carry.h"
-#include "core/energy.h"
+#include "core/snapshot.h"
+#include "core/lattice/measure.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"
@@ -50,7 +50,7 @@ static double elastic(const object *o)
     return e.elastic;
 }
 
-TEST("carried into the same material an object goes on to the same bits")
+TEST("a state carried into a model of the same material continues to the same bits")
 {
     static const char *const scenes[] = {"dough-small.yaml", "jelly.yaml", "bun.yaml", "pinch.yaml"};
     for (size_t s = 0; s < sizeof scenes / sizeof *scenes; s++) {
@@ -64,7 +64,7 @@ TEST("carried into the same material an object goes on to the same bits")
     }
 }
 
-TEST("a spring twice as stiff stores twice as much of the same stretch, and no node has moved")
+TEST("carrying a state into springs twice as stiff doubles the elastic energy and moves no node")
 {
     AT_END(object_free) object a = object_of("dough-small.yaml", NULL);
     AT_END(object_free) object b = object_of("dough-small.yaml", "material.k1=940 gf/cm^3");
@@ -80,7 +80,7 @@ TEST("a spring twice as stiff stores twice as much of the same stretch, and no n
     CHECK_NEAR(elastic(&b) / elastic(&a), 2, 0.01);
 }
 
-TEST("what is stiffer from now on relaxes to what it would have been all along, from where it was")
+TEST("after a change to a stiffer spring the force relaxes to that of an object stiff from the start")
 {
     AT_END(object_free) object soft = object_of("jelly.yaml", NULL);
     AT_END(object_free) object hard = object_of("jelly.yaml", "material.k1=20 kPa");
@@ -95,7 +95,7 @@ TEST("what is stiffer from now on relaxes to what it would have been all along, 
     CHECK_NEAR(now / always, 1, 1e-3);
 }
 
-TEST("another stress area keeps the length of every Voigt part, not its strain")
+TEST("a change of the stress area keeps the length of every Voigt element, not its strain")
 {
     AT_END(object_free) object a = object_of("dough-small.yaml", NULL);
     AT_END(object_free) object b = object_of("dough-small.yaml", "object.diagonal_stiffness=0.5");
@@ -112,7 +112,7 @@ TEST("another stress area keeps the length of every Voigt part, not its strain")
     CHECK(most > 0.01 && off < 1e-7);
 }
 
-TEST("what an object cannot go on in is named")
+TEST("a model that cannot continue an object's state is refused with the reason")
 {
     static const struct {
         const char *scene, *set, *why;

@@ -33,7 +33,7 @@ static const struct {
     double thickness_m, volume;
 } objects[3] = {{{4, 3, 5}, 0, 24e-6}, {{6, 1, 4}, 0.02, 15 * 2e-6}, {{2, 2, 2}, 0, 1e-6}};
 
-TEST("at rest every cell has the volume of its place, and they are as many as the lattice has")
+TEST("at rest all cells have the same volume, and their number matches the lattice")
 {
     for (int t = 0; t < 3; t++) {
         kn_grid g = grid_of(objects[t].n[0], objects[t].n[1], objects[t].n[2], objects[t].thickness_m);
@@ -49,7 +49,7 @@ TEST("at rest every cell has the volume of its place, and they are as many as th
     }
 }
 
-TEST("a crumpled cell's gradient is the derivative of its volume, and adds up to nothing")
+TEST("the gradient of a deformed cell is the derivative of its volume, and its sum over the corners is 0")
 {
     for (int t = 0; t < 3; t++) {
         kn_grid g = grid_of(objects[t].n[0], objects[t].n[1], objects[t].n[2], objects[t].thickness_m);
@@ -77,7 +77,7 @@ TEST("a crumpled cell's gradient is the derivative of its volume, and adds up to
     }
 }
 
-TEST("cells share their faces: however the inside is crumpled, the volumes add up to that of the skin")
+TEST("cells share their faces: moving the inner nodes does not change the total volume")
 {
     kn_grid g = grid_of(4, 4, 4, 0);
     kn_cell cells[27];
@@ -95,7 +95,7 @@ TEST("cells share their faces: however the inside is crumpled, the volumes add u
     free(x);
 }
 
-TEST("turned inside out a cell has a negative volume; turned about and carried away it has its own")
+TEST("a cell turned inside out has the negative volume; a rotated and moved cell keeps its volume")
 {
     kn_grid g = grid_of(2, 2, 2, 0);
     kn_cell cell;
@@ -113,7 +113,7 @@ TEST("turned inside out a cell has a negative volume; turned about and carried a
     free(x);
 }
 
-TEST("the gas obeys Boyle down to a tenth of its volume, and goes straight on with the same slope below")
+TEST("the gas obeys Boyle's law down to a tenth of its volume; below, the pressure is linear with the same slope")
 {
     double slope, before, after, unused;
     CHECK_NEAR(kn_cell_pressure(1, &slope), 0, 0);

@@ -1,5 +1,6 @@
-#include "core/contact.h"
-#include "core/scratch.h"
+#include "core/solve/contact.h"
+#include "core/solve/solver.h"
+#include "core/step.h"
 #include "tests/check.h"
 
 #include <string.h>
@@ -47,7 +48,7 @@ static kn_contact *find(bench *b)
     return contact;
 }
 
-TEST("clearance is the distance above the object, and falls below zero inside it")
+TEST("the clearance is the distance between tool and object, and it is negative inside the object")
 {
     AT_END(bench_close) bench b = bench_open();
     double high[3] = {0.001, 0.002, 0.034}, low[3] = {0.001, 0.002, 0.028}, aside[3] = {0.05, 0, 0.01};
@@ -60,7 +61,7 @@ TEST("clearance is the distance above the object, and falls below zero inside it
     CHECK_NEAR(kn_clearance(b.model, b.state, 1, aside, level), 0.05 - 0.025 - 0.012, 2e-4);
 }
 
-TEST("the model's probe moves with the reported velocity and makes up a gap in 20 ms")
+TEST("the model's probe moves with the reported velocity and closes a gap in 20 ms")
 {
     AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.05, -0.01);
@@ -74,7 +75,7 @@ TEST("the model's probe moves with the reported velocity and makes up a gap in 2
     CHECK(b.state->probe[0].attached == 0);
 }
 
-TEST("a plate holds the top nodes it reaches, and no others")
+TEST("a plate holds the top nodes that it reaches and no others")
 {
     AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.031, 0);
@@ -91,7 +92,7 @@ TEST("a plate holds the top nodes it reaches, and no others")
     }
 }
 
-TEST("two plates in the same place share the nodes, not the force")
+TEST("two plates in the same place hold each node once, and the first plate takes the whole force")
 {
     kn_model_def def = kn_model_def_default();
     AT_END(bench_close) bench b = {0};
@@ -106,7 +107,7 @@ TEST("two plates in the same place share the nodes, not the force")
     CHECK(b.output.probe[0].force_n[2] > 0 && b.output.probe[1].force_n[2] == 0);
 }
 
-TEST("a block far lighter than its viscosity still solves in f32: held rows keep their blocks")
+TEST("a block much lighter than its viscosity is still solved in f32, because held rows keep their blocks")
 {
     double force[2];
     for (int heavy = 0; heavy < 2; heavy++) {
@@ -127,7 +128,7 @@ TEST("a block far lighter than its viscosity still solves in f32: held rows keep
     CHECK_NEAR(force[0], force[1], 0.02 * force[1]);
 }
 
-TEST("a node touched in mid-step moves by what is left of the step")
+TEST("a node touched within a step moves for the rest of the step")
 {
     AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.030004, -0.01); // 4 um above the top, moving by 10 um in this step
@@ -163,13 +164,13 @@ static void check_flat(kn_skin_form skin)
     CHECK_NEAR(inside, cap, 0.1 * cap);
 }
 
-TEST("the skin under a sphere is flat where the block is: weights sum to 1 and every sample lies in the top plane")
+TEST("under a sphere the skin of a flat block is flat: the weights sum to 1 and all samples lie in the top plane")
 {
     check_flat(KN_SKIN_SPLINE);
     check_flat(KN_SKIN_BILINEAR);
 }
 
-TEST("the skin ends at the block's edge: a sphere over the rim finds nothing outside")
+TEST("the skin ends at the block's edge: a sphere over the rim has no sample outside")
 {
     for (int skin = 0; skin < 2; skin++) {
         AT_END(bench_close) bench b = bench_open_with((kn_skin_form)skin);
@@ -187,7 +188,7 @@ TEST("the skin ends at the block's edge: a sphere over the rim finds nothing out
     }
 }
 
-TEST("forces of a sphere push it out along the normal, with a torque about its centre of zero")
+TEST("a frictionless sphere is pushed out along the normal, without a torque about its centre")
 {
     AT_END(bench_close) bench b = bench_open();
     put(&b, 1, 0.002, 0.001, 0.0425, -0.01);
@@ -199,7 +200,7 @@ TEST("forces of a sphere push it out along the normal, with a torque about its c
     CHECK(ball->work_j > 0);
 }
 
-TEST("a number that is not one ends in zero force until the object is reset")
+TEST("a velocity that is NaN sets the force to zero until the object is reset")
 {
     AT_END(bench_close) bench b = bench_open();
     put(&b, 0, 0, 0, 0.0299, -0.01);

@@ -1,5 +1,4 @@
-#include "clients/knead/arm.h"
-#include "clients/knead/buzz.h"
+#include "clients/hand/haptic_loop.h"
 #include "core/contact_model.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -202,13 +201,13 @@ static result run(const trial *c)
     bare.rigid = true;
     there = (link){.delay_ms = c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 5};
     back = (link){.delay_ms = c->rtt_ms - c->rtt_ms / 2, .jitter_ms = c->jitter_ms, .loss = c->loss, .random = 9};
-    kn_arm_def def = {
+    kn_held_device_def def = {
         .mass_kg = 0.1, .damping_n_s_m = 0.2, .encoder_m = 20e-6, .force_limit_n = 12, .grip = KN_GRIP_NORMAL};
-    kn_arm arm;
+    kn_held_device arm;
     kn_contact_model model;
     kn_contact_model_def model_def = {.session = 7, .stiffness_n_m = K_VC, .damping_n_s_m = B_VC, .force_limit_n = 12};
     kn_contact_model_init(&model, &model_def);
-    kn_arm_init(&arm, &def, (double[]){0, 0, 0.004});
+    kn_held_device_init(&arm, &def, (double[]){0, 0, 0.004});
     kn_buzz loop;
     kn_buzz_init(&loop, DT, 0);
     double force[3] = {0}, last[3] = {0}, x[3] = {0, 0, 0.004}, v[3] = {0}, path[3], path_v[3];
@@ -248,7 +247,7 @@ static result run(const trial *c)
 
         double z = arm.position_m[2], at[3] = {arm.position_m[0], arm.position_m[1], z};
         follow(c->what, c->depth_m > 0 ? c->depth_m : 0.010, now * DT, path, path_v);
-        kn_arm_tick(&arm, force, path, path_v);
+        kn_held_device_tick(&arm, force, path, path_v);
         for (int k = 0; k < 3; k++) work -= 1e3 * arm.force_n[k] * (arm.position_m[k] - at[k]);
         r.given_mj = fmax(r.given_mj, -work);
         for (int k = 0; k < 3; k++) {
@@ -281,7 +280,7 @@ static result undelayed(const trial *c)
     return run(&direct);
 }
 
-TEST("30 ms away with a fifth of the packets lost, the local model errs by 2 points more than no link, 7 sliding")
+TEST("30 ms away with a fifth lost, the local model errs by at most 2 points more than without a link, 7 when sliding")
 {
     for (int m = 0; m < 4; m++)
         for (int what = PRESS; what <= SLIDE; what++) {
@@ -296,7 +295,8 @@ TEST("30 ms away with a fifth of the packets lost, the local model errs by 2 poi
         }
 }
 
-TEST("the last force, held, throws the hand off elastic material from 20 ms on, without any loss")
+TEST("holding the last force makes the hand unstable on stiff jelly from 20 ms on, even without loss; the local model "
+     "stays stable")
 {
     for (int rtt = 20; rtt <= 30; rtt += 10) {
         trial c = {.m = &stiff, .what = PRESS, .how = HOLD, .rtt_ms = rtt}, model = c;
@@ -308,7 +308,7 @@ TEST("the last force, held, throws the hand off elastic material from 20 ms on, 
     }
 }
 
-TEST("a unit that is wrong by a factor of three makes the force wrong, not unstable")
+TEST("contact parameters wrong by a factor of three do not make the force unstable")
 {
     for (int m = 0; m < 4; m++)
         for (int what = PRESS; what <= SLIDE; what++) {
@@ -326,7 +326,7 @@ TEST("a unit that is wrong by a factor of three makes the force wrong, not unsta
         }
 }
 
-TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most and gives back nothing")
+TEST("with an outage of 200 ms in every second the force changes by at most 0.05 N/ms and returns at most 1 mJ")
 {
     for (int m = 0; m < 4; m++)
         for (int lossy = 0; lossy < 2; lossy++) {
@@ -340,7 +340,7 @@ TEST("200 ms without news in every second: the force moves by 0.05 N/ms at most 
         }
 }
 
-TEST("rendered four or ten times a millisecond it is the same contact")
+TEST("rendering four or ten times per millisecond changes the error by at most 2 points and does not add buzz")
 {
     for (int m = 0; m < 4; m++) {
         trial c = far_away(all[m], TAP);

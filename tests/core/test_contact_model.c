@@ -72,7 +72,7 @@ static rig rig_over(double x)
 
 static double length(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-TEST("a plane ahead of the tool is felt in the tick that reaches it, whatever the way to the server")
+TEST("a plane ahead of the tool is felt in the tick that reaches it, without waiting for the server")
 {
     rig r = rig_over(0.001);
     ticks(&r, 30);
@@ -89,7 +89,7 @@ TEST("a plane ahead of the tool is felt in the tick that reaches it, whatever th
     CHECK(r.force_n[2] == 0);
 }
 
-TEST("what is replayed is what would have been rendered: a message under way for 20 ms changes nothing")
+TEST("a message that arrives 20 ms late is replayed to the same force as without the delay")
 {
     rig a = rig_over(0.001), b = a;
     kn_contact_unit u = plane(&a, 0);
@@ -109,7 +109,7 @@ TEST("what is replayed is what would have been rendered: a message under way for
     CHECK_NEAR(b.force_n[2], a.force_n[2], 1e-9);
 }
 
-TEST("without news for 100 ms the surface gives way, gently, and comes back at 20 mm/s when there is some")
+TEST("after 100 ms without messages the surface yields gently; with messages it returns at 20 mm/s")
 {
     rig r = rig_over(-0.003);
     ticks(&r, 97);
@@ -139,7 +139,7 @@ TEST("without news for 100 ms the surface gives way, gently, and comes back at 2
     CHECK(!r.m.returning);
 }
 
-TEST("a message that is refused leaves nothing behind")
+TEST("a refused message does not change the local model")
 {
     rig clean = rig_over(-0.003), spoilt = rig_over(-0.003);
     ticks(&clean, 50), ticks(&spoilt, 50);
@@ -160,7 +160,7 @@ TEST("a message that is refused leaves nothing behind")
     }
 }
 
-TEST("what a message says of c2 at one force is remembered at the others: dough holds at rest and flows when pressed")
+TEST("the model remembers c2 at each force: dough holds at a small force and flows at a large one")
 {
     for (int told = 0; told < 2; told++) {
         rig r = rig_over(0.001);
@@ -181,7 +181,7 @@ TEST("what a message says of c2 at one force is remembered at the others: dough 
     }
 }
 
-TEST("in free air nothing remains of a surface that nothing was heard of")
+TEST("in free air a surface without messages for 700 ms gives no force")
 {
     rig r = rig_over(0.002);
     ticks(&r, 700);
@@ -191,7 +191,7 @@ TEST("in free air nothing remains of a surface that nothing was heard of")
     CHECK(length(r.force_n) == 0);
 }
 
-TEST("a message is good for half a radius across the surface, 5 mm at most, and for a rise of 2 N")
+TEST("a message is valid for 5 mm across the surface and for a force rise of 2 N")
 {
     rig r = rig_over(-0.001);
     tick(&r);
@@ -209,7 +209,7 @@ TEST("a message is good for half a radius across the surface, 5 mm at most, and 
     CHECK(r.force_n[2] < 2.2);
 }
 
-TEST("another object under the tool, after a reset, is met as after an outage: without a jump")
+TEST("after a reset the contact with the new object starts without a force jump")
 {
     rig r = rig_over(0.001);
     kn_contact_unit u = plane(&r, 0.003); // the tool is 2 mm deep in the new object
@@ -222,7 +222,7 @@ TEST("another object under the tool, after a reset, is met as after an outage: w
     CHECK(r.m.returning && r.force_n[2] < 0.05);
 }
 
-TEST("what is felt and then not within reach any more, of a reset object or a server that was started again, fades")
+TEST("a contact that ends with a reset object or a restarted server fades within 20 ms and returns without a jump")
 {
     for (int again = 0; again < 2; again++) {
         rig r = rig_over(-0.002);
@@ -245,7 +245,7 @@ TEST("what is felt and then not within reach any more, of a reset object or a se
     }
 }
 
-TEST("force is zero 20 ms after a stop, a latch, the last own pose, or the last one that was a number")
+TEST("the force is zero 20 ms after a stop, a latch, the last own pose or the last finite pose")
 {
     for (int why = 0; why < 4; why++) {
         rig r = rig_over(-0.002);
@@ -270,7 +270,7 @@ TEST("force is zero 20 ms after a stop, a latch, the last own pose, or the last 
           (int)KN_CONTACT_LATCHED == (int)KN_FLAG_LATCHED);
 }
 
-TEST("contacts of one tick apply together or not at all")
+TEST("the contacts of one tick apply together or not at all")
 {
     rig r = rig_over(-0.001);
     ticks(&r, 3);
@@ -296,7 +296,7 @@ TEST("contacts of one tick apply together or not at all")
     CHECK(r.m.body.count == 1);
 }
 
-TEST("two walls of a groove push along both normals; a wall told twice is no stiffer than the coupling")
+TEST("two walls of a groove push along both normals; a wall sent twice is no stiffer than the coupling")
 {
     double s = sqrt(0.5);
     for (int same = 0; same < 2; same++) {
@@ -336,7 +336,7 @@ static void hear_walls(rig *r, double z, int walls)
     }
 }
 
-TEST("walls on either side bear half each; turned about y the tool is pushed by its lower side, about its position")
+TEST("two walls share the force; a tool turned about y gets a torque from its lower side about its position")
 {
     rig r = rig_over(-0.002);
     ticks(&r, 3);
@@ -357,7 +357,7 @@ TEST("walls on either side bear half each; turned about y the tool is pushed by 
     CHECK_NEAR(one.m.torque_n_m[1], -0.020 * one.force_n[2], 1e-6);
 }
 
-TEST("a message is good for a turn that takes what touches by half a radius, and leaks with all its torque")
+TEST("a message expires when a turn moves the contact points by half a radius; force and torque then decay")
 {
     rig r = rig_over(-0.0005);
     r.m.def.radius_m = 0.004;
@@ -379,7 +379,7 @@ TEST("a message is good for a turn that takes what touches by half a radius, and
     CHECK(last_n < 0.1 && fabs(last_n_m) < 2e-3);
 }
 
-TEST("friction holds the proxy until it carries mu times the normal force, and no more")
+TEST("friction holds the proxy up to mu times the normal force and no further")
 {
     rig r = rig_over(-0.002);
     kn_contact_unit u = plane(&r, 0);
@@ -401,7 +401,7 @@ TEST("friction holds the proxy until it carries mu times the normal force, and n
     CHECK_NEAR(r.force_n[0], -0.5 * r.force_n[2] + 0.4, 0.03);
 }
 
-TEST("what is no number, no unit, not ours, from the future or too old is refused")
+TEST("a message is refused if a number is not finite, the unit is malformed or foreign, or the time is wrong")
 {
     rig r = rig_over(-0.001);
     tick(&r);
@@ -434,7 +434,7 @@ TEST("what is no number, no unit, not ours, from the future or too old is refuse
     CHECK(kn_contact_model_take(&r.m, &good) == KN_CONTACT_TAKEN);
 }
 
-TEST("whatever a message says, the force is finite and within the limit")
+TEST("whatever a message contains, the force is finite and within the force limit")
 {
     static const double wild[] = {0, 1e-300, 1e-6, 0.01, 1, 3, 100, 1e4, 1e9, 1e300, -1, -1e5};
     uint64_t random = 1;
@@ -464,7 +464,7 @@ TEST("whatever a message says, the force is finite and within the limit")
     CHECK(taken > 1000);
 }
 
-TEST("the energy that it holds is that of the coupling's spring and of k1")
+TEST("the energy of the model is that of the coupling's spring and of k1")
 {
     rig r = rig_over(-0.002);
     ticks(&r, 60);

@@ -220,7 +220,8 @@ static played play(tool what, double angle, double slide_m_s, double loss)
     return all;
 }
 
-TEST("two balls rocked on dough, 30 ms away with a fifth lost: as two units a third of the resultant's error of torque")
+TEST("two balls rocking on dough, 30 ms away with a fifth lost: two units err in torque by a third of the resultant's "
+     "error")
 {
     for (int i = 1; i <= 3; i++) {
         played p = play(TWO_BALLS, 0.1 * i, 0, 0.2);
@@ -234,13 +235,13 @@ TEST("two balls rocked on dough, 30 ms away with a fifth lost: as two units a th
     }
 }
 
-TEST("and slid meanwhile")
+TEST("with sliding, two units have at most half the torque error of their resultant and no larger force error")
 {
     played p = play(TWO_BALLS, 0.1, 0.005, 0.2);
     CHECK(p.off[0].torque <= 0.5 * p.off[1].torque && p.off[0].force <= p.off[1].force);
 }
 
-TEST("a cross, whose patch breaks in two and grows together again, is rendered no worse than by its resultant")
+TEST("a cross whose contact patch splits and merges is rendered about as well by units as by their resultant")
 {
     played p = play(CROSS, 0.3, 0, 0.2);
     const off *units = &p.off[0], *resultant = &p.off[1];
@@ -249,7 +250,7 @@ TEST("a cross, whose patch breaks in two and grows together again, is rendered n
     CHECK(jump_of(units, 0.99) <= 0.1);
 }
 
-TEST("the units' forces are the tool's, and at their places they have its torque")
+TEST("the units' forces sum to the tool's force, and their torques to the tool's torque")
 {
     OWN(rig) *r = rig_make(TWO_BALLS);
     int several = 0;
@@ -281,7 +282,7 @@ TEST("the units' forces are the tool's, and at their places they have its torque
     CHECK(several > 400);
 }
 
-TEST("a ball that is about to touch beside one that presses is told as a plane where it will")
+TEST("while one ball presses, the other ball gets the plane that it will touch")
 {
     OWN(rig) *r = rig_make(TWO_BALLS);
     pose p = {.turn = {cos(0.1), 0, sin(0.1), 0}}; // the ball at +x is 6 mm lower
@@ -299,7 +300,7 @@ TEST("a ball that is about to touch beside one that presses is told as a plane w
     CHECK_NEAR(seen_m, 0.003, 0.0012); // distance left until the second ball touches
 }
 
-TEST("a plate over two ridges is told as two units, beside each other")
+TEST("a plate over two ridges is described by two units side by side")
 {
     kn_model_def def = dough();
     def.probe_count = 2;

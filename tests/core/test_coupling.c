@@ -3,7 +3,7 @@
 
 static const double period = 1e-3;
 
-TEST("the defaults for a round trip of a period or less are the ceilings of every class, and shrink as it grows")
+TEST("the default coupling is the ceiling of each device class up to a round trip of one period, and decreases beyond")
 {
     const struct {
         double mass, damping;
@@ -27,14 +27,14 @@ TEST("the defaults for a round trip of a period or less are the ceilings of ever
     }
 }
 
-TEST("the coupling's damping stays below 0.5 m / (t_d + T + 1.6 ms): a light device on a long way has next to none")
+TEST("the coupling's damping stays below 0.5 m / (t_d + T + 1.6 ms): a light device on a slow link has little damping")
 {
     kn_coupling c = kn_coupling_default(0.05, 0.05, period, 47.4e-3, (kn_coupling){500, 1.5});
     CHECK_NEAR(c.damping_n_s_m, 0.5 * 0.05 / 0.05, 1e-12);
     CHECK_NEAR(c.stiffness_n_m, 0.6 * (0.05 + 0.5) / 0.0479, 1e-9);
 }
 
-TEST("a default is always within the bound of stability, whatever the device and the way")
+TEST("a default coupling is within the stability bound for every device and round trip")
 {
     for (double m = 0.01; m < 2; m *= 2)
         for (double b = 0.01; b < 20; b *= 3)
@@ -45,7 +45,7 @@ TEST("a default is always within the bound of stability, whatever the device and
             }
 }
 
-TEST("the bounds: Colgate's knows no delay and does not like b_vc, the delayed one is the other way round")
+TEST("Colgate's bound ignores the delay and falls with b_vc; the delayed bound falls with the delay")
 {
     CHECK_NEAR(kn_coupling_colgate(1.0, period, 0.0), 2000.0, 1e-9);
     CHECK_NEAR(kn_coupling_colgate(1.0, period, 0.5), 1000.0, 1e-9);

@@ -1,6 +1,6 @@
 #include "core/device.h"
-#include "core/scene/library.h"
 #include "core/scene/scene.h"
+#include "core/scene/keys.h"
 #include "tests/check.h"
 #include <unistd.h>
 
@@ -16,7 +16,7 @@ static kn_scene *with(const char *device)
     return kn_scene_load(DOUGH, sets, 1, error, sizeof error);
 }
 
-TEST("every word of device.profile has a file, and every file is a word")
+TEST("every word of device.profile has a profile file, and every file has a word")
 {
     bool is_group;
     const char *words = kn_key_find("device.profile", &is_group)->unit;
@@ -38,7 +38,7 @@ TEST("every word of device.profile has a file, and every file is a word")
     CHECK(files == count);
 }
 
-TEST("a scene that only names a bench says no more of it; of a device its text has all, should its profile change")
+TEST("a scene that only names a bench stores nothing more; the text of a scene with a device holds the whole profile")
 {
     OWN(kn_scene) *bench = with("bench"), *touch = with("touch");
     CHECK(bench && !strstr(bench->text, "mass:") && !strstr(bench->text, "force_scale"));
@@ -50,7 +50,7 @@ TEST("a scene that only names a bench says no more of it; of a device its text h
     CHECK(again && again->text_hash == touch->text_hash);
 }
 
-TEST("a scene that says more has all of its device in its text, and reading that gives the same device")
+TEST("the text of a scene with device settings holds the whole device, and reading the text gives the same device")
 {
     OWN(kn_scene) *scene = with("{profile: touch, force_scale: 0.25, round_trip: 3 ms, basis: [2, -1, 3], clamp: 3 N}");
     if (!scene) KN_TEST_FAIL("%s", error);
@@ -62,7 +62,8 @@ TEST("a scene that says more has all of its device in its text, and reading that
     CHECK(again && strcmp(again->text, scene->text) == 0 && again->text_hash == scene->text_hash);
 }
 
-TEST("the coupling is the profile's, lowered by the round trip, divided for the scene by what the hand is given")
+TEST("the coupling is the profile's, lowered by the round trip and converted to the scene by the force and length "
+     "scales")
 {
     const struct {
         const char *device;
@@ -83,7 +84,7 @@ TEST("the coupling is the profile's, lowered by the round trip, divided for the 
     }
 }
 
-TEST("a file of the user's begins with a profile and changes it; what is wrong in it is told at its line")
+TEST("a user's device file starts from a profile and changes it; an error in it is reported")
 {
     char path[] = "/tmp/kn_device_XXXXXX.yaml", set[64];
     int fd = mkstemps(path, 5);
@@ -101,7 +102,7 @@ TEST("a file of the user's begins with a profile and changes it; what is wrong i
     unlink(path);
 }
 
-TEST("a basis that is no permutation or left-handed, and a rotation that is none, are refused")
+TEST("a basis that is not a permutation or is left-handed, and an invalid rotation, are refused")
 {
     CHECK(!with("{profile: touch, basis: [1, 1, 3]}") && strstr(error, "not a permutation"));
     CHECK(!with("{profile: touch, basis: [1, 2.5, 3]}") && strstr(error, "not a permutation"));
@@ -109,7 +110,7 @@ TEST("a basis that is no permutation or left-handed, and a rotation that is none
     CHECK(!with("{profile: touch, rotation: [1, 0, 0, 1]}") && strstr(error, "unit quaternion"));
 }
 
-TEST("the scene's work on the device is its force there times the motion there, over the length scale")
+TEST("the work on the device is the work in the scene divided by the length scale")
 {
     kn_device_def d = {
         .basis = {2, 3, 1}, .position_m = {0.1, -0.2, 0.3}, .rotation_wxyz = {0.5, 0.5, -0.5, 0.5}, .scale = 2.5};

@@ -37,7 +37,7 @@ static int same(const kn_scene *a, const kn_scene *b)
            memcmp(a->mesh->x_m, b->mesh->x_m, sizeof *a->mesh->x_m * (size_t)a->mesh->node_count) == 0;
 }
 
-TEST("the mesh stands on the table in the middle, and its mean edge is what the scene calls spacing")
+TEST("the mesh is centred on the table, and its mean edge length becomes the scene's spacing")
 {
     copy(CUBE, in_folder("cube.msh"));
     OWN(kn_scene) *scene = parse("mesh: cube.msh, mesh_unit: cm", NULL, 0);
@@ -47,7 +47,7 @@ TEST("the mesh stands on the table in the middle, and its mean edge is what the 
     CHECK(scene && scene->model.spacing_m > 0.1 && scene->model.spacing_m < 0.13);
 }
 
-TEST("the text of a scene with a mesh is the scene, from any folder and with any name")
+TEST("the text of a scene with a mesh gives the same scene from any folder and with any file name")
 {
     static const char *const name[] = {"cube.msh", "a cube: it's #1.msh", "pâte à pain.msh"};
     for (int i = 0; i < 3; i++) {
@@ -62,7 +62,7 @@ TEST("the text of a scene with a mesh is the scene, from any folder and with any
     }
 }
 
-TEST("a text whose mesh has moved finds it beside the log, and is the same scene")
+TEST("a scene text whose mesh has moved finds the mesh beside the log and gives the same scene")
 {
     copy(CUBE, in_folder("cube.msh"));
     OWN(kn_scene) *scene = parse("mesh: cube.msh, mesh_unit: mm", NULL, 0);
@@ -88,7 +88,7 @@ TEST("a text whose mesh has moved finds it beside the log, and is the same scene
     unlink(in_folder("cube.msh"));
 }
 
-TEST("--set puts a mesh in the place of a block or of another mesh, whose hash it need not have")
+TEST("--set replaces a block or a mesh by another mesh without checking the old hash")
 {
     static const char *const set[] = {"object.mesh=" CUBE, "object.mesh_unit=mm"};
     OWN(kn_scene) *scene = parse("size: [1 cm, 1 cm, 1 cm], spacing: 5 mm", set, 2);
@@ -100,7 +100,7 @@ TEST("--set puts a mesh in the place of a block or of another mesh, whose hash i
     CHECK_STR(error, "--set object.spacing: object.spacing means nothing with object.mesh, expected it left out");
 }
 
-TEST("what is no file is refused, and not waited for")
+TEST("a pipe or a folder as mesh is refused without waiting")
 {
     CHECK(mkfifo(in_folder("pipe.msh"), 0600) == 0 && mkdir(in_folder("folder.msh"), 0700) == 0);
     const char *const what[] = {"mesh: pipe.msh, mesh_unit: mm", "mesh: folder.msh, mesh_unit: mm"};
@@ -112,7 +112,7 @@ TEST("what is no file is refused, and not waited for")
     rmdir(in_folder("folder.msh"));
 }
 
-TEST("a broken mesh is named with its file and its element, not with the scene's")
+TEST("an error in a mesh names the mesh file and the element, not the scene")
 {
     char text[512];
     CHECK(!parse("mesh: " KN_SOURCE_DIR "/tests/core/meshes_bad/inverted.msh, mesh_unit: mm", NULL, 0));

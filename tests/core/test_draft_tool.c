@@ -42,7 +42,7 @@ static kn_scene *parse(const char *keys, const char *const *sets, int count)
     return kn_scene_parse(in_folder("scene.yaml"), text, strlen(text), sets, count, error, sizeof error);
 }
 
-TEST("a closed surface of a file is a tool, in metres, with cells of an eighth of the spacing or as asked for")
+TEST("a closed surface from a file is a tool in metres; its cells are an eighth of the spacing or as requested")
 {
     write_box(in_folder("stamp.stl"), 20, 15, 12, 0);
     OWN(kn_scene) *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
@@ -61,7 +61,7 @@ TEST("a closed surface of a file is a tool, in metres, with cells of an eighth o
     CHECK(ball && !ball->tool[0] && !strstr(ball->text, "stl"));
 }
 
-TEST("the text of its scene is the scene from any folder; moved it is the same, with another content it is refused")
+TEST("the scene text of a tool gives the same scene from any folder, with a moved file too; a changed file is refused")
 {
     OWN(kn_scene) *scene = parse("mesh: stamp.stl, mesh_unit: mm", NULL, 0);
     size_t size = strlen(scene->text);
@@ -90,7 +90,7 @@ static void refused(const char *keys, const char *const *sets, int count, const 
     if (!strstr(error, what)) KN_TEST_FAIL("%s\n       expected: %s", error, what);
 }
 
-TEST("a surface with a hole, one too thin for the lattice, one too large for its grid are refused with one line")
+TEST("a tool with a hole, too thin for the lattice or too large for its grid is refused in one line")
 {
     write_box(in_folder("open.stl"), 20, 15, 12, 1);
     refused("mesh: open.stl, mesh_unit: mm", NULL, 0,

@@ -75,7 +75,7 @@ static const list *all(int leaves)
     return l;
 }
 
-TEST("an expression is written in one way whatever way it was read")
+TEST("every spelling of an element is printed in one normal form")
 {
     check_normal("(s|d)-d", "(s|d)-d");
     check_normal(" d - ( d | s ) ", "(s|d)-d");
@@ -96,7 +96,7 @@ TEST("an expression is written in one way whatever way it was read")
     check_normal("burgers", "(s|d)-s-d");
 }
 
-TEST("a wrong expression gives the column, what is wrong and what was expected")
+TEST("an error in an expression gives the column, the fault and what was expected")
 {
     check_refused("", "EXPR:1:1: ends here, expected s, d, a name like voigt, or (");
     check_refused("s|", "EXPR:1:3: ends here, expected s, d, a name like voigt, or (");
@@ -151,7 +151,7 @@ static bool all_three(const kn_element *e, int node)
 
 static bool all_three_with_fewest(const kn_element *e, int node) { return all_three(e, node) && e->leaves == 3; }
 
-TEST("the paper's rules give the paper's verdicts on its figure 2, and the smallest fitting elements are (d) and (f)")
+TEST("the paper's rules reproduce its verdicts on figure 2, and the smallest elements that fit are (d) and (f)")
 {
     char found[KN_CATALOGUE + 1];
     letters(kn_element_residual, found);
@@ -197,7 +197,7 @@ static int candidates(const kn_catalogue_entry *c, int n, bool *own)
     return count;
 }
 
-TEST("what the catalogue calls forced and what it calls reconstructed is what all networks of that size leave open")
+TEST("the catalogue's forced and reconstructed entries match a search of all networks of the same size")
 {
     CHECK(all(2)->count == 2);
     CHECK(all(3)->count == 4);
@@ -235,7 +235,8 @@ TEST("figure 2 holds six one-ports: c = e, d = f, g = h = j = k")
         }
 }
 
-TEST("of every element of up to five primitives: fluid is the paper's residual, and the class counts the parameters")
+TEST(
+    "in every element of up to five primitives, fluid equals the paper's residual, and the class counts the parameters")
 {
     for (int n = 1; n < 6; n++)
         for (int i = 0; i < all(n)->count; i++) {
@@ -251,8 +252,7 @@ TEST("of every element of up to five primitives: fluid is the paper's residual, 
     printf("     %d elements of five primitives\n", all(5)->count);
 }
 
-TEST("every element is of the class of its row of Voigt units and of its Maxwell units side by side, which waste "
-     "nothing")
+TEST("every element equals its Voigt series and its parallel Maxwell units, and both have the fewest primitives")
 {
     for (int n = 1; n < 6; n++)
         for (int i = 0; i < all(n)->count; i++) {
@@ -270,7 +270,7 @@ TEST("every element is of the class of its row of Voigt units and of its Maxwell
         }
 }
 
-TEST("the standard linear solid in both forms, with parameters re-mapped, has one complex modulus")
+TEST("both forms of the standard linear solid have one complex modulus after re-mapping the parameters")
 {
     kn_element zener = element("s|(s-d)"), kelvin = element("s-(s|d)");
     double a[3] = {1e4, 3e4, 2e3}, b[3], g = a[0] + a[1]; // g: modulus of both springs in parallel

@@ -1,5 +1,5 @@
-#include "core/energy.h"
-#include "core/kernel.h"
+#include "core/lattice/measure.h"
+#include "core/solve/kernel.h"
 #include "core/scene/scene.h"
 #include "tests/physics/press.h"
 #include "tests/check.h"
@@ -36,7 +36,7 @@ static played play(const kn_model_def *def, const press *p, double seconds)
 
 static const press paced = {.depth_m = 0.004, .hold_s = 1, .pace = 1};
 
-TEST("a press of every material, with the fast settings: no window gives more than it got")
+TEST("in a press of dough, jelly and clay with the fast settings, no audit window creates energy")
 {
     const kn_material materials[] = {dough, jelly(), clay()};
     for (int m = 0; m < 3; m++)
@@ -53,7 +53,7 @@ TEST("a press of every material, with the fast settings: no window gives more th
         }
 }
 
-TEST("so it is with balls, rough and sticky ones, coupled ones, and on a table")
+TEST("no audit window creates energy with balls that are rough, sticky, coupled or on a table")
 {
     for (int c = 0; c < 5; c++) {
         kn_model_def def = ball_def(1);
@@ -67,7 +67,7 @@ TEST("so it is with balls, rough and sticky ones, coupled ones, and on a table")
     }
 }
 
-TEST("a tool that meets the object from inside grows into it, and its work is counted")
+TEST("a tool that starts inside the object grows into contact, and its work is counted")
 {
     kn_model_def def = ball_def(1);
     def.material = jelly();
@@ -115,8 +115,7 @@ static kn_energy pressed(const kn_scene *scene)
 
 static const char *const scenes[] = {"dough.yaml", "dough-pressure.yaml", "dough-fine.yaml", "bun.yaml"};
 
-TEST(
-    "blocks, composites and meshes: a damper that hardly moves stores what none does, by its strain, not by its length")
+TEST("an almost rigid damper stores the energy of no damper: energy counts strain, in blocks, composites and meshes")
 {
     for (int c = 0; c < 4; c++) {
         OWN(kn_scene) *elastic = scene_of(scenes[c], 0), *stiff = scene_of(scenes[c], 1e8);
@@ -128,7 +127,7 @@ TEST(
     }
 }
 
-TEST("lifted, each of them has its weight times the height, and nothing else")
+TEST("a lifted block, composite or mesh has the energy of its weight times the height and no other")
 {
     for (int c = 0; c < 4; c++) {
         OWN(kn_scene) *scene = scene_of(scenes[c], 1e8);
@@ -172,7 +171,7 @@ static void rig_close(rig *r)
     kn_model_destroy(r->model);
 }
 
-TEST("a tool that leaves and comes again takes none of its work with it")
+TEST("a tool that detaches and attaches again keeps the work of both presses")
 {
     AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 1};
@@ -188,7 +187,7 @@ TEST("a tool that leaves and comes again takes none of its work with it")
     CHECK_NEAR(kn_audit_read(r.audit)->work_j, 2 * work_j, 0.01 * work_j);
 }
 
-TEST("energy out of nowhere is told, and a reset is not taken for it")
+TEST("energy from nowhere is reported, and a reset is not mistaken for it")
 {
     AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 30};
@@ -207,7 +206,7 @@ TEST("energy out of nowhere is told, and a reset is not taken for it")
     CHECK(kn_audit_read(r.audit)->windows >= 6);
 }
 
-TEST("an object gone bad has no energy to tell of: none is created by it, and the next object is audited from new")
+TEST("a diverged object creates no energy, and the audit restarts with the next object")
 {
     AT_END(rig_close) rig r = rig_open();
     const press p = {.depth_m = 0.004, .hold_s = 30};

@@ -3,7 +3,7 @@
 #include "tests/check.h"
 #include "tests/core/rig.h"
 
-TEST("1/sqrt is right to 2^-16 over all of its 36 bits")
+TEST("1/sqrt is within 1.5 * 2^-16 of the exact value for all arguments of 36 bits")
 {
     int32_t seed[KN_FIXED_SEEDS];
     uint64_t random = 1;
@@ -21,7 +21,7 @@ TEST("1/sqrt is right to 2^-16 over all of its 36 bits")
     CHECK(worst < 1.5 / 65536);
 }
 
-TEST("inner forces sum to nothing, to the bit")
+TEST("the inner forces sum to zero exactly")
 {
     uint64_t seed = 7;
     OWN(rig) *r = make(60, 400, 3);
@@ -35,7 +35,7 @@ TEST("inner forces sum to nothing, to the bit")
     }
 }
 
-TEST("the order of edges changes no bit")
+TEST("the order of the edges changes no bit")
 {
     uint64_t seed = 11, other = 11, shuffle = 5;
     OWN(rig) *a = make(80, 600, 9), *b = make(80, 600, 9);
@@ -68,7 +68,7 @@ static rig *bar(void)
     return r;
 }
 
-TEST("an edge is the three-element law: R of the table, and a spring that follows")
+TEST("an edge obeys the three-element law: R from the table, and a spring that follows")
 {
     OWN(rig) *r = bar();
     const kn_fixed_config *c = &r->image.config;
@@ -89,7 +89,7 @@ TEST("an edge is the three-element law: R of the table, and a spring that follow
     CHECK(most > 1000);
 }
 
-TEST("what does not fit saturates and says so, each by its own flag")
+TEST("a value that does not fit saturates and sets its own flag")
 {
     OWN(rig) *r = bar();
     r->image.node[1].held = 0;
@@ -125,7 +125,7 @@ TEST("what does not fit saturates and says so, each by its own flag")
     CHECK(r->fixed.flags == 0);
 }
 
-TEST("a node that nothing joins, and an edge without length, do no harm")
+TEST("a node without edges and an edge of length 0 do no harm")
 {
     OWN(rig) *r = make(4, 2, 1);
     r->image.edge[0] = (kn_fixed_edge){.i = 0, .j = 1, .kv = 1000, .ia = 1000};
@@ -137,7 +137,7 @@ TEST("a node that nothing joins, and an edge without length, do no harm")
     CHECK(r->fixed.x[9] == r->image.node[3].x[0] && r->result.residual == 1000);
 }
 
-TEST("an image that no circuit takes is told what is wrong")
+TEST("an image that no circuit can run is refused with the reason")
 {
     OWN(rig) *r = make(4, 3, 1);
     kn_fixed_image good = r->image;

@@ -49,7 +49,7 @@ TEST("a block of 847 nodes has 8 706 edges: 2 266 sides, 4 040 face and 2 400 bo
     CHECK(kn_grid_edges(&g, NULL) == 2266);
 }
 
-TEST("the edges are all pairs of neighbours, each once, with the right length, whatever the shape of the block")
+TEST("in every shape of block the edges are all pairs of neighbours, each once and with the right length")
 {
     for (int t = 0; t < BLOCKS; t++) {
         kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
@@ -70,7 +70,7 @@ TEST("the edges are all pairs of neighbours, each once, with the right length, w
     }
 }
 
-TEST("every edge has a strain slot and every node an offset of its own, inside the field")
+TEST("every edge has its own strain slot and every node its own offset, all inside the field")
 {
     for (int t = 0; t < BLOCKS; t++) {
         kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
@@ -110,7 +110,7 @@ TEST("rows run along the axis that fills sixteen lanes best, for every axis and 
     }
 }
 
-TEST("lane l of vector k is node l K + k of its row; components are a stride apart, rows follow one another")
+TEST("lane l of vector k is node l K + k of its row; components are a stride apart, and rows follow one another")
 {
     for (int t = 0; t < BLOCKS; t++) {
         kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
@@ -125,7 +125,7 @@ TEST("lane l of vector k is node l K + k of its row; components are a stride apa
     }
 }
 
-TEST("forward edges lead from lane to lane as the header draws them, and never to an earlier row")
+TEST("forward edges connect the lanes as drawn in the header and never lead to an earlier row")
 {
     for (int t = 0; t < BLOCKS; t++) {
         kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
@@ -149,7 +149,7 @@ TEST("forward edges lead from lane to lane as the header draws them, and never t
     }
 }
 
-TEST("shares of the nodes add up to the volume, shares of the edges to those of whole cells")
+TEST("the shares of the nodes add up to the volume, and the weights of the edges to those of whole cells")
 {
     for (int t = 0; t < BLOCKS; t++) {
         kn_grid g = grid_of(blocks[t][0], blocks[t][1], blocks[t][2], 1);
@@ -174,7 +174,7 @@ TEST("shares of the nodes add up to the volume, shares of the edges to those of 
     }
 }
 
-TEST("an edge inside weighs 1, on a face 1/2, at a corner side 1/4; diagonals inside a face 1/2; a lone bar 1")
+TEST("an inner edge weighs 1, an edge in a face 1/2, an edge of the block 1/4 and a single bar 1")
 {
     kn_grid g = grid_of(4, 4, 4, 1);
     int count;
@@ -192,7 +192,8 @@ TEST("an edge inside weighs 1, on a face 1/2, at a corner side 1/4; diagonals in
     CHECK(kn_grid_edges(&g, &bar) == 1 && bar.weight == 1);
 }
 
-TEST("stiffness calibration: k = E h/2.7 with diagonals, E h without; stress area 0.46 of the share with diagonals")
+TEST("calibrated stiffness is E h/2.7 with diagonals and E h without; the stress area is 0.46 of the share with "
+     "diagonals")
 {
     kn_grid g = grid_of(4, 4, 4, 1);
     CHECK_NEAR(g.kappa_m, 0.005 / 2.7, 1e-15);
@@ -202,7 +203,7 @@ TEST("stiffness calibration: k = E h/2.7 with diagonals, E h without; stress are
     CHECK_NEAR(g.gamma, 1, 0);
 }
 
-TEST("the origin is the centre of the base, z points up")
+TEST("the origin is the centre of the base, and z points up")
 {
     kn_grid g = grid_of(11, 11, 7, 1);
     double low[3], high[3];

@@ -12,7 +12,7 @@ TEST("the identified dough's damper falls from 39 190 to 120 gf s/cm^3, through 
     CHECK_NEAR(kn_material_c2(&dough, 1e9) / GF_CM2, 120.3, 0.1);
 }
 
-TEST("the damper does not care for the sign of the stress; its flow does")
+TEST("the damper's viscosity does not depend on the sign of the stress, and its flow follows the sign")
 {
     for (double s = 1; s < 1e6; s *= 3) {
         CHECK(kn_material_c2(&dough, -s) == kn_material_c2(&dough, s));
@@ -21,7 +21,7 @@ TEST("the damper does not care for the sign of the stress; its flow does")
     }
 }
 
-TEST("more stress flows faster, without a jump at p0 or p1")
+TEST("the flow grows with the stress, without a jump at p0 or p1")
 {
     double before = 0;
     for (int i = 1; i <= 20000; i++) {
@@ -32,7 +32,7 @@ TEST("more stress flows faster, without a jump at p0 or p1")
     }
 }
 
-TEST("a rigid damper does not flow; a constant one flows in proportion")
+TEST("a rigid damper does not flow, and a constant damper flows in proportion to the stress")
 {
     kn_material m = {.k1_pa = 1e3, .damper = KN_DAMPER_NONE};
     CHECK(isinf(kn_material_c2(&m, 5)) && kn_material_flow(&m, 1e6) == 0);
@@ -51,7 +51,7 @@ static const char *spoilt(double *field, kn_material *m, double value)
     return complaint;
 }
 
-TEST("every parameter that cannot be simulated is named, the dough and the limits of its law are accepted")
+TEST("every invalid parameter is named in the error, and dough and the limits of its law are accepted")
 {
     kn_material m = dough;
     CHECK(!kn_material_check(&m));
@@ -84,7 +84,7 @@ static const kn_material ramp = {.k1_pa = 470 * GF_CM2,
                                  .p0_pa = 9 * GF_CM2,
                                  .p1_pa = 80 * GF_CM2};
 
-TEST("a ramp falls from c_max at p0 to c_min at p1, half way between them half way, and is constant outside")
+TEST("a ramp falls linearly from c_max at p0 to c_min at p1 and is constant outside")
 {
     CHECK(kn_material_c2(&ramp, 0) == ramp.c_max_pa_s && kn_material_c2(&ramp, -9 * GF_CM2) == ramp.c_max_pa_s);
     CHECK_NEAR(kn_material_c2(&ramp, 44.5 * GF_CM2) / GF_CM2, (39190 + 120) / 2.0, 1e-6);
@@ -92,7 +92,7 @@ TEST("a ramp falls from c_max at p0 to c_min at p1, half way between them half w
     CHECK_NEAR(kn_material_c2(&ramp, 1e9) / GF_CM2, 120, 1e-6);
 }
 
-TEST("thinning is -d ln c2/d stress of both, and 0 where the damper is constant")
+TEST("the thinning is -d ln c2/d stress for both laws, and 0 where the damper is constant")
 {
     const kn_material *m[] = {&dough, &ramp};
     for (int i = 0; i < 2; i++)
@@ -112,7 +112,7 @@ TEST("a ramp that rises is refused")
     CHECK(kn_material_check(&m));
 }
 
-TEST("stops limit the permanent strain to a0/a_max - 1 and a0/a_min - 1; equal ones make the damper rigid")
+TEST("the stops limit the permanent strain to a0/a_max - 1 and a0/a_min - 1; equal stops make the damper rigid")
 {
     kn_material m = dough;
     double in, out;

@@ -1,4 +1,4 @@
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "tests/check.h"
 
 #include <dirent.h>
@@ -21,7 +21,7 @@ static int same(const kn_simplices *a, const kn_simplices *b)
            memcmp(a->tag, b->tag, sizeof *a->tag * (size_t)a->element_count) == 0;
 }
 
-TEST("a mesh in either version, as text or as bytes, is the same mesh to the bit")
+TEST("both versions of a mesh file, as text or binary, give the same mesh to the bit")
 {
     static const char *const file[] = {HERE "meshes/cube-22.msh", HERE "meshes/cube-41.msh",
                                        HERE "meshes/cube-22-binary.msh", HERE "meshes/cube-41-binary.msh"};
@@ -37,7 +37,7 @@ TEST("a mesh in either version, as text or as bytes, is the same mesh to the bit
     }
 }
 
-TEST("every example mesh can be read, and is of good shape and of the size it says")
+TEST("every example mesh can be read and has good elements and the expected volume and height")
 {
     static const struct {
         const char *file;
@@ -59,7 +59,7 @@ TEST("every example mesh can be read, and is of good shape and of the size it sa
     }
 }
 
-TEST("every broken mesh gives its own line, with the place in the file and the number of the element")
+TEST("every broken mesh gives its own error line, with the place in the file and the number of the element")
 {
     char line[512], path[512];
     int lines = 0, files = 0;
@@ -81,7 +81,7 @@ TEST("every broken mesh gives its own line, with the place in the file and the n
     CHECK(lines >= 70 && lines == files);
 }
 
-TEST("a file cut off anywhere gives one line, never a mesh")
+TEST("a file truncated anywhere gives one error line and no mesh")
 {
     static const char *const file[] = {HERE "meshes/cube-22.msh", HERE "meshes/cube-41.msh",
                                        HERE "meshes/cube-22-binary.msh", HERE "meshes/cube-41-binary.msh"};
@@ -107,7 +107,7 @@ TEST("a file cut off anywhere gives one line, never a mesh")
 #define NODES                                                                                                          \
     "$Nodes\n5\n7 0 0 0\n90 1 0 0\n4000000000 0 1 0\n5 0 0 1\n1 9 9 9\n$EndNodes\n" // numbers with gaps, one loose node
 
-TEST("points, lines and skin beside tetrahedra are left out, and so are nodes that no element has")
+TEST("points, lines and surface triangles beside tetrahedra are left out, and so are nodes without an element")
 {
     kn_msh_facts facts = {.loose = -1};
     OWN(kn_simplices) *s = read_text(HEAD "$PhysicalNames\n1\n3 1 \"$Nodes\"\n$EndPhysicalNames\n" NODES
@@ -120,7 +120,7 @@ TEST("points, lines and skin beside tetrahedra are left out, and so are nodes th
     CHECK(s && s->element[0][0] == 0 && s->element[0][3] == 3 && s->x_m[2][1] == 1); // in the order of the file
 }
 
-TEST("parameters behind the coordinates of a node are passed over")
+TEST("parameters after the coordinates of a node are skipped")
 {
     OWN(kn_simplices) *s = read_text("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n2 4 1 4\n2 1 1 3\n1\n2\n3\n"
                                      "0 0 0 0.5 0.5\n1 0 0 0.5 0.5\n0 1 0 0.5 0.5\n3 1 0 1\n4\n0 0 1\n$EndNodes\n"
@@ -130,7 +130,7 @@ TEST("parameters behind the coordinates of a node are passed over")
     CHECK(s && s->node_count == 4 && s->x_m[3][2] == 1);
 }
 
-TEST("triangles stand up from the plane they were drawn in, and from behind they are turned round")
+TEST("triangles are moved upright from their drawing plane, and triangles seen from behind are turned round")
 {
     // drawn in the plane x-y; in x-z
     static const char *const nodes[] = {"1 0 0 3\n2 2 0 3\n3 0 1 3\n", "1 0 4 0\n2 2 4 0\n3 0 4 1\n"};
@@ -147,7 +147,7 @@ TEST("triangles stand up from the plane they were drawn in, and from behind they
     }
 }
 
-TEST("5 mm, 0.5 cm and 0.005 m are the same bits")
+TEST("5 mm, 0.5 cm and 0.005 m give the same bits")
 {
     static const char *const edge[] = {"5", "0.5", "0.005"};
     static const double per_m[] = {1000, 100, 1};
@@ -162,7 +162,7 @@ TEST("5 mm, 0.5 cm and 0.005 m are the same bits")
     }
 }
 
-TEST("a file that cannot be read is one line")
+TEST("a file that cannot be read gives one error line")
 {
     CHECK(!kn_msh_load("/nowhere/x.msh", 1, NULL, error, sizeof error));
     CHECK_STR(error, "/nowhere/x.msh:1:1: No such file or directory, expected a file of at most 256 MiB");

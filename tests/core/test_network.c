@@ -86,8 +86,8 @@ TEST("creep and recovery of linear elements follow their closed forms to 1e-7")
     check_creep("(s|d)-(s|d)", (const double[]){2e4, 3e2, 5e4, 2e6}, voigt_pair_creep);
 }
 
-TEST("after a step of strain Maxwell units relax as exponentials, and an element with a dashpot at once refuses the "
-     "step")
+TEST("after a strain step Maxwell elements relax exponentially; an element with a dashpot that blocks the step refuses "
+     "it")
 {
     double m[] = {1e4, 3e4, 2e4, 5e3, 4e4};
     kn_network net = network("s|(s-d)|(s-d)", m);
@@ -180,7 +180,7 @@ static void check_modulus(const char *text)
     swung++;
 }
 
-TEST("swung, every element of up to four primitives has the storage and loss modulus of its impedance to 1e-6")
+TEST("an oscillated element of three or four primitives has the storage and loss modulus of its impedance to 1e-6")
 {
     for (int leaves = 3; leaves <= 4; leaves++) for_each_element(leaves, check_modulus);
     printf("     %d elements\n", swung);
@@ -217,7 +217,7 @@ TEST("a 1 cm cube of dough carries 26.33 gf/cm^2 and is 0.5266 cm high after 60 
     CHECK_NEAR(c.height, 0.5266, 0.00005);
 }
 
-TEST("under 10 to 90 gf it creeps, recovers and keeps what an integration by hand of the same element says")
+TEST("under 10 to 90 gf the dough's creep, recovery and residual deformation match an independent integration")
 {
     static const double load[] = {10, 30, 50, 70, 90}, strain[] = {0.0363, 0.210, 0.473, 0.648, 0.746},
                         stress[] = {9.64, 23.7, 26.3, 24.6, 22.8}, residual[] = {0.0158, 0.159, 0.416, 0.594, 0.696},
@@ -241,7 +241,7 @@ static double e1(double x) // exponential integral by its series, good for x < 1
     return sum;
 }
 
-TEST("held at one length dough relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, in closed form with c1")
+TEST("dough held at constant length relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, as the closed form with c1 says")
 {
     kn_material m = dough;
     kn_network net = kn_network_of(&m);
@@ -261,7 +261,7 @@ TEST("held at one length dough relaxes from 55 to 28.57 gf/cm^2 in 20.0 s, in cl
     }
 }
 
-TEST("a damper alone of any force dependence carries the one stress at which it flows as fast as it is pressed")
+TEST("a force-dependent damper alone carries the stress at which it flows at the imposed rate")
 {
     kn_material m = dough;
     kn_network net = network("d", (const double[]){1});
@@ -276,7 +276,8 @@ TEST("a damper alone of any force dependence carries the one stress at which it 
     }
 }
 
-TEST("a material is the element (s|d)-d less what it lacks, and those elements are materials again")
+TEST("every material is the element (s|d)-d without the missing parts; these elements convert back, and others are "
+     "refused")
 {
     kn_material m = dough, back;
     for (int i = 1; i < 16; i++) {

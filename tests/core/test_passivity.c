@@ -26,7 +26,7 @@ static double tick(kn_passivity *p, double z_m, double speed_m_s, double stored_
     return out[2];
 }
 
-TEST("energy given is the held force times the distance between two samples, to the bit")
+TEST("the energy given is the held force times the distance between two samples, to the bit")
 {
     kn_passivity p = fresh();
     double out[3], sum = 0.0, before[3] = {0.01, 0.02, 0.03};
@@ -44,7 +44,7 @@ TEST("energy given is the held force times the distance between two samples, to 
     }
 }
 
-TEST("in free air nothing is observed, nothing is spent and nothing acts")
+TEST("in free air the observer counts no energy and the controller does not act")
 {
     kn_passivity p = fresh();
     for (int n = 0; n < 2000; n++) {
@@ -54,7 +54,7 @@ TEST("in free air nothing is observed, nothing is spent and nothing acts")
     CHECK(p.given_j == 0.0 && p.acted == 0 && p.credit_j == 0.0);
 }
 
-TEST("a spring gives back all that was put into it and never finds the controller in the way")
+TEST("a spring returns all its energy without an action of the controller")
 {
     kn_passivity p = fresh();
     const double k = 600.0, depth = 0.004;
@@ -69,7 +69,7 @@ TEST("a spring gives back all that was put into it and never finds the controlle
     CHECK_NEAR(p.given_j, 0.0, 1e-9);
 }
 
-TEST("long kneading earns no more than a millijoule beyond what is stored")
+TEST("long kneading earns a credit of at most 1 mJ beyond the stored energy")
 {
     kn_passivity p = fresh();
     for (int n = 0; n < 3000; n++) tick(&p, -1e-5 * n, -0.01, 0.0, 1.0); // dissipates 30 mJ
@@ -82,7 +82,7 @@ TEST("long kneading earns no more than a millijoule beyond what is stored")
     CHECK(gained < 1e-3 + 1.0 / 1200.0 + 3e-4); // the controller acts a few periods late, 0.1 mJ each
 }
 
-TEST("who does not know the stored energy has the larger of 5 mJ and twice what the coupling can hold")
+TEST("if the stored energy is unknown, the credit is the larger of 5 mJ and twice the coupling's capacity")
 {
     for (int i = 0; i < 2; i++) {
         kn_passivity p;
@@ -94,7 +94,7 @@ TEST("who does not know the stored energy has the larger of 5 mJ and twice what 
     }
 }
 
-TEST("an active object gives the hand a tenth of what it would without the controller")
+TEST("with the controller an active object gives the hand less than a tenth of the energy")
 {
     double given[2];
     for (int i = 0; i < 2; i++) { // a mass on a spring with negative damping: x'' = (-k x + 2 v) / m
@@ -113,7 +113,7 @@ TEST("an active object gives the hand a tenth of what it would without the contr
     CHECK(given[1] < 0.1 * given[0]);
 }
 
-TEST("damping is bounded by m / 2 (T + t_d + 1/w_f), and by 10 N s/m for heavy devices")
+TEST("the damping is at most m / 2 (T + t_d + 1/w_f), and at most 10 N s/m for heavy devices")
 {
     kn_passivity p;
     kn_passivity_def def = touch();
@@ -128,7 +128,7 @@ TEST("damping is bounded by m / 2 (T + t_d + 1/w_f), and by 10 N s/m for heavy d
     CHECK(p.damping_n_s_m == 10.0);
 }
 
-TEST("a debt is not paid in the air: it fades in 100 ms and is counted")
+TEST("an energy debt is not paid in free air: the debt fades within 100 ms, and the forgiven energy is counted")
 {
     kn_passivity p = fresh();
     tick(&p, 0.0, 0.0, 0.0, 1.0);
@@ -139,7 +139,7 @@ TEST("a debt is not paid in the air: it fades in 100 ms and is counted")
     CHECK(p.acted == 0);
 }
 
-TEST("the observer hears what was sent, not what was wanted: a clamp hides no energy")
+TEST("the observer counts the force sent, not the force wanted, so a clamp hides no energy")
 {
     kn_passivity p = fresh();
     double out[3];
@@ -150,7 +150,7 @@ TEST("the observer hears what was sent, not what was wanted: a clamp hides no en
     CHECK(p.given_j == 3.3 * -0.01);
 }
 
-TEST("a light touch through a coarse encoder looks like energy given, and is not damped for it")
+TEST("a light touch through a coarse encoder looks like energy given, and a known encoder step prevents damping")
 {
     int64_t acted[2];
     for (int i = 0; i < 2; i++) {
@@ -169,7 +169,7 @@ TEST("a light touch through a coarse encoder looks like energy given, and is not
     CHECK(acted[1] == 0);
 }
 
-TEST("a position that is not a number is passed over")
+TEST("a position that is NaN is skipped")
 {
     kn_passivity p = fresh();
     tick(&p, 0.0, 0.0, 0.0, 1.0);

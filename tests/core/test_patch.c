@@ -1,4 +1,4 @@
-#include "core/patch.h"
+#include "core/local/patch.h"
 #include "tests/check.h"
 
 // The top of a block, 11 by 11 nodes. The tests draw patches on it.
@@ -48,7 +48,7 @@ static int bits(unsigned used)
     return count;
 }
 
-TEST("nodes that are neighbours, across a corner, too, are one patch; with a free node between them two")
+TEST("neighbouring nodes, also across a corner, form one patch; a free node between them separates two patches")
 {
     AT_END(rig_free) rig r = rig_make();
     CHECK(draw(&r, 0, (const char *const[]){"...........", "..##.......", "....#......", "...#......."}, 4) == 1);
@@ -60,7 +60,7 @@ TEST("nodes that are neighbours, across a corner, too, are one patch; with a fre
     CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == -1);
 }
 
-TEST("a patch keeps its number while it moves; of two that meet one goes on with all of both")
+TEST("a patch keeps its number while it moves; when two meet, the stronger one continues with the content of both")
 {
     AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"##..22....."}, 1);
@@ -75,7 +75,7 @@ TEST("a patch keeps its number while it moves; of two that meet one goes on with
     CHECK_NEAR(r.share[right][right], 1, 0);
 }
 
-TEST("of one that breaks in two the stronger part keeps the number, and each takes its part of what was")
+TEST("when a patch splits, the stronger part keeps the number, and each part takes its share of the content")
 {
     AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"#######"}, 1);
@@ -86,7 +86,7 @@ TEST("of one that breaks in two the stronger part keeps the number, and each tak
     CHECK_NEAR(r.share[right][0], 0.75, 1e-12);
 }
 
-TEST("of more than eight patches the strongest are their own, the rest share one")
+TEST("with more than eight patches the strongest keep their own number, and the rest share one")
 {
     AT_END(rig_free) rig r = rig_make();
     const char *rows[9];
@@ -98,7 +98,7 @@ TEST("of more than eight patches the strongest are their own, the rest share one
         CHECK(kn_patches_at(r.patches, 0, at(&r, x, 0)) != kn_patches_at(r.patches, 0, at(&r, x - 2, 0)));
 }
 
-TEST("a patch goes on over the edge of the block")
+TEST("a patch continues over the edge of the block")
 {
     AT_END(rig_free) rig r = rig_make();
     int below = -1;

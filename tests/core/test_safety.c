@@ -43,7 +43,7 @@ static rig rig_pressing(double clamp_n, double force_n)
     return r;
 }
 
-TEST("a probe engages after 200 ms of poses, in air, and its gain takes 200 ms to reach 1")
+TEST("a probe engages after 200 ms of poses in free air, and its gain reaches 1 in another 200 ms")
 {
     rig r = rig_make(40.0);
     ticks(&r, 199);
@@ -58,7 +58,7 @@ TEST("a probe engages after 200 ms of poses, in air, and its gain takes 200 ms t
     }
 }
 
-TEST("a tool that starts inside the object gets no force until it has been lifted")
+TEST("a tool that starts inside the object gets no force until it is lifted")
 {
     rig r = rig_make(40.0);
     r.in.clear = false;
@@ -71,7 +71,7 @@ TEST("a tool that starts inside the object gets no force until it has been lifte
     CHECK(r.s.attached && !(r.flags & KN_FLAG_REENGAGE_LIFT));
 }
 
-TEST("without poses the force stands for 3 ms, falls on a line, is zero at 20 ms and stays zero")
+TEST("without poses the force holds for 3 ms, falls linearly to zero at 20 ms and stays zero")
 {
     rig r = rig_pressing(40.0, 8.5);
     r.in.fresh = false;
@@ -88,7 +88,7 @@ TEST("without poses the force stands for 3 ms, falls on a line, is zero at 20 ms
     CHECK(r.s.faults == 1);
 }
 
-TEST("a silence that ends before the deadline fades and ramps in again without a latch")
+TEST("a silence that ends before the deadline fades the force and ramps it in again without a latch")
 {
     rig r = rig_pressing(3.3, 3.0);
     r.in.fresh = false;
@@ -104,7 +104,7 @@ TEST("a silence that ends before the deadline fades and ramps in again without a
     CHECK_NEAR(r.out_n[2], 1.0, 1e-12);
 }
 
-TEST("a latched silence clears by lifting while poses flow, not by poses alone")
+TEST("a latched silence clears by lifting the tool while poses flow, not by poses alone")
 {
     rig r = rig_pressing(40.0, 5.0);
     r.in.fresh = false;
@@ -119,7 +119,7 @@ TEST("a latched silence clears by lifting while poses flow, not by poses alone")
     CHECK(r.s.fault == KN_FAULT_NONE && (r.flags & KN_FLAG_ENGAGED));
 }
 
-TEST("cycles that the server missed count as silence, and a stall past the deadline latches")
+TEST("cycles that the server missed count as silence, and a stall beyond the deadline latches")
 {
     rig r = rig_pressing(40.0, 5.0);
     // The fresh pose may have come at the end of these 9 ms. Then 8 ms were silent, 5 of them past the hold.
@@ -136,7 +136,7 @@ TEST("cycles that the server missed count as silence, and a stall past the deadl
     CHECK(q.s.fault == KN_FAULT_NONE && (q.flags & KN_FLAG_ENGAGED) == 0 && q.s.attached);
 }
 
-TEST("being too slow fades a force as a silence does, and hides no fault that asks for more than lifting")
+TEST("an overloaded server fades the force like a silence and never hides a fault that needs more than lifting")
 {
     rig r = rig_pressing(40.0, 5.0);
     r.in.overload = true;
@@ -155,7 +155,7 @@ TEST("being too slow fades a force as a silence does, and hides no fault that as
     CHECK(r.s.fault == KN_FAULT_IMPULSE && r.s.tripped[KN_FAULT_OVERLOAD] == 1);
 }
 
-TEST("a first touch of 1.2 N/ms, steeper than a dough press makes, never meets the guard")
+TEST("a first contact of 1.2 N/ms, steeper than a press into dough, does not trigger the impulse guard")
 {
     rig r = rig_make(40.0);
     ticks(&r, 401);
@@ -167,7 +167,7 @@ TEST("a first touch of 1.2 N/ms, steeper than a dough press makes, never meets t
     CHECK_NEAR(r.out_n[2], 36.0, 1e-12);
 }
 
-TEST("the guard limits one wild value to 4 N/ms and counts it")
+TEST("the impulse guard limits a single outlier to 4 N/ms and counts it")
 {
     rig r = rig_pressing(40.0, 5.0);
     r.contact_n[2] = 11.0;
@@ -179,7 +179,7 @@ TEST("the guard limits one wild value to 4 N/ms and counts it")
     CHECK(!(r.flags & KN_FLAG_GUARD));
 }
 
-TEST("three hits in 20 ticks, an alternating pair or one request above twice the guard fade to zero in 17 ms, latched")
+TEST("three guard hits in 20 ticks, an alternating pair or one request above twice the guard latch and fade in 17 ms")
 {
     static const double patterns[3][4] = {{6.0, 6.0, 6.0, 6.0}, {6.0, -6.0, 0.0, 0.0}, {8.5, 0.0, 0.0, 0.0}};
     for (int p = 0; p < 3; p++) {
@@ -201,7 +201,7 @@ TEST("three hits in 20 ticks, an alternating pair or one request above twice the
     }
 }
 
-TEST("hits further apart than 20 ticks are no fault")
+TEST("guard hits more than 20 ticks apart are no fault")
 {
     rig r = rig_pressing(40.0, 0.0);
     for (int i = 0; i < 100; i++) {
@@ -211,7 +211,7 @@ TEST("hits further apart than 20 ticks are no fault")
     CHECK(r.s.guards == 100 && r.s.fault == KN_FAULT_NONE);
 }
 
-TEST("an impulse fault stays through lifting and clears by a new session or by recover")
+TEST("an impulse fault survives lifting and is cleared by a new session or by recover")
 {
     for (int way = 0; way < 2; way++) {
         rig r = rig_pressing(40.0, 5.0);
@@ -229,7 +229,7 @@ TEST("an impulse fault stays through lifting and clears by a new session or by r
     }
 }
 
-TEST("a non-finite force never leaves; the last good one fades, and only a reset is a way back")
+TEST("a non-finite force is never sent; the last good force fades, and only a reset clears the fault")
 {
     rig r = rig_pressing(40.0, 5.0);
     r.contact_n[1] = NAN;
@@ -267,7 +267,7 @@ TEST("a non-finite force never leaves; the last good one fades, and only a reset
     CHECK(r.s.fault == KN_FAULT_NONE && r.s.attached);
 }
 
-TEST("a reset under the hand takes the probe out at once and fades what it felt")
+TEST("a reset under the hand detaches the probe at once and fades its force")
 {
     rig r = rig_pressing(40.0, 8.5);
     r.in.reset = true;
@@ -280,7 +280,7 @@ TEST("a reset under the hand takes the probe out at once and fades what it felt"
     CHECK(length(r.out_n) == 0.0);
 }
 
-TEST("a change of the physics takes the force to zero in 17 ms and back in 200, and the probe stays in the model")
+TEST("a change of the physics fades the force in 17 ms and restores it in 200 ms with the probe attached")
 {
     rig r = rig_pressing(40.0, 8.0);
     double slope = kn_safety_slope(&r.s.limits);
@@ -299,7 +299,7 @@ TEST("a change of the physics takes the force to zero in 17 ms and back in 200, 
     CHECK(r.s.faults == 0 && r.s.guards == 0);
 }
 
-TEST("stopping ramps to zero in 17 ms and nothing brings the force back")
+TEST("stopping ramps the force to zero in 17 ms, and nothing brings it back")
 {
     rig r = rig_pressing(40.0, 8.5);
     r.in.stop = true;
@@ -313,7 +313,7 @@ TEST("stopping ramps to zero in 17 ms and nothing brings the force back")
     CHECK(r.s.fault == KN_FAULT_STOPPING && length(r.out_n) == 0.0 && r.s.faults == 0);
 }
 
-TEST("above 1.2 m/s the hand is only damped, and contact comes back through the ramp, in air")
+TEST("above 1.2 m/s the hand is only damped; contact force returns in free air through the ramp")
 {
     rig r = rig_pressing(3.3, 3.0);
     r.in.velocity_m_s[0] = 2.0;
@@ -348,7 +348,7 @@ TEST("force and torque are clamped by their norm and share one gain")
     CHECK((r.flags & KN_FLAG_CLAMPED) && r.s.clamps == 1);
 }
 
-TEST("a force scale divides what the hand is given before the guard and the clamp: 13 N fit 3.3 N, 20 N/ms the guard")
+TEST("the force scale applies before the guard and the clamp: at scale 0.25, 13 N pass the guard and a clamp of 3.3 N")
 {
     rig r = rig_make(3.3);
     r.s.limits.force_scale = 0.25;
@@ -435,13 +435,13 @@ static void anything(double clamp_n, unsigned long long from)
     CHECK(r.s.guards > 100 && r.s.faults > 100);
 }
 
-TEST("whatever happens: |force| <= clamp, zero 20 ms after silence, transitions within the slope (touch, 3.3 N)")
+TEST("under random input |force| <= clamp, zero 20 ms after silence, transitions within the slope (touch, 3.3 N)")
 {
     anything(3.3, 20261121);
 }
-TEST("the same on the bench profile (40 N)") { anything(40.0, 7); }
+TEST("under random input the clamp, the deadline and the slope hold on the bench profile (40 N)") { anything(40.0, 7); }
 
-TEST("a device whose server was killed holds 3 ms, is at zero by 20 ms and stays there until rearmed")
+TEST("the device's watchdog holds the force for 3 ms, is at zero by 20 ms and stays there until it is rearmed")
 {
     kn_watchdog w;
     kn_watchdog_init(&w, 0, 0);
@@ -457,7 +457,7 @@ TEST("a device whose server was killed holds 3 ms, is at zero by 20 ms and stays
     CHECK(kn_watchdog_tick(&w, true, 1) == 1.0);
 }
 
-TEST("a device that was itself asleep past the deadline trips, too; a short gap is ramped in again")
+TEST("a device that stalls beyond the deadline trips its watchdog, too; after a short gap the force ramps in again")
 {
     kn_watchdog w;
     kn_watchdog_init(&w, 3, 20);
@@ -470,13 +470,13 @@ TEST("a device that was itself asleep past the deadline trips, too; a short gap 
     CHECK(w.tripped);
 }
 
-TEST("every fault has a name and a way back")
+TEST("every fault has a name and a remedy")
 {
     for (int f = KN_FAULT_NONE; f <= KN_FAULT_STOPPING; f++)
         CHECK(strlen(kn_fault_name((kn_fault)f)) > 3 && strlen(kn_fault_remedy((kn_fault)f)) > 3);
 }
 
-TEST("what allows a hand more is named: a force, a slope, a time; what lowers any of them alone is not")
+TEST("a limit that allows more force, slope or time is named, and lower limits are accepted")
 {
     static const struct {
         kn_safety_limits limits;
@@ -502,8 +502,8 @@ TEST("what allows a hand more is named: a force, a slope, a time; what lowers an
     CHECK_STR(kn_safety_raised(&scene, &slow), "device.ramp");
 }
 
-TEST(
-    "every fault is counted by its name; ticks in which a ramp or a slope held a force back, and ticks of braking, too")
+TEST("faults are counted by name; ticks in which a ramp or a slope holds the force back and braking ticks are counted, "
+     "too")
 {
     rig r = rig_make(40.0);
     ticks(&r, 400);

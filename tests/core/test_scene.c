@@ -1,5 +1,4 @@
-#include "core/contact.h"
-#include "core/scene/library.h"
+#include "core/solve/contact.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
 #include "tests/check.h"
@@ -39,7 +38,7 @@ static int same(const kn_scene *a, const kn_scene *b)
            memcmp(&a->device, &b->device, sizeof a->device) == 0 && a->version == b->version;
 }
 
-TEST("the text of a scene is the scene: reading it gives the same bits and the same text")
+TEST("reading the canonical text of a scene gives the same scene and the same text")
 {
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
         OWN(kn_scene) *scene = load(scenes[i], NULL), *again = parse(scene->text, NULL, 0);
@@ -47,7 +46,7 @@ TEST("the text of a scene is the scene: reading it gives the same bits and the s
     }
 }
 
-TEST("every scene can be built")
+TEST("every block scene can be loaded and built")
 {
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
         OWN(kn_scene) *scene = load(scenes[i], NULL);
@@ -58,7 +57,7 @@ TEST("every scene can be built")
     }
 }
 
-TEST("dough is the identified material of the first paper, per centimetre of specimen")
+TEST("dough is the identified material of the first paper per centimetre of specimen")
 {
     OWN(kn_scene) *scene = load(scenes[0], NULL), *small = load(scenes[1], NULL);
     const kn_model_def *def = &scene->model;
@@ -88,14 +87,14 @@ static const char in_si[] = "version: 1\n"
                             "device: {profile: touch, guard: 3000 N/s}\n"
                             "probes: [{name: ball, shape: sphere, radius: 0.012 m, foundation: 2e7 N/m^3}]\n";
 
-TEST("a scene in centimetres and one in metres are the same bits")
+TEST("a scene in centimetres and the same scene in metres give the same bits")
 {
     OWN(kn_scene) *a = parse(in_cm, NULL, 0), *b = parse(in_si, NULL, 0);
     CHECK(a && b && same(a, b));
     CHECK(a->limits.guard_n_per_ms == 3);
 }
 
-TEST("what a scene leaves out has the core's defaults")
+TEST("settings missing in a scene have the core's defaults")
 {
     const char *without = "probes.ball.foundation=2.5e7 N/m^3";
     OWN(kn_scene) *scene = parse(in_cm, NULL, 0), *default_too = parse(in_cm, &without, 1);
@@ -107,7 +106,7 @@ TEST("what a scene leaves out has the core's defaults")
     CHECK(default_too->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
 }
 
-TEST("every key can be set")
+TEST("--set changes every listed key, and the text shows the new values")
 {
     static const char *const set[] = {"version=1",
                                       "object.size=[6 cm, 4 cm, 2 cm]",
@@ -173,7 +172,7 @@ static const char points[] =
     "quality={fast: {iterations: 5, iterations_max: 9}, balanced: {spacing: 1 cm, precision: f64}, "
     "accurate: {passes: 2, tolerance: 1e-4, linearization: secant}}";
 
-TEST("a named point of quality stands in the place of solver's keys, and is in the text and its hash")
+TEST("a chosen quality point overrides the solver's keys and is part of the text and its hash")
 {
     const char *sets[] = {points, kn_quality_set("fast"), "solver.tolerance=0.01"};
     OWN(kn_scene) *none = parse(in_cm, sets, 0), *own = parse(in_cm, sets, 1), *fast = parse(in_cm, sets, 3);
@@ -188,7 +187,7 @@ TEST("a named point of quality stands in the place of solver's keys, and is in t
     CHECK(back && back->model.solver.iterations == 4 && !strstr(back->text, "chosen"));
 }
 
-TEST("only points with the chosen one's lattice and precision can be taken later")
+TEST("only quality points with the lattice and precision of the chosen one can be switched to later")
 {
     const char *sets[] = {points, "quality=balanced"};
     OWN(kn_scene) *own = parse(in_cm, sets, 1), *balanced = parse(in_cm, sets, 2);
@@ -201,7 +200,7 @@ TEST("only points with the chosen one's lattice and precision can be taken later
     CHECK(e->passes == 2 && e->tolerance == 1e-4 && e->linearization == KN_LINEARIZATION_SECANT && e->iterations == 4);
 }
 
-TEST("a --set of a key that the chosen point has is meant, whichever came first")
+TEST("a --set of a solver key overrides the chosen quality point in either order")
 {
     const char *sets[] = {points, "solver.iterations=7", "quality=fast", "quality.fast.iterations_max=8"};
     OWN(kn_scene) *scene = parse(in_cm, sets, 4), *again = scene ? parse(scene->text, NULL, 0) : NULL;
@@ -218,7 +217,8 @@ static kn_scene *damped(const char *a, const char *b, const char *c)
     return scene;
 }
 
-TEST("an exponential damper by its ends is the one by alpha and beta, in the canonical text too; a ramp keeps its ends")
+TEST(
+    "an exponential damper given by its ends equals the one by alpha and beta, also in the text; a ramp keeps its ends")
 {
     OWN(kn_scene) *dough = load(scenes[0], NULL);
     static const char *const ends =
@@ -237,8 +237,7 @@ TEST("an exponential damper by its ends is the one by alpha and beta, in the can
     CHECK_STR(again->text, ramp->text);
 }
 
-TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) without a spring; text without one has "
-     "neither")
+TEST("the ratio of a stroke is 0.2, the stroke itself if it leaves no way, or c2/(c1 + c2) without a spring")
 {
     OWN(kn_scene) *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
     CHECK(scene->model.material.ratio == 0.2 && strstr(scene->text, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
@@ -255,8 +254,7 @@ TEST("a stroke has a ratio: 0.2, its own when it leaves no way, c2/(c1 + c2) wit
     CHECK(!strstr(without->text, "stroke") && !strstr(without->text, " ratio"));
 }
 
-TEST("a material by its name has its density and the canonical text writes all of it out; what the scene says itself "
-     "stays")
+TEST("a named material sets the density and is written out in the canonical text; the scene's own values override")
 {
     static const char named[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\nmaterial: dough\n"
                                 "support: bonded\ndevice: touch\n";
@@ -285,7 +283,7 @@ static kn_material variant(const char *name)
     return mat;
 }
 
-TEST("every named material has its three variants, by the second paper's rules")
+TEST("every named material has its three variants by the rules of the second paper")
 {
     int count = 0;
     for (const kn_library_entry *e = kn_library; e->name; e++, count++) {
@@ -311,7 +309,7 @@ TEST("every named material has its three variants, by the second paper's rules")
     CHECK(count == 6);
 }
 
-TEST("the keys of structure and gas can be set, and a size of two values with a thickness makes a flat object")
+TEST("the structure and pressure keys can be set; a size of two values with a thickness makes a flat object")
 {
     static const char *const set[] = {"object.size=[6 cm, 3 cm]", "object.thickness=2 cm",
                                       "object.diagonal_stiffness=0.02", "object.pressure=object",
@@ -334,7 +332,7 @@ TEST("the keys of structure and gas can be set, and a size of two values with a 
     CHECK(block && block->model.diagonal_stiffness == 0 && block->model.inside_pressure_pa == 0);
 }
 
-TEST("moduli per height are times the specimen's height, also one set later")
+TEST("moduli per height are multiplied by the specimen's height, also if set later")
 {
     static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
     OWN(kn_scene) *scene = parse(in_cm, set, 2);
@@ -346,7 +344,7 @@ TEST("moduli per height are times the specimen's height, also one set later")
     CHECK(softer->text_hash != dough->text_hash);
 }
 
-TEST("--set takes mappings, the short form of device, and the last of two")
+TEST("--set accepts mappings and the short form of device, and the last of two values counts")
 {
     static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
                                       "material.k1=2 Pa"};
@@ -356,7 +354,7 @@ TEST("--set takes mappings, the short form of device, and the last of two")
     CHECK(scene && scene->model.material.k1_pa == 2);
 }
 
-TEST("a size is a whole number of spacings to a millionth, and the grid alone is what counts")
+TEST("a size is a whole number of spacings to within a millionth, and only the grid counts")
 {
     OWN(kn_scene) *third = load(scenes[0], "object.spacing=3.3333333333333333 mm");
     CHECK(third->model.nodes[0] == 16 && third->model.nodes[1] == 16 && third->model.nodes[2] == 10);
@@ -369,7 +367,7 @@ TEST("a size is a whole number of spacings to a millionth, and the grid alone is
               "expected a whole number (0.003333333333 m would be)");
 }
 
-TEST("a bad --set is told by its key")
+TEST("an error in a --set names its key")
 {
     static const char *const bad[][2] = {
         {"material.k1=300", "'300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
@@ -424,7 +422,7 @@ TEST("a bad --set is told by its key")
     }
 }
 
-TEST("a point that the scene has not is told by --quality")
+TEST("--quality with an unknown quality point is refused, with the points of the scene")
 {
     CHECK_STR(complaint("quality=quick"),
               "--quality quick: quality.chosen: 'quick' is unknown, expected fast|balanced|accurate|own");
@@ -435,7 +433,7 @@ TEST("a point that the scene has not is told by --quality")
     CHECK(!kn_quality_set("quick"));
 }
 
-TEST("a skin that nobody chose is the spline and is not in the text; a chosen one is, and is read back")
+TEST("the default skin is the spline and not in the text; a chosen skin is in the text and is read back")
 {
     const char *set = "object.skin=bilinear";
     OWN(kn_scene) *none = parse(in_cm, NULL, 0), *chosen = parse(in_cm, &set, 1), *again = parse(chosen->text, NULL, 0);
@@ -450,7 +448,7 @@ static const char hammer[] =
     "      - {shape: cylinder, radius: 5 mm, length: 6 cm, edge: 1 mm}\n"
     "      - {shape: cross, extent: [4 cm, 1 cm, 2 cm], at: [1 mm, 2 mm, 6 cm], turn: [90 deg, 0 deg, 30 deg]}\n";
 
-TEST("a union in a scene is the shape that its parts make, each turned about x, then y, then z, and put in its place")
+TEST("a union has the shape of its parts, each turned about x, then y, then z, and moved to its place")
 {
     OWN(kn_scene) *scene = parse(hammer, NULL, 0);
     if (!scene) KN_TEST_FAIL("%s", error);
@@ -468,7 +466,8 @@ TEST("a union in a scene is the shape that its parts make, each turned about x, 
     CHECK_NEAR(kn_shape_distance(tool, at, way), -0.001, 1e-15);
 }
 
-TEST("the text of a scene with a union is the scene; --set takes a key of one part, and another shape drops them")
+TEST("the text of a scene with a union gives the same scene; --set changes a key of one part, and another shape drops "
+     "the parts")
 {
     const char *sets[] = {"probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"};
     OWN(kn_scene) *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
@@ -498,7 +497,7 @@ TEST("the text of a scene with a union is the scene; --set takes a key of one pa
     CHECK(rolling->tool[0] && rolling->tool[0]->part_count == 3);
 }
 
-TEST("the README lists every key as knead check --keys does")
+TEST("the README lists every key exactly as knead check --keys")
 {
     static char readme[1 << 16];
     FILE *file = fopen(SCENES "README.md", "r");

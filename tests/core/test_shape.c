@@ -1,5 +1,5 @@
 #include "core/shape.h"
-#include "core/vec.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 
@@ -41,7 +41,7 @@ static void somewhere(uint64_t *seed, double half, double out[3])
     for (int k = 0; k < 3; k++) out[k] = kn_dice_in(seed, -half, half);
 }
 
-TEST("a ball, a finger: distance to a point, and to an axis")
+TEST("the distance to a sphere and a capsule is the distance to a point and to an axis, minus the radius")
 {
     kn_shape ball = of(kn_solid_sphere(0.01)), finger = of(kn_solid_capsule(0.008, 0.02));
     CHECK_NEAR(at(&ball, 0.03, 0.04, 0), 0.04, 1e-15);
@@ -51,7 +51,7 @@ TEST("a ball, a finger: distance to a point, and to an axis")
     CHECK_NEAR(at(&finger, 0, 0.003, 0.024), 0.005 - 0.008, 1e-15);
 }
 
-TEST("a box stands on its origin: faces, edges and corners, the last two rounded")
+TEST("a box stands on its origin, and its edges and corners are rounded")
 {
     kn_shape box = a_box();
     CHECK_NEAR(at(&box, 0, 0, -0.002), 0.002, 1e-15);
@@ -63,7 +63,7 @@ TEST("a box stands on its origin: faces, edges and corners, the last two rounded
     CHECK_NEAR(at(&box, 0.01, 0.015, 0), corner, 1e-15);
 }
 
-TEST("a cylinder stands on its origin: wall, faces, and an edge that is rounded")
+TEST("a cylinder stands on its origin, and its edge is rounded")
 {
     kn_shape pillar = of(kn_solid_cylinder(0.01, 0.02, 0.002));
     CHECK_NEAR(at(&pillar, 0.03, 0.04, 0.01), 0.04, 1e-15);
@@ -73,7 +73,7 @@ TEST("a cylinder stands on its origin: wall, faces, and an edge that is rounded"
     CHECK_NEAR(at(&pillar, 0.01, 0, 0), (sqrt(2.0) - 1) * 0.002, 1e-15);
 }
 
-TEST("of a union the nearest part counts, where it has been put and turned")
+TEST("the distance to a union is that to its nearest part, which may be moved and turned")
 {
     kn_shape hammer = a_union();
     CHECK_NEAR(at(&hammer, 0, 0, -0.003), 0.003, 1e-15);
@@ -83,7 +83,7 @@ TEST("of a union the nearest part counts, where it has been put and turned")
     CHECK_NEAR(at(&hammer, 0.01, 0.003 - 0.5 * along, 0.05 + c * along), 0.003, 1e-15);
 }
 
-TEST("the gradient is the unit way out: finite differences agree, and along it lies the surface")
+TEST("the gradient is the unit vector to the outside: finite differences agree, and it leads from the surface")
 {
     kn_shape shapes[] = {of(kn_solid_sphere(0.01)), of(kn_solid_capsule(0.008, 0.02)), a_box(),
                          of(kn_solid_cylinder(0.01, 0.02, 0.002)), a_union()};
@@ -114,7 +114,7 @@ TEST("the gradient is the unit way out: finite differences agree, and along it l
     }
 }
 
-TEST("nothing is nearer than the straight way: |d(a) - d(b)| <= |a - b|")
+TEST("the distance changes no faster than the position: |d(a) - d(b)| <= |a - b|")
 {
     kn_shape shapes[] = {a_box(), of(kn_solid_cylinder(0.01, 0.02, 0.002)), a_union()};
     uint64_t seed = 2;
@@ -128,7 +128,7 @@ TEST("nothing is nearer than the straight way: |d(a) - d(b)| <= |a - b|")
         }
 }
 
-TEST("the bound holds the shape, and its reach in any direction is that of its farthest point")
+TEST("the bound encloses the shape, and the support in any direction is that of the farthest point")
 {
     kn_shape shapes[] = {of(kn_solid_sphere(0.01)), of(kn_solid_capsule(0.008, 0.02)), a_box(),
                          of(kn_solid_cylinder(0.01, 0.02, 0.002)), a_union()};
@@ -153,7 +153,7 @@ TEST("the bound holds the shape, and its reach in any direction is that of its f
         }
 }
 
-TEST("a tool has room for eight parts, and says when there is none")
+TEST("a tool has room for eight parts and refuses a ninth")
 {
     kn_shape shape = {0};
     kn_solid part = kn_solid_sphere(0.01);

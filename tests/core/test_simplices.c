@@ -34,7 +34,7 @@ static kn_simplices *block(int nx, int ny, int nz, double h)
     return s;
 }
 
-TEST("a block of tetrahedra is good, and has the volume and the edges of a block")
+TEST("a block of tetrahedra is valid and has the volume and the edges of a block")
 {
     OWN(kn_simplices) *s = block(3, 2, 4, 0.01);
     kn_simplices_measures m;
@@ -48,7 +48,7 @@ TEST("a block of tetrahedra is good, and has the volume and the edges of a block
     CHECK_NEAR(m.quality_min, 12 * pow(0.5, 2. / 3) / (3 + 2 * 2 + 3), 1e-12);
 }
 
-TEST("the regular tetrahedron and the regular triangle have quality 1, whatever their size")
+TEST("the regular tetrahedron and the regular triangle have quality 1 at every size")
 {
     static const double corner[4][3] = {{0, 0, 0}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}};
     for (double h = 1e-4; h < 10; h *= 100) {
@@ -74,7 +74,7 @@ TEST("the regular tetrahedron and the regular triangle have quality 1, whatever 
     }
 }
 
-TEST("what no file can hold is refused too: a node that does not exist, one that is nowhere, one of no element")
+TEST("a node that does not exist, is not finite or belongs to no element is refused, and so is a wrong count")
 {
     OWN(kn_simplices) *s = block(1, 1, 1, 0.01), *nowhere = block(1, 1, 1, 0.01), *twice = block(1, 1, 2, 0.01);
     s->element[4][2] = 8;
@@ -99,7 +99,7 @@ TEST("what no file can hold is refused too: a node that does not exist, one that
     CHECK_STR(error, "3 nodes, expected 4 to 262144");
 }
 
-TEST("nodes in one place are found across the borders of whatever sorts them")
+TEST("coinciding nodes are found across the borders of the search grid")
 {
     for (int trial = 0; trial < 200; trial++) {
         // Two blocks that touch. Each has its own nodes on the common side, at a tiny distance from the other's.
@@ -114,7 +114,7 @@ TEST("nodes in one place are found across the borders of whatever sorts them")
     }
 }
 
-TEST("a mesh a hundred times as large as any that is stepped is still checked: no search is quadratic")
+TEST("a mesh of 227 000 nodes is checked in reasonable time, since no search is quadratic")
 {
     // 226 981 nodes and 1 296 000 tetrahedra: a quadratic search would take hours.
     OWN(kn_simplices) *s = block(60, 60, 60, 0.001);
@@ -122,7 +122,7 @@ TEST("a mesh a hundred times as large as any that is stepped is still checked: n
     if (s && !kn_simplices_check(s, error, sizeof error)) KN_TEST_FAIL("%s", error);
 }
 
-TEST("elements flat throughout are refused, whose worst one alone would pass")
+TEST("elements that are flat on average are refused, even if the worst one alone would pass")
 {
     OWN(kn_simplices) *s = block(3, 3, 2, 0.01);
     CHECK(kn_simplices_check(s, error, sizeof error));
@@ -130,7 +130,7 @@ TEST("elements flat throughout are refused, whose worst one alone would pass")
     CHECK(!kn_simplices_check(s, error, sizeof error) && strstr(error, "flat or elongated on average (mean quality"));
 }
 
-TEST("in the scene's frame an object stands on the table, centred over the origin")
+TEST("an object is placed on the table and centred over the origin")
 {
     OWN(kn_simplices) *s = block(3, 2, 4, 0.01);
     kn_simplices_measures m;

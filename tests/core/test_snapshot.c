@@ -1,6 +1,6 @@
 #include "core/snapshot.h"
-#include "core/codec.h"
-#include "core/composite.h"
+#include "core/algebra/bytes.h"
+#include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/check.h"
@@ -74,7 +74,7 @@ static void step(const object *o, const kind *k, kn_state *state)
     CHECK(kn_step(o->model, state, &in, &out) == KN_OK);
 }
 
-TEST("a state that was written, read and stepped has the bits of the one that went on, whatever the object, mid-press")
+TEST("for every kind of object a restored snapshot continues with the same bits as the original, also during a press")
 {
     for (int i = 0; i < KINDS; i++) {
         AT_END(object_free) object o = object_of(&kinds[i]);
@@ -112,7 +112,7 @@ TEST("a state that was written, read and stepped has the bits of the one that we
     }
 }
 
-TEST("no state is read into another lattice or material; tools, device and quality may be others")
+TEST("a snapshot is refused by another lattice or material; tools, device and quality may differ")
 {
     static const struct {
         kind other;
@@ -146,7 +146,7 @@ TEST("no state is read into another lattice or material; tools, device and quali
     free(bytes);
 }
 
-TEST("every truncation is refused; of every single byte changed there comes a state of finite numbers or a refusal")
+TEST("a truncated snapshot is refused; a changed byte gives a refusal or a valid state")
 {
     AT_END(object_free) object o = object_of(&kinds[8]); // an object with anchors
     OWN(kn_state) *state = kn_state_create(o.model), *into = kn_state_keep(o.model);
@@ -174,7 +174,7 @@ TEST("every truncation is refused; of every single byte changed there comes a st
     free(bytes);
 }
 
-TEST("a state gone bad, a number that is none, anchors out of order: not read")
+TEST("a snapshot with a diverged state, a number out of range or duplicate anchors is refused")
 {
     AT_END(object_free) object o = object_of(&kinds[8]);
     OWN(kn_state) *state = kn_state_create(o.model), *worse = kn_state_keep(o.model), *into = kn_state_keep(o.model);
@@ -201,7 +201,7 @@ TEST("a state gone bad, a number that is none, anchors out of order: not read")
     free(bytes);
 }
 
-TEST("an object has moved when a node or an edge's strain has by as much as that, not when a tool above it has")
+TEST("an object counts as moved if a node or an edge's strain moves by the limit, not if a tool moves above it")
 {
     for (int i = 0; i < 2; i++) {
         AT_END(object_free) object o = object_of(&kinds[i]);

@@ -1,4 +1,4 @@
-#include "core/solver_rk4.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -12,7 +12,8 @@ static kn_model_def rk4_def(double dt_s, double mass_scale)
     return def;
 }
 
-TEST("at rest the dough needs steps of 1.9e-7 s (144 nodes), 4.7e-8 s (847): Runge-Kutta at 1 kHz is refused by name")
+TEST("dough at rest needs Runge-Kutta steps of 1.9e-7 s (144 nodes) or 4.7e-8 s (847 nodes); 1 kHz is refused with a "
+     "message")
 {
     static const double limit[3] = {0, 1.87e-7, 4.67e-8}; // 2.785 / lambda_max, computed by hand for the same lattices
     for (int per_cm = 1; per_cm <= 2; per_cm++) {
@@ -30,7 +31,7 @@ TEST("at rest the dough needs steps of 1.9e-7 s (144 nodes), 4.7e-8 s (847): Run
     }
 }
 
-TEST("the limit is where a resting lattice starts to blow up: 2 % below it a small push dies out, 2 % above it grows")
+TEST("at 2 % below the step limit a small disturbance of a resting lattice decays, and at 2 % above it grows")
 {
     for (int above = 0; above < 2; above++) {
         kn_model_def def = rk4_def(1e-8, 1);
@@ -106,7 +107,7 @@ static double loaded_bar(kn_material material, kn_solver kind, double dt_s)
     return x[2];
 }
 
-TEST("in every limit of the law - no damper, k1 = 0, c1 = 0, thinning - it gives what the implicit step converges to")
+TEST("for no damper, k1 = 0, c1 = 0 and thinning, Runge-Kutta gives the limit to which the implicit solver converges")
 {
     kn_material m[5] = {jelly(), clay(), {.k1_pa = 2e4, .damper = KN_DAMPER_CONSTANT, .c2_pa_s = 5e3}, dough, dough};
     m[1].c1_pa_s = m[1].c2_pa_s = 4e3;
@@ -119,7 +120,7 @@ TEST("in every limit of the law - no damper, k1 = 0, c1 = 0, thinning - it gives
     }
 }
 
-TEST("reactions, loads and weight account for every change of momentum")
+TEST("reactions, loads and weight account for every change of the momentum")
 {
     enum { NODES = 4 * 3 * 3 };
     kn_model_def def = rk4_def(1e-5, 100);

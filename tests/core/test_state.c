@@ -29,7 +29,7 @@ static void press(const kn_model *model, kn_state *state, int steps)
     }
 }
 
-TEST("a new state is the object at rest, undeformed, at tick 0, and reset brings back the very same bits")
+TEST("a new state is the undeformed object at rest at tick 0, and a reset restores the same bits")
 {
     for (int t = 0; t < 4; t++) {
         OWN(kn_model) *model = block(stiff(t / 2 ? KN_DAMPER_CONSTANT : KN_DAMPER_NONE), (kn_precision)(t % 2));
@@ -50,7 +50,7 @@ TEST("a new state is the object at rest, undeformed, at tick 0, and reset brings
     }
 }
 
-TEST("a viscoelastic object has no strain per edge, the others have")
+TEST("a viscoelastic object stores no strain per edge, an object with a damper does")
 {
     OWN(kn_model) *none = block(stiff(KN_DAMPER_NONE), KN_PRECISION_F32),
                   *some = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
@@ -59,7 +59,7 @@ TEST("a viscoelastic object has no strain per edge, the others have")
     CHECK(a->bytes < b->bytes && a->bytes <= none->state_bytes && b->bytes <= some->state_bytes);
 }
 
-TEST("copying a state is a snapshot: the copy has the same hash and the same future, apart from the original")
+TEST("a copied state is a snapshot: it has the same hash and the same future, independent of the original")
 {
     OWN(kn_model) *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
     OWN(kn_state) *state = kn_state_create(model), *copy = kn_state_create(model);
@@ -74,7 +74,7 @@ TEST("copying a state is a snapshot: the copy has the same hash and the same fut
     CHECK(kn_state_hash(model, copy) == kn_state_hash(model, state));
 }
 
-TEST("the hash sees one bit of any node, edge or probe; not the tick, so that the same history later is the same")
+TEST("the hash changes with one bit of a node, an edge or a probe, but not with the tick")
 {
     OWN(kn_model) *model = block(stiff(KN_DAMPER_CONSTANT), KN_PRECISION_F32);
     OWN(kn_state) *state = kn_state_create(model);

@@ -44,7 +44,7 @@ static double enclosed(const kn_surface *s, const kn_model *model, const kn_stat
     return volume;
 }
 
-TEST("the skin holds every outer node once and is closed: each side of a triangle is met once the other way round")
+TEST("the skin has every outer node once and is closed: each side of a triangle occurs once in the other direction")
 {
     OWN(kn_model) *model = block(6, 5, 4);
     OWN(kn_surface) *s = kn_surface_create(model);
@@ -54,7 +54,7 @@ TEST("the skin holds every outer node once and is closed: each side of a triangl
     check_closed(s);
 }
 
-TEST("triangles turn counter-clockwise from outside: together they enclose the volume of the block")
+TEST("triangles turn counter-clockwise seen from outside and enclose the volume of the block")
 {
     OWN(kn_model) *model = block(6, 5, 4);
     OWN(kn_state) *state = kn_state_create(model);
@@ -62,7 +62,7 @@ TEST("triangles turn counter-clockwise from outside: together they enclose the v
     CHECK_NEAR(enclosed(s, model, state), 0.05 * 0.04 * 0.03, 1e-10);
 }
 
-TEST("a flat block's skin is closed too, as thick as it is, with a vertex in front of every node and one behind")
+TEST("the skin of a flat block is closed and as thick as the block, with a vertex before and behind every node")
 {
     OWN(kn_model) *model = block(6, 1, 4);
     OWN(kn_state) *state = kn_state_create(model);
@@ -81,7 +81,7 @@ TEST("a flat block's skin is closed too, as thick as it is, with a vertex in fro
     CHECK(behind == 6 * 4);
 }
 
-TEST("positions follow the nodes")
+TEST("the vertices of the skin lie at the positions of their nodes")
 {
     OWN(kn_model) *model = block(3, 3, 3);
     OWN(kn_state) *state = kn_state_create(model);

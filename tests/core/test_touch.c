@@ -95,7 +95,8 @@ static rig pressed(kn_probe_def tool, double low_m, double degrees, double ax, d
     return r;
 }
 
-TEST("the map integrates to the contact force: ball, held ball, box, cross, pillar, finger on tip, on its side, aslant")
+TEST("the pressure map integrates to the contact force for ball, coupled ball, box, cross, cylinder and finger in "
+     "several poses")
 {
     const struct {
         kn_probe_def tool;
@@ -115,7 +116,7 @@ TEST("the map integrates to the contact force: ball, held ball, box, cross, pill
     }
 }
 
-TEST("with friction it integrates to the contact force along the normal")
+TEST("with friction the pressure map integrates to the force along the normal")
 {
     kn_probe_def rough = ball;
     rough.friction = 0.5;
@@ -126,7 +127,7 @@ TEST("with friction it integrates to the contact force along the normal")
     CHECK_NEAR(integral(&r), along, 1e-9 * along);
 }
 
-TEST("a plate's map is the force on its nodes, and it does not slip")
+TEST("the pressure map of a plate is the force on its nodes, and a plate does not slip")
 {
     AT_END(rig_close) rig r = rig_open(plate);
     put(&r, 0, 0, 0.0301);
@@ -140,7 +141,7 @@ TEST("a plate's map is the force on its nodes, and it does not slip")
     CHECK(r.touch.pressure_pa[0][0] > r.touch.pressure_pa[3][3]); // a rigid edge concentrates the pressure
 }
 
-TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ball's and a fallen finger's on the skin")
+TEST("the forces on the nodes add up to the opposite of the tool's force for a plate, a rough ball and a lying finger")
 {
     kn_probe_def rough = ball, tool[] = {plate, rough, finger};
     tool[1].friction = 0.5;
@@ -167,7 +168,7 @@ TEST("what nodes feel adds up to what tools do: a plate's on the top, a rough ba
     }
 }
 
-TEST("a centred press has its centre of pressure, and the middle of its map, under the tool")
+TEST("a centred press has its centre of pressure and the middle of its map under the tool")
 {
     AT_END(rig_close) rig r = rig_open(ball);
     put(&r, 0, 0, 0.0421);
@@ -185,7 +186,7 @@ TEST("a centred press has its centre of pressure, and the middle of its map, und
     CHECK(r.touch.pressure_pa[3][3] > r.touch.pressure_pa[1][3] && r.touch.pressure_pa[0][0] == 0);
 }
 
-TEST("what leans to a side has its centre of pressure there, and the map's rows and columns are where they say")
+TEST("a tilted tool has its centre of pressure and its pressure map on the lower side")
 {
     // Turn about y by the right-hand rule: the side at -x is lifted, the side at +x goes down.
     AT_END(rig_close) rig r = pressed(box, 0.0008, 8, 0, 1, 0);
@@ -200,7 +201,7 @@ TEST("what leans to a side has its centre of pressure there, and the map's rows 
     CHECK(row[0] + row[1] + row[2] + row[3] > row[4] + row[5] + row[6] + row[7]);
 }
 
-TEST("a finger on its side shows its length, and touches with all of it")
+TEST("a finger on its side has a map as long as the finger and touches along its whole length")
 {
     AT_END(rig_close) rig r = rig_open(finger);
     kn_touch_face face;
@@ -218,7 +219,7 @@ TEST("a finger on its side shows its length, and touches with all of it")
     CHECK(r.touch.pressure_pa[0][3] == 0 && r.touch.pressure_pa[7][3] == 0);
 }
 
-TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x, in the tool's frame")
+TEST("the slip is the velocity of the skin: along -x in the tool's frame for a tool drawn along x")
 {
     AT_END(rig_close) rig r = pressed(ball, 0.012, 0, 0, 0, 1);
     CHECK(fabs(r.touch.slip_velocity_m_s[0]) < 1e-3 && fabs(r.touch.slip_velocity_m_s[2]) < 1e-4); // a pure press
@@ -235,7 +236,7 @@ TEST("slip is the drag's: of a tool that is drawn along x the skin goes along -x
     CHECK(fabs(stuck.touch.slip_velocity_m_s[0]) < 0.0004);
 }
 
-TEST("the same press by a tool that stands turned gives the same map, area, centre and peak")
+TEST("the same press by a turned tool gives the same map, area, centre and peak")
 {
     AT_END(rig_close) rig a = rig_open(box), b = rig_open(box);
     put(&a, 0.003, 0.001, 0.0304);
@@ -255,7 +256,7 @@ TEST("the same press by a tool that stands turned gives the same map, area, cent
     CHECK_NEAR(a.touch.area_m2, b.touch.area_m2, 0.02 * a.touch.area_m2);
 }
 
-TEST("a face is right-handed and across its normal, for normals of every way")
+TEST("the face of the pressure map is right-handed and perpendicular to its normal, for all normals")
 {
     AT_END(rig_close) rig r = rig_open(box);
     const double normals[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {0, -1, 0}, {0.48, 0.64, -0.6}, {0, 0, -1}};
@@ -274,7 +275,7 @@ TEST("a face is right-handed and across its normal, for normals of every way")
     CHECK_NEAR(f.size_m[1], 0.015, 1e-12);
 }
 
-TEST("what does not touch, or is not there, has an empty patch")
+TEST("a tool without contact, or a detached tool, has an empty contact patch")
 {
     const kn_touch nothing = {0};
     AT_END(rig_close) rig r = rig_open(ball);

@@ -19,7 +19,7 @@ static const char *complaint(const char *text)
     return kn_quantity_parse(&q, text, error, sizeof error) ? "" : error;
 }
 
-TEST("every unit has its value in SI")
+TEST("every unit has its SI value")
 {
     static const struct {
         const char *text, *si;
@@ -57,7 +57,7 @@ TEST("every unit has its value in SI")
     }
 }
 
-TEST("the food papers' units are what they should be in SI")
+TEST("the units of the food papers convert to SI")
 {
     CHECK_NEAR(read("470 gf/cm^3", "Pa/m"), 470 * 9806.65, 1e-9);
     CHECK_NEAR(read("2500 gf s/cm^3", "Pa*s/m"), 2500 * 9806.65, 1e-8);
@@ -66,7 +66,7 @@ TEST("the food papers' units are what they should be in SI")
     CHECK_NEAR(read("0.0815 cm^2/gf", "1/Pa"), 0.0815 / 98.0665, 1e-18);
 }
 
-TEST("a length is the same bits in every unit")
+TEST("a length gives the same bits in every unit")
 {
     static const char *const five_mm[] = {"5 mm", "0.5 cm", "0.005 m", "5000 um", "5e-3 m", "+.5e0cm", "50.0E-1 mm"};
     for (size_t i = 0; i < sizeof five_mm / sizeof *five_mm; i++) CHECK(read(five_mm[i], "m") == 0.005);
@@ -87,7 +87,7 @@ TEST("a unit is read from left to right")
     CHECK(isnan(read("1 kg", "Pa")));
 }
 
-TEST("what cannot be read is said")
+TEST("a quantity that cannot be read is refused with the reason")
 {
     CHECK_STR(complaint("5 cm"), "");
     CHECK_STR(complaint("5"), "");

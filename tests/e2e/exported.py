@@ -35,7 +35,7 @@ def collection(folder, name):
     times = {}
     for one in xml.parse(f"{folder}/{name}.pvd").getroot().iter("DataSet"):
         at = times.setdefault(float(one.get("timestep")), {})
-        if int(one.get("part")) != len(at): check("parts of a moment are numbered", False, one.attrib)
+        if int(one.get("part")) != len(at): check("the parts of a moment are numbered", False, one.attrib)
         at[one.get("name")] = f"{folder}/{one.get('file')}"
     return times
 
@@ -43,8 +43,8 @@ def log(folder, table, nodes, edges):
     times, lines = collection(folder, "object"), collection(folder, "edges")
     rows = {round(float(r["time_s"]), 3): r for r in csv.DictReader(open(table)) if r["probe"] == "plate"}
     at = list(times)
-    check("a moment every 0.1 s from 0 on", all(abs(t - 0.1 * i) < 1e-9 for i, t in enumerate(at)) and len(at) > 8, at)
-    check("the same moments of the edges", list(lines) == at)
+    check("there is a moment every 0.1 s from 0 on", all(abs(t - 0.1 * i) < 1e-9 for i, t in enumerate(at)) and len(at) > 8, at)
+    check("the edges have the same moments", list(lines) == at)
     worst_rest = worst_depth = worst_force = worst_tool = worst_strain = worst_time = 0
     deepest, least, most_off, sticks, stress, speed = 0, 1e9, 0, 0, 0, 0
     for t, files in times.items():
@@ -52,14 +52,14 @@ def log(folder, table, nodes, edges):
         x, u = points(grid), array(grid.GetPointData(), "displacement_m")
         force = array(grid.GetPointData(), "contact_force_n")
         if t == 0: rest, rest_volume, bad = x - u, volumes(grid), invalid(grid)
-        if grid.GetNumberOfPoints() != nodes: check("as many nodes as the scene has", False, grid.GetNumberOfPoints())
+        if grid.GetNumberOfPoints() != nodes: check("the export has as many nodes as the scene", False, grid.GetNumberOfPoints())
         worst_rest = max(worst_rest, abs(x - u - rest).max())
         worst_time = max(worst_time, abs(numbers(grid.GetFieldData().GetArray("TimeValue"))[0] - t))
         least = min(least, volumes(grid).min())
         most_off = max(most_off, abs(volumes(grid) / rest_volume - array(grid.GetCellData(), "volume_ratio")).max())
         row, tool = rows.get(round(t, 3)), read(files["plate"])
         if not row:
-            if tool.GetNumberOfPoints(): check("a tool that nobody holds has no points", False)
+            if tool.GetNumberOfPoints(): check("a tool without a session has no points", False)
             continue
         told = [float(row[f"contact_f{k}_n"]) for k in "xyz"]
         worst_force = max(worst_force, abs(force.sum(axis=0) + told).max())
@@ -80,29 +80,29 @@ def log(folder, table, nodes, edges):
         ends = numbers(wire.GetCells().GetConnectivityArray()).reshape(-1, 2)
         length = lambda p: ((p[ends[:, 0]] - p[ends[:, 1]]) ** 2).sum(axis=1) ** 0.5
         worst_strain = max(worst_strain, abs(length(x) / length(rest) - 1 - array(wire.GetCellData(), "strain")).max())
-        if len(ends) != edges: check("as many edges as the scene has", False, len(ends))
-    check("a file says which time it is of", worst_time < 1e-9, worst_time)
-    check("points less displacements are the shape at rest", worst_rest < 1e-8, worst_rest)
-    check("no cell is invalid, every volume is above 0", bad == 0 and least > 0, bad, least)
-    check("volumes at rest are the block's", abs(rest_volume.sum() - 75e-6) < 1e-10, rest_volume.sum())
-    check("volume_ratio is VTK's volume over that at rest", most_off < 0.02, most_off)
-    check("nodes feel what the CSV says of the contact, N", worst_force < 1e-4, worst_force)
-    check("the tool is where the CSV has its proxy, with its force", worst_tool < 1e-5, worst_tool)
-    check("nodes under the plate are at its height", 0 < sticks < 2e-5, sticks)
-    check(f"the dent is as deep as the plate is in: {1e3 * deepest:.2f} mm", deepest > 0.004 and worst_depth < 1e-4, worst_depth)
-    check(f"which presses at 1 cm/s, not at 10 or 0.1: {1e3 * speed:.2f} mm/s", 0.004 < speed < 0.02)
-    check(f"stress is as large as such a force: {stress:.0f} Pa", 2e3 < stress < 1e6)
-    check("edges have the strain of their ends", worst_strain < 1e-5, worst_strain)
+        if len(ends) != edges: check("the export has as many edges as the scene", False, len(ends))
+    check("each file states its time", worst_time < 1e-9, worst_time)
+    check("points minus displacements give the shape at rest", worst_rest < 1e-8, worst_rest)
+    check("every cell is valid and has a volume above 0", bad == 0 and least > 0, bad, least)
+    check("the volumes at rest add up to the block's", abs(rest_volume.sum() - 75e-6) < 1e-10, rest_volume.sum())
+    check("volume_ratio is VTK's volume divided by the volume at rest", most_off < 0.02, most_off)
+    check("the contact forces of the nodes equal the CSV's, N", worst_force < 1e-4, worst_force)
+    check("the tool has the position of the CSV's proxy and its force", worst_tool < 1e-5, worst_tool)
+    check("nodes under the plate are at the plate's height", 0 < sticks < 2e-5, sticks)
+    check(f"the dent is as deep as the plate: {1e3 * deepest:.2f} mm", deepest > 0.004 and worst_depth < 1e-4, worst_depth)
+    check(f"the speed of the plate has the right magnitude: {1e3 * speed:.2f} mm/s", 0.004 < speed < 0.02)
+    check(f"the stress has the right magnitude: {stress:.0f} Pa", 2e3 < stress < 1e6)
+    check("the strain of an edge follows from its ends", worst_strain < 1e-5, worst_strain)
     grid = read(times[at[-1]]["object"])
     left, u = array(grid.GetPointData(), "residual_strain"), array(grid.GetPointData(), "displacement_m")
-    check("dough keeps strain, and a dent", left.max() > 0.02 and (u ** 2).sum(axis=1).max() ** 0.5 > 5e-4, left.max())
+    check("dough keeps residual strain and a dent", left.max() > 0.02 and (u ** 2).sum(axis=1).max() ** 0.5 > 5e-4, left.max())
 
 def rest(folder, volume, size=volumes):
     (time, files), = collection(folder, "object").items()
     grid = read(files["object"])
-    check("cells are valid, with volumes above 0", invalid(grid) == 0 and size(grid).min() > 0, invalid(grid))
-    check("they fill the object", abs(size(grid).sum() / volume - 1) < 1e-3, size(grid).sum(), volume)
-    check("nothing has moved, nothing presses", abs(array(grid.GetPointData(), "displacement_m")).max() == 0 and
+    check("at rest every cell is valid and has a volume above 0", invalid(grid) == 0 and size(grid).min() > 0, invalid(grid))
+    check("the cells fill the object", abs(size(grid).sum() / volume - 1) < 1e-3, size(grid).sum(), volume)
+    check("at rest displacements and contact forces are 0", abs(array(grid.GetPointData(), "displacement_m")).max() == 0 and
           abs(array(grid.GetPointData(), "contact_force_n")).max() == 0)
     check("edges are lines", read(collection(folder, "edges")[0.0]["edges"]).GetCellType(0) == vtk.VTK_LINE)
 
@@ -117,14 +117,14 @@ def ply(path, most):
     edges.ManifoldEdgesOff()
     edges.Update()
     normals, colours = numbers(mesh.GetPointData().GetNormals()), numbers(mesh.GetPointData().GetScalars())
-    check("a surface without holes", edges.GetOutput().GetNumberOfCells() == 0)
-    check("of the block's volume or a little less", 0.85 < size.GetVolume() / 75e-6 < 1.001, size.GetVolume())
-    check("with unit normals", abs((normals ** 2).sum(axis=1) - 1).max() < 1e-5)
+    check("the surface has no holes", edges.GetOutput().GetNumberOfCells() == 0)
+    check("the surface encloses 85 to 100 % of the block's volume", 0.85 < size.GetVolume() / 75e-6 < 1.001, size.GetVolume())
+    check("the normals have length 1", abs((normals ** 2).sum(axis=1) - 1).max() < 1e-5)
     top = points(mesh)[:, 2] > points(mesh)[:, 2].max() - 5e-4
-    check("that point up on top", top.any() and normals[top][:, 2].min() > 0.45, normals[top][:, 2])
-    check("and colours", colours.shape[1] == 3 and len({tuple(c) for c in colours}) > 5)
+    check("the normals of the top point up", top.any() and normals[top][:, 2].min() > 0.45, normals[top][:, 2])
+    check("the vertices have colours", colours.shape[1] == 3 and len({tuple(c) for c in colours}) > 5)
     quality = qualities(path)
-    check(f"the most is {quality.max():.6g}, as VTK has it of the nodes", abs(quality.max() / most - 1) < 1e-5, most)
+    check(f"the largest value, {quality.max():.6g}, is VTK's largest value of the nodes", abs(quality.max() / most - 1) < 1e-5, most)
 
 def qualities(path): # vtkPLYReader drops these properties
     import numpy

@@ -88,7 +88,7 @@ stop_kneadd() { # check that kneadd ends with 0; set status to its exit code; it
     wait "$server"
     status=$?
     grep kneadd: kneadd.log
-    check "kneadd lived and ended with 0" [ $status = 0 ] >&2
+    check "kneadd ran to its end and exited with 0" [ $status = 0 ] >&2
 }
 # The following four functions need a kneadd started with --control control.
 ctl() { knead ctl --control control "$@"; }

@@ -7,21 +7,21 @@ circuit() { ctl --json status | python3 -c "import json, sys; c = json.load(sys.
 board --uart --link "$PWD/board"
 start_kneadd dough-small.yaml --backend "pty:$PWD/board" --control control
 $ahead knead probe --path press --hold '2 s' --quiet --record press.lcmlog & hand=$!
-check "it is in step" await circuit 'c["state"] == "in_step" and c["ok"] > 100'
+check "the circuit is in step" await circuit 'c["state"] == "in_step" and c["ok"] > 100'
 touching
 check "a hand presses" kill -0 $hand
 kill_board
-check "killed, it is not, and why is told" await circuit 'c["state"] != "in_step" and c["last_loss"] in ("timeout", "removed")'
+check "after a kill the circuit is not in step, and the reason is reported" await circuit 'c["state"] != "in_step" and c["last_loss"] in ("timeout", "removed")'
 board --uart --link "$PWD/board"
-check "it is in step again" await circuit 'c["state"] == "in_step" and c["loads"] > 1'
-check "the status that a person reads tells of it, too" eval 'ctl status | grep -q circuit'
+check "the restarted circuit is in step again" await circuit 'c["state"] == "in_step" and c["loads"] > 1'
+check "the status text names the circuit" eval 'ctl status | grep -q circuit'
 expect 'a circuit steps the object' 2 ctl set material.k1=30000
 wait $hand
 stop_kneadd
 grep circuit kneadd.err
-check "it says why it was lost, and that it is back" eval 'grep -q "circuit lost, .* so far: \(removed\|timeout\): " kneadd.err && grep -q "circuit in step again\|, and in step again" kneadd.err'
-check "and at the end what it has done" grep -q 'ticks on the circuit, .* different 0, ' kneadd.err
-check "the forces are those of a run without it" verifies press.lcmlog
+check "kneadd reports why the circuit was lost and that it is back" eval 'grep -q "circuit lost, .* so far: \(removed\|timeout\): " kneadd.err && grep -q "circuit in step again\|, and in step again" kneadd.err'
+check "kneadd reports the circuit's ticks at the end" grep -q 'ticks on the circuit, .* different 0, ' kneadd.err
+check "the forces equal those of a run without the circuit" verifies press.lcmlog
 expect 'a circuit takes one step a tick' 2 timeout 20 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --backend "pty:$PWD/board" \
     --set solver.dt='0.5 ms'
 exit $failed

@@ -11,15 +11,15 @@ chmod -R a+rx bin "$PWD"
 
 "$KN_SOURCE/tests/run" </dev/null >run.log 2>&1
 check "without a terminal and without --yes tests/run exits 2" [ $? = 2 ]
-check "having named what it would install" grep -q 'will install with apt: .*liblcm-dev .*clang' run.log
+check "tests/run names the packages that it would install" grep -q 'will install with apt: .*liblcm-dev .*clang' run.log
 "$KN_SOURCE/server/run" --once </dev/null >serve.log 2>&1
-check "so does server/run" [ $? = 2 ]
-check "which does without the packages that only tests need" sh -c 'grep -q liblcm-dev serve.log && ! grep -q clang serve.log'
-check "neither ran apt" sh -c '! grep -q "apt-get was run" *.log'
+check "server/run exits 2, too" [ $? = 2 ]
+check "server/run does not ask for the packages of the tests" sh -c 'grep -q liblcm-dev serve.log && ! grep -q clang serve.log'
+check "neither script ran apt" sh -c '! grep -q "apt-get was run" *.log'
 
 if [ "$(id -u)" = 0 ] && setpriv --reuid 65534 --regid 65534 --clear-groups test -x "$KN_SOURCE/tests/run" 2>/dev/null; then
     setpriv --reuid 65534 --regid 65534 --clear-groups "$KN_SOURCE/tests/run" --yes </dev/null >user.log 2>&1
     check "a user without sudo gets exit 3" [ $? = 3 ]
-    check "and the very commands" grep -q '^    apt-get install -y --no-install-recommends .*liblcm-dev' user.log
+    check "a user without sudo gets the commands to run" grep -q '^    apt-get install -y --no-install-recommends .*liblcm-dev' user.log
 fi
 exit $failed

@@ -35,20 +35,20 @@ lines '{"command":"reset"}
 wait $hand
 told=$?
 end
-check "the finger pressed to the end: $(cat hand.err)" [ $told = 0 ]
+check "the finger finished its press: $(cat hand.err)" [ $told = 0 ]
 logcheck reset.lcmlog | tee reset.txt
-check "a reset says its tick: $(cat reset.out)" grep -qE '^reset: tick [0-9]+$' reset.out
-check "each of three in one write is answered" [ "$(grep -c '^{"ok":true,"tick":[0-9]*}$' answers)" = 3 ]
-check "a reset is a reset" [ "$(number resets reset.txt)" = 4 ]
-check "after each the state is the untouched object's" [ "$(number as_new reset.txt)" = 4 ]
-check "what the finger felt faded by at most 2.4 N/ms" holds "$(number steepest_n reset.txt) <= 2.4"
-check "to zero in 20 ms" holds "$(number faded_n reset.txt) <= 0"
-check "lifted, it felt the new dough" holds "$(number again_n reset.txt) >= 0.3"
+check "a reset is answered with its tick: $(cat reset.out)" grep -qE '^reset: tick [0-9]+$' reset.out
+check "three resets in one write get three answers" [ "$(grep -c '^{"ok":true,"tick":[0-9]*}$' answers)" = 3 ]
+check "the log has four resets" [ "$(number resets reset.txt)" = 4 ]
+check "after each reset the state is that of the untouched object" [ "$(number as_new reset.txt)" = 4 ]
+check "the force on the finger fades by at most 2.4 N/ms" holds "$(number steepest_n reset.txt) <= 2.4"
+check "the force is zero within 20 ms" holds "$(number faded_n reset.txt) <= 0"
+check "after lifting, the finger feels the new dough" holds "$(number again_n reset.txt) >= 0.3"
 check "the log replays over the resets to the bit" verifies reset.lcmlog
-check "who did it was told, once each" \
+check "each reset is logged once with its user" \
     [ "$(grep -c '^kneadd: control: uid [0-9]* pid [0-9]*: {"command":"reset"}: tick [0-9]*$' kneadd.err)" = 4 ]
-check "and nothing else" [ "$(grep -vc -e '^kneadd: control' -e '^Overrun' kneadd.err)" = 0 ]
-check "the socket is gone" [ ! -e control ]
+check "kneadd prints nothing else" [ "$(grep -vc -e '^kneadd: control' -e '^Overrun' kneadd.err)" = 0 ]
+check "the control socket is removed" [ ! -e control ]
 
 # An emergency stop under a finger, another hand that comes, a recover.
 start_logger stop.lcmlog
@@ -69,16 +69,16 @@ pause 0.2 # the session ends
 field '["mode"], "recovered"' >>mode
 ctl --json status >stopped.json
 end
-check "an emergency stop is a mode: $(tr '\n' ' ' <mode)" \
+check "an emergency stop is shown as a mode: $(tr '\n' ' ' <mode)" \
     [ "$(grep -c '^ESTOP \(after\|later\)$' mode)" = 2 ]
-check "which a recover ends" grep -q '^IDLE recovered$' mode
-check "its fault and the way back are told" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?send recover" probes
-check "no hand felt anything meanwhile" grep -q 'taken to 0 N\|latched' second.err
+check "a recover ends the mode of the emergency stop" grep -q '^IDLE recovered$' mode
+check "the status shows the fault and the remedy" grep -q "'fault': 'emergency stop'.*'way_back': \"\?'\?send recover" probes
+check "a hand gets no force during the emergency stop" grep -q 'taken to 0 N\|latched' second.err
 check "the log replays over stop and recover to the bit" verifies stop.lcmlog
 logcheck stop.lcmlog >stop.txt
-check "the stop is counted by its name, its fade as ramped: $(tail -1 stop.txt)" \
+check "the emergency stop is counted by name, and its fade as slew-limited ticks: $(tail -1 stop.txt)" \
     [ "$(number estops stop.txt)" -ge 1 -a "$(number slews stop.txt)" -ge 10 ]
-check "as status does" python3 -c '
+check "the status has the same counts" python3 -c '
 import json
 f = json.load(open("stopped.json"))["force"]
 assert f["trips"]["estop"] >= 1 and f["slew_limited"] >= 10 and f["faults"] == sum(f["trips"].values()), f'
@@ -92,21 +92,21 @@ ctl load >load.out
 held=$(mode)
 knead probe --path poke --tries 1 --quiet >/dev/null 2>held.err
 ctl --json status >held.json
-check "an emergency stop stands after a load: $held, $(cat load.out)" [ "$held $(served)" = "ESTOP 2" ]
-check "no hand feels anything" python3 -c '
+check "an emergency stop stays in force after a load: $held, $(cat load.out)" [ "$held $(served)" = "ESTOP 2" ]
+check "no hand gets a force" python3 -c '
 import json
 s = json.load(open("held.json"))
 assert s["force"]["force_max_n"] == 0 and all(p["fault"] == "emergency stop" for p in s["probes"]), s'
-check "that start says so" [ "$(grep -c '^kneadd: an emergency stop is in force: .* until knead ctl recover$' kneadd.log)" = 1 ]
+check "the start reports the emergency stop" [ "$(grep -c '^kneadd: an emergency stop is in force: .* until knead ctl recover$' kneadd.log)" = 1 ]
 ctl recover >/dev/null
 ctl load >load.out
-check "until a recover: $(mode)" [ "$(mode) $(served)" = "IDLE 3" ]
+check "a recover ends the emergency stop: $(mode)" [ "$(mode) $(served)" = "IDLE 3" ]
 for starts in 4 ${KN_NIGHT:+5 6}; do
     lines '{"command":"load"}
 {"command":"estop"}
 ' >answers
     await eval '[ "$(served)" = $starts ]'
-    check "right behind a load it is answered, and stands in the next start: $(tail -1 answers)" \
+    check "an emergency stop sent during a load is answered and stays in force after it: $(tail -1 answers)" \
         [ "$(grep -c '^{"ok":true' answers) $(mode)" = "2 ESTOP" ]
     ctl recover >/dev/null
 done
@@ -128,9 +128,9 @@ lines 'reset
 []
 '"{\"command\":\"reset\",\"x\":$(printf '%1900s' | tr ' ' '[')$(printf '%1900s' | tr ' ' ']')}
 " >answers
-check "lines that are no request are told, one each" [ "$(grep -c '^{"ok":false,"error":' answers)" = 5 ]
+check "each invalid line gets one error" [ "$(grep -c '^{"ok":false,"error":' answers)" = 5 ]
 ctl --json status >status.json
-check "every name of status stands in the page, under its group" python3 - "$KN_SOURCE/server/README.md" <<'END'
+check "server/README.md lists every name of the status under its group" python3 - "$KN_SOURCE/server/README.md" <<'END'
 import json, re, sys
 rows = [line for line in open(sys.argv[1]) if line.startswith("| `")]
 status = json.load(open("status.json"))
@@ -148,9 +148,9 @@ for group, names in groups.items():
     assert not missing, (group, missing)
 for bits in ("degraded", "current_errors"): assert status[bits] == [] or all(isinstance(b, str) for b in status[bits])
 END
-check "status for a reader: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
+check "the status text shows the mode: $(ctl status | tr -s ' \n' ' ' | cut -c1-60)" grep -q "^mode  *IDLE$" <(ctl status)
 expect 'stop: done' 0 sh -c 'knead ctl --control control stop >&2'
-check "as SIGTERM does" ended $server
+check "knead ctl stop ends kneadd like SIGTERM" ended $server
 
 # A server whose output reader leaves, as head does, goes on.
 rm -f first
@@ -159,12 +159,12 @@ rm -f first
 await [ -s first ]
 ctl load >loaded 2>&1
 await eval 'ctl status >again 2>/dev/null'
-check "a reader that has gone does not end it at a load: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
+check "a load works although the reader of stdout has gone: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
 ctl stop >/dev/null 2>&1
 wait $!
-check "in the end it says what is missing: $(tail -1 err)" \
+check "at the end kneadd reports the incomplete output: $(tail -1 err)" \
     grep -q 'standard output could not be written completely' err
-check "and exits with 3" [ "$(cat code)" = 3 ]
+check "kneadd exits with 3" [ "$(cat code)" = 3 ]
 
 # An emergency stop works however many requests came before on its connection, and whatever they wait for.
 start_kneadd dough-small.yaml --control control
@@ -180,9 +180,9 @@ s.sendall(b"{\"command\":\"recover\"}\n"); f.readline()
 s.sendall(b"{\"command\":\"set\",\"values\":[\"material.c1=5 kPa*s\"]}\n{\"command\":\"estop\"}\n")
 print(json.loads(f.readline())["tick"] > json.loads(f.readline())["tick"])
 s.sendall(b"{\"command\":\"status\"}"); s.shutdown(socket.SHUT_WR); print(json.loads(f.readline())["mode"])' >answers 2>&1
-check "more than a hundred questions keep no stop out: $(head -1 answers)" grep -q '^{"ok":true,"tick":[0-9]*}$' answers
-check "nor does the slow request before it" grep -qx True answers
-check "a question without its newline is answered at the end" grep -qx ESTOP answers
+check "an emergency stop is answered despite a hundred queries before it: $(head -1 answers)" grep -q '^{"ok":true,"tick":[0-9]*}$' answers
+check "an emergency stop is executed before a slow command sent ahead of it" grep -qx True answers
+check "a query without a newline is answered at the end of the connection" grep -qx ESTOP answers
 stop_kneadd >/dev/null
 
 # A server that is ordered to stop stops, whatever other orders it got.
@@ -190,7 +190,7 @@ start_kneadd dough-small.yaml --control control
 (lines '{"command":"stop"}
 '"$(for _ in $(seq 99); do echo '{"command":"undo"}'; done)"'
 ' >/dev/null 2>&1 &)
-patience=6 check "stopped, with 99 commands behind the stop" await eval '! kill -0 $server 2>/dev/null'
+patience=6 check "kneadd stops although 99 commands follow the stop" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 

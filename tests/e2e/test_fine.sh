@@ -9,21 +9,21 @@ small=(--set "$size" --set "$reach")
 start_kneadd dough-fine.yaml "${small[@]}"
 stop_kneadd
 pressed "$fine" press.lcmlog 6 "$size" "$reach"
-check "it replays to the bit" knead replay press.lcmlog --verify 2>warned
-check "without a warning" [ ! -s warned ]
+check "a press on two resolutions replays to the bit" knead replay press.lcmlog --verify 2>warned
+check "the replay prints no warning" [ ! -s warned ]
 knead check "$fine" "${small[@]}" --log press.lcmlog >kept
-check "the press keeps the accuracy" [ $? = 0 ]
-check "and says so" grep -q '^accuracy  force 0\.[0-9]* % off the uniform lattice, 1 % asked: kept' kept
+check "the press meets the requested accuracy" [ $? = 0 ]
+check "knead check reports the accuracy" grep -q '^accuracy  force 0\.[0-9]* % off the uniform lattice, 1 % asked: kept' kept
 cat kept
 beside=("${small[@]}" --set probes.spatula.reach='[1 mm, 2 mm, -2 mm, 2 mm]')
 knead check "$fine" "${beside[@]}" --set object.margin='0.1 mm' --log press.lcmlog >missed
-check "a box that is too small, of the same scene, does not" [ $? = 1 ]
-check "and says what may help" grep -q 'a larger object.margin' missed
+check "a fine box that is too small misses the accuracy" [ $? = 1 ]
+check "knead check names a remedy" grep -q 'a larger object.margin' missed
 outside='spatula pressed up to 1 mm outside its reach, for [0-9]+ ms in all, where the cells are coarse'
-check "nor does a reach that the hand leaves, which is told" grep -qE "^warning   $outside$" missed
-check "but only then" eval '! grep warning kept'
+check "a hand that leaves the reach gets a warning" grep -qE "^warning   $outside$" missed
+check "a hand within the reach gets no warning" eval '! grep warning kept'
 knead replay "$fine" press.lcmlog "${beside[@]}" >replayed 2>warned
-check "and told by a replay, in one line" eval '[ $(wc -l <warned) = 1 ] && grep -qE ": press.lcmlog: $outside$" warned'
+check "a replay of a hand outside the reach warns in one line" eval '[ $(wc -l <warned) = 1 ] && grep -qE ": press.lcmlog: $outside$" warned'
 refuses() { expect "^knead check: $1$" 2 knead check "$fine" "${@:2}"; } # refuses LINE OPTION...
 another="press.lcmlog: was recorded with another scene, 'dough-fine.yaml', expected one of dough-fine.yaml"
 refuses "$another" --log press.lcmlog

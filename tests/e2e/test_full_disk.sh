@@ -51,39 +51,39 @@ stop_logger
 logcheck disk.lcmlog | tee disk.txt
 cat kneadd.err
 
-check "while there is room $(grown begin well 'state["snapshots"]') saves, no error" \
+check "with room on the disk there are $(grown begin well 'state["snapshots"]') saves and no error" \
     [ "$(grown begin well 'state["snapshots"]')" -ge 2 -a "$(of well 'state["snapshot_errors"]')" = 0 ]
-check "the disk being full $(grown full fuller 'state["snapshot_errors"]') saves failed and none succeeded" \
+check "on a full disk $(grown full fuller 'state["snapshot_errors"]') saves failed and none succeeded" \
     [ "$(grown full fuller 'state["snapshot_errors"]')" -ge 8 -a "$(grown full fuller 'state["snapshots"]')" = 0 ]
-check "what was saved before is there" diff files.full files.fuller
-check "an operator is told, each time: $(head -1 asked.1)" [ "$(cat asked.* | grep -c 'No space left on device')" = 5 ]
-check "and by the exit code" [ "$(grep -cx 2 asked.1 asked.2 asked.3 asked.4 asked.5 | grep -c ':1$')" = 5 ]
-check "it is an error by name: $(of fuller current_errors), kept until another comes: $(of later last_errors)" \
+check "the earlier snapshots are kept" diff files.full files.fuller
+check "each snapshot command gets the error: $(head -1 asked.1)" [ "$(cat asked.* | grep -c 'No space left on device')" = 5 ]
+check "each failed snapshot command exits with 2" [ "$(grep -cx 2 asked.1 asked.2 asked.3 asked.4 asked.5 | grep -c ':1$')" = 5 ]
+check "the status names the error: $(of fuller current_errors), and keeps it as the last error: $(of later last_errors)" \
     [ "$(of fuller '"snapshot_error" in current_errors') $(of later 'not {"snapshot_error", "comm_lost"}.isdisjoint(last_errors)')" = "True True" ]
-check "$(of fuller 'state["snapshot_age_ms"]') ms without a snapshot" [ "$(of fuller 'state["snapshot_age_ms"]')" -ge 3500 ]
+check "$(of fuller 'state["snapshot_age_ms"]') ms without a snapshot are shown in the status" [ "$(of fuller 'state["snapshot_age_ms"]')" -ge 3500 ]
 ms() { echo $(($(grown "$1" "$2" monotonic_us) / 1000)); }
 ran() { echo $(($(grown "$1" "$2" tick) - $(grown "$1" "$2" 'loop["missed_cycles"]'))); }
-check "the servo ticks on: $(ran full fuller) ticks in $(ms full fuller) ms; before $(ran begin well) in $(ms begin well)" \
+check "the servo keeps ticking: $(ran full fuller) ticks in $(ms full fuller) ms; before $(ran begin well) in $(ms begin well)" \
     [ $((2 * $(ran full fuller))) -gt "$(ms full fuller)" ]
 late() { echo $(($(grown "$1" "$2" 'loop["missed_cycles"]') - $(grown "$1" "$2" 'loop["missed_explained"]'))); }
 [ -z "${KN_NIGHT:-}" ] ||
-    check "and misses no more: $(late full fuller) in $(ms full fuller) ms that are not the machine's, $(late begin well) in $(ms begin well) before" \
+    check "the servo misses no more ticks than before: $(late full fuller) in $(ms full fuller) ms that are not the machine's, $(late begin well) in $(ms begin well) before" \
         [ "$(late full fuller)" -le $((2 * $(late begin well) + 40)) ]
-check "poses come in: $(grown full fuller 'link["accepted"]')" [ "$(grown full fuller 'link["accepted"]')" -gt 1000 ]
+check "poses are still accepted: $(grown full fuller 'link["accepted"]')" [ "$(grown full fuller 'link["accepted"]')" -gt 1000 ]
 errors=$(of later 'state["snapshot_errors"]')
-check "with room again it saves by itself, and nothing fails any more" \
+check "with room again kneadd saves by itself without errors" \
     [ "$(grown fuller later 'state["snapshots"]')" -ge 2 -a "$(grown again later 'state["snapshot_errors"]')" = 0 ]
-check "nor is it an error of now: $(of later current_errors)" [ "$(of later '"snapshot_error" in current_errors')" = False ]
+check "the error is no longer current: $(of later current_errors)" [ "$(of later '"snapshot_error" in current_errors')" = False ]
 lines=$(grep -c 'was not saved' kneadd.err)
-check "$lines lines, one a second at most, $(ms well again) ms" [ "$lines" -ge 3 -a "$lines" -le $(($(ms well again) / 1000 + 2)) ]
+check "$lines messages, at most one a second, in $(ms well again) ms" [ "$lines" -ge 3 -a "$lines" -le $(($(ms well again) / 1000 + 2)) ]
 told=$(grep -oE '\([0-9]+ (more )?failed\)' kneadd.err | grep -oE '[0-9]+' | awk '{ n += $1 } END { print n + 0 }')
-check "which tell every one of the $errors errors once" [ "$told" = "$errors" ]
-check "so does the summary" [ "$(counter errors)" = "$errors" ]
+check "the messages count each of the $errors errors once" [ "$told" = "$errors" ]
+check "the summary counts all errors" [ "$(counter errors)" = "$errors" ]
 check "KNEAD_HEALTH came with every KNEAD_STATUS" \
     [ "$(number healths disk.txt)" -ge 10 -a "$(number paired disk.txt)" = "$(number healths disk.txt)" ]
-check "with the newest generation" [ "$(number generation disk.txt)" -ge "$(of later 'state["snapshot_gen"]')" ]
-check "and KNEAD_STATUS with the error" [ $(($(number ever_errors disk.txt) & 256)) = 256 ]
+check "the health message has the newest generation" [ "$(number generation disk.txt)" -ge "$(of later 'state["snapshot_gen"]')" ]
+check "KNEAD_STATUS carries the error" [ $(($(number ever_errors disk.txt) & 256)) = 256 ]
 start_kneadd dough-small.yaml --control control --state-dir kept
 stop_kneadd
-check "the next start goes on with the last one: $(grep restored kneadd.log)" grep -q '^kneadd: restored kept/' kneadd.log
+check "the next start restores the last snapshot: $(grep restored kneadd.log)" grep -q '^kneadd: restored kept/' kneadd.log
 exit $failed

@@ -18,9 +18,9 @@ END
 cmake -S . -B played >/dev/null && ctest --test-dir played --output-junit "$PWD/tests.xml" >/dev/null 2>&1
 "$KN_SOURCE/tests/rows" tests.xml >rows
 result() { awk -v t="core.$1" '$1 == t { $1 = $2 = ""; print substr($0, 3) }' rows; }
-check "a test that passed is passed" [ "$(result good)" = passed ]
-for test in bad long gone; do check "one that is $test is failed" grep -q '^failed' <(result $test); done
-check "one that cannot run here is skipped, with its reason" [ "$(result left)" = "skipped <no card> here" ]
+check "a test that passed is recorded as passed" [ "$(result good)" = passed ]
+for test in bad long gone; do check "a test that is $test is recorded as failed" grep -q '^failed' <(result $test); done
+check "a test that cannot run is recorded as skipped with its reason" [ "$(result left)" = "skipped <no card> here" ]
 
 # verdict SENTENCE EXIT STRICT LINE [ROW...]: judge core.a, which passed, and e2e.b and core.c with the given rows
 verdict() {
@@ -29,18 +29,18 @@ verdict() {
     "$KN_SOURCE/tests/summary" wanted rows "$3" >said
     check "$1" eval "[ $? = $2 ] && grep -qx '$4' said" || cat said
 }
-verdict "all that was wanted passed" 0 1 '3 passed, 0 failed, 0 skipped' "e2e.b 1.0 passed" "core.c 1.0 passed"
-verdict "a test that failed is a failure" 1 1 'failed  release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 failed why"
-verdict "so is one that failed twice" 1 0 'failed  release e2e.b' "e2e.b 1.0 failed" "e2e.b 1.0 failed" "core.c 1.0 passed"
-verdict "so is one that was not played" 1 0 'not run release core.c' "e2e.b 1.0 passed"
-verdict "a second attempt counts, and is told" 0 1 'again   release e2e.b: passed in attempt 2' "e2e.b 1.0 failed" "e2e.b 1.0 passed" \
+verdict "a run passes if all expected tests passed" 0 1 '3 passed, 0 failed, 0 skipped' "e2e.b 1.0 passed" "core.c 1.0 passed"
+verdict "a failed test fails the run" 1 1 'failed  release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 failed why"
+verdict "a test that failed twice fails the run" 1 0 'failed  release e2e.b' "e2e.b 1.0 failed" "e2e.b 1.0 failed" "core.c 1.0 passed"
+verdict "a test that did not run fails the run" 1 0 'not run release core.c' "e2e.b 1.0 passed"
+verdict "a passed second attempt counts and is reported" 0 1 'again   release e2e.b: passed in attempt 2' "e2e.b 1.0 failed" "e2e.b 1.0 passed" \
     "core.c 1.0 passed"
 verdict "a skipped end-to-end test does not fail a user's run" 0 0 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
 verdict "a skipped end-to-end test fails CI" 1 1 'skipped release e2e.b: why' "e2e.b 1.0 skipped why" "core.c 1.0 passed"
 verdict "any other skipped test does not fail CI" 0 1 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
-verdict "any skipped test fails the night" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
+verdict "any skipped test fails the nightly run" 1 2 'skipped release core.c: why' "e2e.b 1.0 passed" "core.c 1.0 skipped why"
 "$KN_SOURCE/tests/summary" /dev/null /dev/null 0 >said
-check "no test at all is a failure" [ $? = 1 ]
+check "a run without any test fails" [ $? = 1 ]
 printf 'release %s\n' core.a e2e.b >wanted
 printf 'release core.a 1.0 %s\n' failed passed >rows
 
@@ -56,26 +56,26 @@ git init -q history && cd history || exit 70
 mkdir -p hdl server/backend tests/timed core
 touch {hdl,server/backend,tests/timed,core}/a
 commit start
-check "no record is a failure" refused 'there is none'
+check "a missing record is refused" refused 'there is none'
 record_write "$(git rev-parse HEAD)" ../wanted ../rows red >/dev/null
 commit red
-check "a red one is, too" refused 'expected a green one'
+check "the record of a failed run is refused" refused 'expected a green one'
 record_write "$(git rev-parse HEAD)" ../wanted ../rows green >/dev/null
 commit green
-check "a green one passes" judged
-check "it counts attempts, and names what did not run" \
+check "the record of a passed run is accepted" judged
+check "the record counts attempts and names the tests that did not run" \
     [ "$(tail -2 $record | tr '\n' ,)" = 'release core.a 1.0 2 passed,release e2e.b 0 0 missing,' ]
 for folder in hdl server/backend tests/timed; do
     echo changed >$folder/a
     commit changed
-    check "it does not cover another state of $folder" refused 'changed since'
+    check "a record does not cover a changed $folder" refused 'changed since'
     git reset -q --hard HEAD~
 done
 echo changed >core/a
-check "what did not change since is the same" record_same hdl
-check "what did is not" eval '! record_same hdl core'
+check "an unchanged folder counts as the same" record_same hdl
+check "a changed folder counts as different" eval '! record_same hdl core'
 for ((i = 1; i < record_age_max; i++)); do commit $i; done
-check "a record $record_age_max commits old is good" judged
+check "a record of $record_age_max commits ago is accepted" judged
 commit last
-check "an older one is not" refused 'expected at most'
+check "an older record is refused" refused 'expected at most'
 exit $failed

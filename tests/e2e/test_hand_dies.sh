@@ -42,11 +42,11 @@ for kind in paddle haply; do
     for way in $ways; do
         start_kneadd dough-small.yaml --set device=unknown # restarted, since its dough has no dent
         begin $kind ""
-        check "$kind: held off with 3 N" await pressed $kind
+        check "$kind: the device pushes back with 3 N" await pressed $kind
         end $way
         ms=$(lasts $kind)
         echo "     $kind, the hand $way: force for $ms ms after the last command, then 0 N by the device's own watchdog"
-        check "$kind: the hand $way, the device gives nothing 20 ms later" [ "${ms//[a-z ]/9}" -le 20 ]
+        check "$kind: 20 ms after the hand is $way, the device gives no force" [ "${ms//[a-z ]/9}" -le 20 ]
         kill -KILL $hand 2>/dev/null
         wait $hand 2>/dev/null
         stop_device >/dev/null
@@ -55,12 +55,12 @@ for kind in paddle haply; do
     start_kneadd dough-small.yaml --set device=unknown
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky)
     wait $hand
-    check "$kind: one without a watchdog is refused" [ $? = 3 ]
-    check "and told why" [ "$(told 'kept its motor on')" = 1 ]
-    check "and has given nothing" [ "$(awk -F, -v c="${given[$kind]}" 'NR > 1 && $c != 0' device.csv | wc -l)" = 0 ]
+    check "$kind: a device without a watchdog is refused" [ $? = 3 ]
+    check "the reason of the refusal is reported" [ "$(told 'kept its motor on')" = 1 ]
+    check "the refused device has given no force" [ "$(awk -F, -v c="${given[$kind]}" 'NR > 1 && $c != 0' device.csv | wc -l)" = 0 ]
     stop_device >/dev/null
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky) --no-watchdog
-    check "but with --no-watchdog it gives" await pressed $kind
+    check "with --no-watchdog the device gives force" await pressed $kind
     kill -INT $hand
     wait $hand
     stop_device >/dev/null

@@ -12,13 +12,13 @@ rows() {
 last() { tail -n 2 haply.csv | head -n 1 | cut -d, -f"$1"; }
 pushed() { holds "$(last 7) > 0.5"; } # at this moment
 trouble() { # trouble NAME [WORDS]: wait until WORDS are reported, and the arm has been down for 100 ms without a force
-    check "pressed" await pushed
+    check "the arm is pushed back before the fault" await pushed
     bid "$1" 1
     local since=$(($(last 1) + 100))
-    [ $# = 1 ] || check "$1: it is told that $2" await grep -q "$2" hand.err
+    [ $# = 1 ] || check "$1: the hand reports $2" await grep -q "$2" hand.err
     held_down() { [ "$(rows "ms > $since && z < -0.02")" -ge 100 ]; }
     check "$1: the arm is held down" await held_down
-    check "and gives no force" [ "$(rows "ms > $since && f > 0")" = 0 ]
+    check "$1: the arm gives no force" [ "$(rows "ms > $since && f > 0")" = 0 ]
     bid "$1" 0
 }
 start_kneadd dough-small.yaml
@@ -34,40 +34,40 @@ trouble hangup 'haply lost: the Inverse Service at localhost:10001 hung up'
 trouble gone 'no longer has arm 049D'
 since=$(last 1)
 pushed_again() { [ "$(rows "ms > $since && fz > 0.5")" -gt 50 ]; }
-check "after all of it, it is pushed back again" await pushed_again
-check "each time it was found again" [ "$(told 'haply is back')" = 3 ]
+check "after all faults the arm is pushed back again" await pushed_again
+check "the arm was found again after each loss" [ "$(told 'haply is back')" = 3 ]
 kill -INT $hand
-check "it ends well" ended $hand
+check "the hand ends with 0" ended $hand
 kill $hear
 wait $hear 2>/dev/null
 stop_device
-check "never with more than was allowed" [ "$(rows 'f > 3.0001')" = 0 ]
-check "the dough holds it: pushed, it does not come as deep as in air" [ "$(rows 'fz > 1 && z < -0.034')" = 0 ]
-check "in air it is left alone" [ "$(rows 'new && z > -0.01 && f > 0.01')" = 0 ]
-check "a message, an answer, but for what was spoilt: $(last 8) of $(rows 1)" [ "$(last 8)" -gt $(($(rows 1) / 2)) ]
-check "and no message of another kind" [ "$(last 9)" = 0 ]
-check "each trouble was one line" [ "$(told 'no JSON at byte') $(told 'haply lost')" = "1 3" ]
-check "an arm that is found is greeted: axes, preset" [ "$(last 10)" -ge 4 ]
+check "the force never exceeds the limit" [ "$(rows 'f > 3.0001')" = 0 ]
+check "the dough stops the arm: it does not go as deep as in air" [ "$(rows 'fz > 1 && z < -0.034')" = 0 ]
+check "in free air the arm gets no force" [ "$(rows 'new && z > -0.01 && f > 0.01')" = 0 ]
+check "most messages are answered, apart from damaged ones: $(last 8) of $(rows 1)" [ "$(last 8)" -gt $(($(rows 1) / 2)) ]
+check "no message of another kind is sent" [ "$(last 9)" = 0 ]
+check "each fault is reported in one line" [ "$(told 'no JSON at byte') $(told 'haply lost')" = "1 3" ]
+check "an arm that is found gets the commands for axes and preset" [ "$(last 10)" -ge 4 ]
 check "the grip turns the tool and presses its button" \
     [ "$(awk -F, '$1 == "pose" && $11 > 0.707 && $14 > 0.707 && $15 == 2' hear.csv | wc -l)" -gt 100 ]
-check "no pose was refused by kneadd's owner of the tool" grep -q 'forces for other clients 0' hand.txt
+check "the tool never belonged to another client" grep -q 'forces for other clients 0' hand.txt
 stop_kneadd
 
 start_kneadd dough-small.yaml # restarted, since its dough has no dent
 start_device haply.csv haply 10001 200
 await [ -s haply.csv ]
 knead hand haply --quiet >hand.txt 2>hand.err & hand=$!
-check "pressed, then kneadd dies" await pushed
+check "the arm is pushed back before kneadd is killed" await pushed
 since=$(last 1)
 kill -KILL "$server"
 wait "$server" 2>/dev/null
-check "one line says so" await grep -q 'no force from kneadd for' hand.err
+check "the hand reports the missing force" await grep -q 'no force from kneadd for' hand.err
 pause 1
 kill -INT $hand
 wait $hand
 stop_device
 check "the force faded, in steps, and never came back" fades haply.csv 7 "$since"
 gone=$(awk -F, -v since="$since" '$1 > since && $7 == 0 { print $1; exit }' haply.csv)
-check "nor did one to the side" [ "$(rows "ms > $gone && f != 0")" = 0 ]
-check "while it was still told that it is zero" [ "$(rows "ms > $gone + 100 && new")" -gt 50 ]
+check "no force to the side remains" [ "$(rows "ms > $gone && f != 0")" = 0 ]
+check "the arm still gets commands of zero force" [ "$(rows "ms > $gone + 100 && new")" -gt 50 ]
 exit $failed

@@ -33,20 +33,20 @@ round() { # round NAME KEY [replay]
     wait $pid
     for client in $hand $touch $web $probe; do after+=($(rss $client)); done
     echo "     $name: $(cat sent) datagrams; memory of hand, touch, web, probe: ${before[*]} -> ${after[*]} kB; $right of $views pictures right"
-    check "$name: all were sent" [ "$(cat sent)" = "$count" ]
-    for client in hand touch web; do check "$name: $client lives" lives ${!client}; done
+    check "$name: all messages were sent" [ "$(cat sent)" = "$count" ]
+    for client in hand touch web; do check "$name: $client still runs" lives ${!client}; done
     wait $probe
-    check "$name: probe ended by itself" [ $? -le 3 ]
-    for i in 0 1 2; do check "$name: it did not grow by 4 MB" [ $((after[i] - before[i])) -lt 4096 -a ${after[i]} -gt 0 ]; done
-    check "$name: there were pictures" [ "$views" -gt 0 ]
+    check "$name: knead probe ended by itself" [ $? -le 3 ]
+    for i in 0 1 2; do check "$name: the memory of each client grew by less than 4 MB" [ $((after[i] - before[i])) -lt 4096 -a ${after[i]} -gt 0 ]; done
+    check "$name: pictures were drawn" [ "$views" -gt 0 ]
     kill -TERM $hand $touch $web
     wait $hand
-    check "$name: the hand ends well" [ $? = 0 ]
+    check "$name: the hand ends with 0" [ $? = 0 ]
     poses=$(grep -oE '[0-9]+ poses' hand.txt) accepted=$(field '["probes"][1]["packets"]["accepted"]')
     wait $touch $web
     kill $paddle
     wait $paddle 2>/dev/null
-    check "$name: never more force than allowed" [ "$(awk -F, 'NR > 1 && $4 > 2.0001' paddle.csv | wc -l)" = 0 ]
+    check "$name: the force never exceeds the limit" [ "$(awk -F, 'NR > 1 && $4 > 2.0001' paddle.csv | wc -l)" = 0 ]
     stop_kneadd
 }
 # Yesterday's messages.
@@ -57,9 +57,9 @@ knead probe --path poke --quiet --tries 1 >/dev/null 2>&1
 wait $recorder
 stop_kneadd
 round "with a key" key replay
-check "with a key no pose but the hand's own was accepted: $accepted of its $poses" [ "$accepted" -le $((${poses% *} + 3)) -a "$accepted" -gt 0 ]
-check "with a key every picture is of the kneadd that is there" [ "$right" = "$views" ]
-check "and nobody was told of another device" grep -q 'as device unknown, its zero at 0, 0, 65 mm' hand.txt
-check "and of no other tool" [ "$(grep -c '"probe":"finger"' touch.txt)" = "$(wc -l <touch.txt)" ]
+check "with a key only the hand's own poses were accepted: $accepted of its $poses" [ "$accepted" -le $((${poses% *} + 3)) -a "$accepted" -gt 0 ]
+check "with a key every picture shows the real server" [ "$right" = "$views" ]
+check "with a key no client sees another device" grep -q 'as device unknown, its zero at 0, 0, 65 mm' hand.txt
+check "with a key no client sees another tool" [ "$(grep -c '"probe":"finger"' touch.txt)" = "$(wc -l <touch.txt)" ]
 round "without a key" ""
 exit $failed

@@ -11,14 +11,14 @@ stop_kneadd
 logcheck one.lcmlog | tee one
 poses=$(number poses one) forces=$(number forces one)
 check "the logger heard the poses" [ "$poses" -ge 2970 ]
-check "and a force for each millisecond of the session" [ "$forces" -ge 2900 ]
+check "the logger heard a force for each millisecond of the session" [ "$forces" -ge 2900 ]
 check "every force carries the echo of a pose" [ "$(number echoed one)" = "$forces" ]
-check "events, scenes and statuses are there" \
+check "the log has events, scenes and statuses" \
     [ "$(number events one)" -gt 3 -a "$(number scenes one)" -ge 1 -a "$(number statuses one)" -ge 6 ]
 check "liblcm decodes everything" [ "$(number undecodable one)" = 0 ]
-check "the status adds up: received = accepted + rejected" \
+check "in the status, received = accepted + rejected" \
     [ "$(number received one)" = $(($(number accepted one) + $(number rejected one))) ]
-check "and in ticks: last tick + 1 = executed + missed" \
+check "in the status, last tick + 1 = executed + missed" \
     [ $(($(number ticks one) + 1)) = $(($(number hist one) + $(number missed one))) ]
 
 start_kneadd dough-small.yaml
@@ -27,7 +27,7 @@ sleep 1.3 # the silent session ends, and its number may be used again
 lcm-logplayer -e 'KNEAD_POSE.*' one.lcmlog >/dev/null 2>&1
 stop_kneadd
 accepted=$(counter accepted)
-check "a log played twice is heard twice" \
+check "a log played twice is accepted twice" \
     [ "$accepted" -ge $((poses * 2 * 99 / 100)) -a "$accepted" -le $((poses * 2)) ]
-check "and nothing of it is stale" [ "$(counter stale)" = 0 ]
+check "no pose of a replayed log is stale" [ "$(counter stale)" = 0 ]
 exit $failed

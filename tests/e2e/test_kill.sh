@@ -97,13 +97,13 @@ for ms in "${lost[@]}"; do ((within += ms <= 1000)); done
 read -r killed served refused restored previous files good < <(awk '/^kill/ { n++; a += $2; b += $3; c += $4; d += $5 }
     /^file/ { f++; g += $2 } END { print n + 0, a + 0, b + 0, c + 0, d + 0, f + 0, g + 0 }' "$kept")
 echo "$killed kills; lost ms: p50 $(quantile 500), p99 $(quantile 990), p99.9 $(quantile 999), most $(quantile 1000)"
-[ -z "${KN_NIGHT:-}" ] || check "99 in 100 lost 1 s at most: $within of ${#lost[@]}" [ $((100 * within)) -ge $((99 * kills)) ]
-check "$served of $kills were killed while they served" [ "$served $killed" = "$kills $kills" ]
-check "no file was refused" [ "$refused" = 0 ]
-check "every start went on with the object" [ "$restored" = $kills ]
-check "the generation before was there, and nothing half written was left" [ "$previous" = $kills ]
-check "every file that is kept can be restored: $files" [ "$files" -gt 0 -a "$good" = "$files" ]
-check "the logs have them all" [ ${#lost[@]} = $kills ]
+[ -z "${KN_NIGHT:-}" ] || check "at least 99 % of the kills lost at most 1 s: $within of ${#lost[@]}" [ $((100 * within)) -ge $((99 * kills)) ]
+check "$served of $kills servers were killed while serving" [ "$served $killed" = "$kills $kills" ]
+check "no snapshot was refused" [ "$refused" = 0 ]
+check "every start restored the object" [ "$restored" = $kills ]
+check "the previous generation was there, and no partial file was left" [ "$previous" = $kills ]
+check "every kept snapshot can be restored: $files" [ "$files" -gt 0 -a "$good" = "$files" ]
+check "the logs cover all kills" [ ${#lost[@]} = $kills ]
 
 mkdir state fresh
 start_kneadd dough-small.yaml --state-dir state
@@ -127,7 +127,7 @@ last=$(ls state/*.knead | tail -1)
 expect 'expected --snapshot with that file or its directory$' 2 knead replay life.lcmlog --verify
 check "with the snapshot the log replays to the bit" verifies life.lcmlog --snapshot then
 start_kneadd dough-small.yaml --state-dir state
-check "the next start has what the orderly end left: $(grep restored kneadd.log)" grep -qF "restored $last" kneadd.log
+check "the next start restores the snapshot of the orderly end: $(grep restored kneadd.log)" grep -qF "restored $last" kneadd.log
 stop_kneadd
 
 # A press before a kill -9, and one after it.
@@ -140,7 +140,7 @@ kill -KILL $server
 dead
 start_kneadd dough-small.yaml --state-dir fresh
 $ahead knead probe --path path.csv --quiet --csv after.csv
-check "a press after a kill meets the dent of the one before it: at $(touched before.csv) mm, then at $(touched after.csv)" \
+check "a press after a kill touches in the dent of the press before it: at $(touched before.csv) mm, then at $(touched after.csv)" \
     awk -v a="$(touched before.csv)" -v b="$(touched after.csv)" 'BEGIN { exit !(b > 0 && b < a - 1) }'
 stop_kneadd
 
@@ -148,11 +148,11 @@ stop_kneadd
 last=$(ls state/*.knead | tail -1)
 printf 'x' | dd of="$last" bs=1 seek=5000 conv=notrunc status=none
 start_kneadd dough-small.yaml --state-dir state
-check "a damaged one is told: $(cat kneadd.err)" grep -qF "not restored: $last: checksum" kneadd.err
-check "the one before is taken: $(grep restored kneadd.log)" grep -q '^kneadd: restored' kneadd.log
+check "a damaged snapshot is reported: $(cat kneadd.err)" grep -qF "not restored: $last: checksum" kneadd.err
+check "the previous snapshot is restored: $(grep restored kneadd.log)" grep -q '^kneadd: restored' kneadd.log
 stop_kneadd
 start_kneadd jelly.yaml --state-dir state
-check "jelly has none of it" grep -q '^kneadd: nothing to restore' kneadd.log
+check "another scene has nothing to restore" grep -q '^kneadd: nothing to restore' kneadd.log
 stop_kneadd
 expect 'No such file' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir nowhere
 chmod 777 state

@@ -33,36 +33,36 @@ cp key open && chmod 644 open
 refuses 'open: others may read or write it, expected mode 0600' --key open
 
 start_kneadd dough-small.yaml --lan card --peer 10.9.0.2
-check "that an address proves nothing is said" grep -q 'this is no authentication' kneadd.log
+check "kneadd warns that an address is no authentication" grep -q 'this is no authentication' kneadd.log
 check "a hand on the other host is pushed back" poke KNEAD_KEY=
 there ip route change 224.0.0.0/4 dev card2 src 10.9.0.3
 poke KNEAD_KEY= >out 2>&1
-check "from another address it is not" [ $? = 3 ]
+check "a hand from another address is not served" [ $? = 3 ]
 stop_kneadd
-check "each of its poses was counted: $(counter peer)" [ "$(counter peer)" -gt 1000 ]
+check "the rejected poses are counted: $(counter peer)" [ "$(counter peer)" -gt 1000 ]
 
 start_kneadd dough-small.yaml --lan card --key key
 $ahead nsenter -t $other -n lcm-logger -q --lcm-url='udpm://239.255.76.67:7667?ttl=1' -f record.lcmlog >/dev/null 2>&1 &
 logger=$!
 sleep 0.5
-check "with a key it may come from anywhere" poke KNEAD_KEY=key
+check "a hand with the key is served from any address" poke KNEAD_KEY=key
 stop_logger
 poke KNEAD_KEY= >out 2>&1
-check "without the key it is refused" [ $? = 3 ]
+check "a hand without the key is refused" [ $? = 3 ]
 poke KNEAD_KEY=wrong >out 2>&1
-check "with another key, too" [ $? = 3 ]
+check "a hand with another key is refused" [ $? = 3 ]
 there lcm-logplayer -e 'KNEAD_POSE.*' --lcm-url='udpm://239.255.76.67:7667?ttl=1' record.lcmlog >/dev/null 2>&1
 there env KNEAD_KEY=key KNEAD_LAN=card2 knead view --png view.png >view.out 2>&1
-check "a picture of a server whose key one has: $(tail -1 view.out)" [ -s view.png ]
+check "a viewer with the key draws a picture: $(tail -1 view.out)" [ -s view.png ]
 there env KNEAD_KEY=wrong KNEAD_LAN=card2 knead view --png wrong.png >/dev/null 2>&1
-check "and none of another" [ ! -e wrong.png ]
+check "a viewer with a wrong key draws no picture" [ ! -e wrong.png ]
 stop_kneadd
-check "each was counted: $(counter mac) mac" [ "$(counter mac)" -gt 2000 ]
-check "what was recorded, played again, moved nothing: $(counter replayed) replayed" [ "$(counter replayed)" -gt 1000 ]
+check "the rejected messages are counted: $(counter mac) mac" [ "$(counter mac)" -gt 2000 ]
+check "replayed recordings are rejected: $(counter replayed) replayed" [ "$(counter replayed)" -gt 1000 ]
 check "the log of signed messages replays to the bit" knead replay record.lcmlog --verify
 
 start_kneadd dough-small.yaml --lan card --peer 10.9.0.3
 poke KNEAD_KEY=key >out 2>&1
-check "a hand with a key believes no server without" [ $? = 3 ]
+check "a hand with a key refuses a server without one" [ $? = 3 ]
 stop_kneadd
 exit $failed

@@ -25,14 +25,14 @@ expect 'no KNEAD_SCENE for 4 s: ' 3 knead latency --lcm-url 'udpm://239.255.76.6
 check "one second is measured" knead latency "$small" --seconds 1 --contract 1e6,1e6 --drift 500 --json own.json --plot own.png >out
 cat out
 check "every pose is counted" counted own.json 1
-check "the picture is a PNG" eval 'head -c 4 own.png | grep -q PNG'
+check "the plot is a PNG" eval 'head -c 4 own.png | grep -q PNG'
 start_kneadd dough-small.yaml --trace trace.csv
-check "a kneadd that runs already is measured" \
+check "an already running kneadd is measured" \
     knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json there.json >out
 cat out
-check "every pose of that, too, and none of its stages" counted there.json 0
+check "for the running kneadd every pose is counted and no stage" counted there.json 0
 stop_kneadd
-check "kneadd's trace has a row for each tick with a hand: it woke, stepped, guarded the force, in this order" python3 - <<'END'
+check "kneadd's trace has a row per tick with a hand, with its stages in order: wake, step, guard" python3 - <<'END'
 import csv, json
 pose = json.load(open("there.json"))["series"]["pose_to_force"]
 rows = [{k: v if k == "probe" else int(v) for k, v in row.items()} for row in csv.DictReader(open("trace.csv"))]

@@ -34,15 +34,15 @@ flood() { # flood NAME RATE
     echo "$1: $flood malformed in $took ms, $((flood / (took > 0 ? took : 1))) k/s; $drops dropped by the kernel;" \
         "$accepted of $valid poses accepted; memory $before -> $after kB;" \
         "$missed ticks missed, $explained by the machine"
-    check "$1: all were sent" [ "$flood" = "$count" ]
+    check "$1: all datagrams were sent" [ "$flood" = "$count" ]
     check "$1: received = sent - kernel drops" [ "$datagrams" = $((valid + flood + $(counter published) - drops)) ]
-    check "$1: each in one counter" [ "$reasons" = "$datagrams" ]
-    check "$1: of the hand's own, none that arrived is refused" [ "$(of_all stale clock jump rate)" = 0 ]
-    check "$1: nothing else is accepted" [ "$accepted" -le "$valid" ]
-    check "$1: memory did not grow by a MB" [ $((after - before)) -lt 1024 ]
+    check "$1: each datagram is in one counter" [ "$reasons" = "$datagrams" ]
+    check "$1: no pose of the hand that arrived is rejected" [ "$(of_all stale clock jump rate)" = 0 ]
+    check "$1: only the hand's poses are accepted" [ "$accepted" -le "$valid" ]
+    check "$1: the memory grew by less than 1 MB" [ $((after - before)) -lt 1024 ]
 }
 flood fast 0
-check "fast: the hand is heard, but for what the kernel dropped" \
+check "fast: the hand is heard, apart from datagrams that the kernel dropped" \
     [ "$accepted" -ge $((valid - drops)) -a "$accepted" -gt 0 ]
 flood paced 25000
 check "paced: at least 99 % of the hand's poses are accepted" [ "$accepted" -ge $((valid * 99 / 100)) ]
@@ -55,6 +55,6 @@ sleep 0.5
 stop_kneadd
 drops=$(counter 'dropped by the kernel')
 check "stopped: $sent were sent, $drops dropped by the kernel" [ "$sent" = 60000 -a "$drops" -gt 0 ]
-check "stopped: received and dropped are what was sent" [ $(($(counter datagrams) + drops)) = $((sent + $(counter published))) ]
-check "stopped: what the socket held was received" [ $(($(counter datagrams) - $(counter published))) -gt 500 ]
+check "stopped: received + dropped = sent" [ $(($(counter datagrams) + drops)) = $((sent + $(counter published))) ]
+check "stopped: the datagrams in the socket's buffer were received" [ $(($(counter datagrams) - $(counter published))) -gt 500 ]
 exit $failed

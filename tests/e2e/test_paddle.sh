@@ -28,27 +28,27 @@ sleep 1
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
-check "it ends well" [ $hand_status = 0 ]
+check "the hand ends with 0" [ $hand_status = 0 ]
 check "the paddle is pushed back" [ "$(column '$4 > 0.5' paddle.csv)" -gt 100 ]
-check "and upwards, but for what little damping pulls" \
+check "the force points up, apart from a little damping" \
     [ "$(($(column '$4 < 0' paddle.csv) * 10))" -lt "$(column '$4 > 0.5' paddle.csv)" ]
-check "never with more than it may be asked for" [ "$(column '$3 > 2.5001' paddle.csv)" = 0 ]
-check "the dough holds it: pushed back, it does not come as deep as it does in air" \
+check "the force never exceeds the paddle's limit" [ "$(column '$3 > 2.5001' paddle.csv)" = 0 ]
+check "the dough stops the paddle: it does not go as deep as in air" \
     [ "$(column '$4 > 1 && $2 < -0.034' paddle.csv)" = 0 ]
 check "pressing does not buzz: the force changes by less than 3 % in a millisecond" \
     awk -F, 'NR > 1 { if (f > 0.5 && $4 > 0.5) { n += $4; d += $4 > f ? $4 - f : f - $4 } f = $4 } END { exit !(n > 0 && d < 0.03 * n) }' paddle.csv
-check "in air it is left alone" [ "$(column '$2 > -0.01 && $4 > 0.01' paddle.csv)" = 0 ]
-check "garbage and wrong bits are told" [ "$(told 'bytes that are not part of a frame')" -ge 1 ]
-check "but not one by one" [ "$(told 'bytes that are not part of a frame')" -le 10 ]
-check "and counted" [ "$(count bad)" -gt 100 ]
-check "what the paddle heard was whole, but for frames that a cable or an opening cut" \
+check "in free air the paddle gets no force" [ "$(column '$2 > -0.01 && $4 > 0.01' paddle.csv)" = 0 ]
+check "garbage and wrong bits are reported" [ "$(told 'bytes that are not part of a frame')" -ge 1 ]
+check "errors are reported in at most ten lines" [ "$(told 'bytes that are not part of a frame')" -le 10 ]
+check "bad frames are counted" [ "$(count bad)" -gt 100 ]
+check "the paddle received whole frames, apart from those cut by a cable or an opening" \
     [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f8)" -le 3 ]
-check "a cable that is out is one line" [ "$(told 'paddle lost: tty')" = 1 ]
-check "and one when it is back" [ "$(told 'paddle is back')" = 1 ]
-check "it is pushed again afterwards" pushed_again
-check "a computer that stood still knows it" [ "$(told 'this program did not run for')" -ge 1 ]
-check "the paddle's own watchdog trips while it does" [ "$(column '$6' paddle.csv)" -gt 300 ]
-check "and gives nothing then" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
+check "an unplugged cable is reported in one line" [ "$(told 'paddle lost: tty')" = 1 ]
+check "a replugged cable is reported in one line" [ "$(told 'paddle is back')" = 1 ]
+check "the paddle is pushed back again afterwards" pushed_again
+check "a program that stood still reports it" [ "$(told 'this program did not run for')" -ge 1 ]
+check "the paddle's watchdog trips while the program stands still" [ "$(column '$6' paddle.csv)" -gt 300 ]
+check "the paddle gives no force while its watchdog is tripped" [ "$(column '$6 && $4 != 0' paddle.csv)" = 0 ]
 
 stop_kneadd
 start_kneadd dough-small.yaml # restarted, since its dough has no dent
@@ -59,7 +59,7 @@ paddle tty 40 >paddle.csv 2>>paddle.err & paddle=$!
 await [ -e tty ]
 start_hand
 pushed() { tail -n 2 paddle.csv | awk -F, 'NR == 1 && $4 + 0 > 0.3 { ok = 1 } END { exit !ok }'; }
-check "it pressed when kneadd was killed" await pushed
+check "the paddle was pushed back when kneadd was killed" await pushed
 since=$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f1)
 kill -KILL "$server"
 wait "$server" 2>/dev/null
@@ -68,8 +68,8 @@ stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
 check "the force faded, in steps, and never came back" fades paddle.csv 4 "$since"
-check "one line says so" [ "$(told 'no force from kneadd for')" -ge 1 ]
-check "and one that nobody answers" [ "$(told 'is kneadd running')" = 1 ]
+check "the hand reports the missing force" [ "$(told 'no force from kneadd for')" -ge 1 ]
+check "the hand reports once that nobody answers" [ "$(told 'is kneadd running')" = 1 ]
 check "the motor was switched off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]
 
 start_kneadd dough-small.yaml

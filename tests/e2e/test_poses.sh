@@ -33,17 +33,17 @@ EOF
 )
 nobody=$(send thumb <<<"poses 14 session=1 seq=1")
 stop_kneadd
-check "the good ones are accepted, a session that starts anew and the next owner included" \
+check "valid poses are accepted, including a restarted session and the next owner" \
     [ "$(counter accepted)" = 220 ]
-check "late and repeated ones are stale, and those of a session that has said its last" [ "$(counter stale)" = 31 ]
+check "late and repeated poses are stale, and so are those of an ended session" [ "$(counter stale)" = 31 ]
 check "a second publisher is refused" [ "$(counter session)" = 20 ]
 check "NaN and infinity are refused" [ "$(counter nonfinite)" = 13 ]
-check "jumps are refused, by way and by velocity" [ "$(counter jump)" = 19 ]
-check "outside the workspace is refused" [ "$(counter workspace)" = 9 ]
+check "jumps by distance and by velocity are rejected" [ "$(counter jump)" = 19 ]
+check "a pose outside the workspace is rejected" [ "$(counter workspace)" = 9 ]
 check "a clock that runs backwards is refused" [ "$(counter clock)" = 12 ]
 check "session 0 is refused" [ "$(counter session_zero)" = 13 ]
 check "a probe the scene does not have is refused" [ "$(counter probe)" = "$nobody" ]
 check "every datagram is in one counter" \
     [ "$(counter datagrams)" = $((sent + nobody + $(counter published))) ]
-check "the kernel dropped none" [ "$(counter 'dropped by the kernel')" = 0 ]
+check "the kernel dropped no datagram" [ "$(counter 'dropped by the kernel')" = 0 ]
 exit $failed

@@ -10,9 +10,9 @@ bar() {
     script -qec "$*" seen </dev/null >/dev/null
     "$@" >plain 2>plain.err </dev/null
     check "$name has a bar on a terminal" grep -qaE $'\r'"$name"'[a-z ]*  \[#* *\] +[0-9]+ %' seen
-    check "and none elsewhere" eval '! grep -qa " %  \|\[#*  *\]" plain.err'
+    check "$name has no bar without a terminal" eval '! grep -qa " %  \|\[#*  *\]" plain.err'
     # The final text of each line of a terminal: the text after its last carriage return but one.
-    check "the line is empty afterwards" eval '! sed "s/\r$//; s/.*\r//" seen | grep -qa "\[#* *\]"'
+    check "the bar of $name is erased afterwards" eval '! sed "s/\r$//; s/.*\r//" seen | grep -qa "\[#* *\]"'
 }
 bar creep knead creep dough --lattice 3x3x3 --hold 60 --rest 60
 bar replay knead replay press.lcmlog

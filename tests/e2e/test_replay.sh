@@ -7,20 +7,20 @@ press() { $ahead knead probe --path press --hold '200 ms' --quiet --record "$1";
 start_logger bus.lcmlog # started first, so that it hears the server's start
 start_kneadd dough-small.yaml
 check "a hand presses" press press.lcmlog
-check "and again" press second.lcmlog
+check "a hand presses a second time" press second.lcmlog
 stop_kneadd
 stop_logger
 
 check "the hand's own recording verifies" verifies press.lcmlog
-check "so does lcm-logger's, from the server's start to its stop, over two sessions" verifies bus.lcmlog
-check "and says how much that is" grep -Eq '^verified [0-9]{4,} forces, 1 probe$' bus.lcmlog.said
+check "lcm-logger's recording of two sessions, from start to stop of the server, verifies" verifies bus.lcmlog
+check "the replay reports the number of verified forces" grep -Eq '^verified [0-9]{4,} forces, 1 probe$' bus.lcmlog.said
 expect 'was already deformed when this log begins' 2 knead replay second.lcmlog
 
 knead replay "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog --csv a.csv --hash >a && knead replay press.lcmlog --csv b.csv --hash >b
-check "two replays have one hash" cmp -s a b
+check "two replays have the same hash" cmp -s a b
 runs=${KN_RUNS:-5}
 hashes=$(for ((i = 0; i < runs; i++)); do knead replay press.lcmlog --hash | grep '^hash'; done | sort | uniq -c)
-check "so have $runs:$hashes" [ "$(wc -l <<<"$hashes") $(grep -oE '^ *[0-9]+' <<<"$hashes" | tr -d ' ')" = "1 $runs" ]
-check "and, but for the time they took, one table" cmp -s <(cut -d, -f1-17 a.csv) <(cut -d, -f1-17 b.csv)
-check "of as many rows as forces" [ $(($(wc -l <a.csv) - 1)) = "$(sed -n 's/verified \([0-9]*\) forces.*/\1/p' press.lcmlog.said)" ]
+check "$runs replays have the same hash:$hashes" [ "$(wc -l <<<"$hashes") $(grep -oE '^ *[0-9]+' <<<"$hashes" | tr -d ' ')" = "1 $runs" ]
+check "two replays have the same table, except for the step times" cmp -s <(cut -d, -f1-17 a.csv) <(cut -d, -f1-17 b.csv)
+check "the table has one row per verified force" [ $(($(wc -l <a.csv) - 1)) = "$(sed -n 's/verified \([0-9]*\) forces.*/\1/p' press.lcmlog.said)" ]
 exit $failed

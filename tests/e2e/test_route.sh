@@ -28,7 +28,7 @@ sniff_start
 expect 'ip route add 239.255.76.67/32 dev lo' 3 \
     kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME"
 sniff_stop
-check "a route by the network card is refused, and nothing left" [ "$left" = 0 ]
+check "with a route over the network card kneadd refuses to start, and no packet leaves" [ "$left" = 0 ]
 
 ip route add 239.255.76.67/32 dev lo
 sniff_start
@@ -38,12 +38,12 @@ send plate <<<"poses 500 session=7 seq=1" >/dev/null
 stop_logger
 stop_kneadd
 sniff_stop
-check "with the cure it serves" [ "$(counter accepted)" = 500 ]
-check "and nothing leaves by the network card" [ "$left" = 0 ]
+check "with the suggested route kneadd serves" [ "$(counter accepted)" = 500 ]
+check "with the suggested route no packet leaves by the network card" [ "$left" = 0 ]
 
 ip route del 239.255.76.67/32 dev lo # last, since IGMP repeats itself for seconds
 sniff_start
 timeout 1 lcm-logger -q -f stock.lcmlog >/dev/null 2>&1
 sniff_stop
-check "stock LCM without the route does leak its join, so this test sees what it looks for" [ "$left" -gt 0 ]
+check "plain LCM without the route leaks its join, so this test can see a leak" [ "$left" -gt 0 ]
 exit $failed

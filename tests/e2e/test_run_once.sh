@@ -27,9 +27,9 @@ until [ "$(left)" = "$sent" ]; do # the reports are repeated, within a second ea
 done
 
 "$KN_SOURCE/server/run" --once </dev/null >refused.log 2>&1
-check "without a terminal and without --yes it exits 2" [ $? = 2 ]
-check "having said which route it would add" grep -q '239.255.76.67/32 dev lo' refused.log
-check "and changed nothing" [ "$(routes)" = "$before" ]
+check "without a terminal and without --yes server/run exits 2" [ $? = 2 ]
+check "server/run names the route that it would add" grep -q '239.255.76.67/32 dev lo' refused.log
+check "the refused run changes no route" [ "$(routes)" = "$before" ]
 
 status=$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)
 row() { grep -qE "^ +$1 +-?[0-9.]+ $2" "$log"; }
@@ -37,19 +37,19 @@ png() { head -c 8 "$KN_SOURCE/out/$1" | cmp -s - <(printf '\211PNG\r\n\032\n'); 
 pressed() { # pressed LOG: check the messages and files of a run
     log=$1
     check "contact is in the table" row contact s
-    check "so is the peak" row peak N
-    check "the end of the hold" row 'end of hold' N
-    check "and the residual depth" row 'residual depth' mm
+    check "the peak force is in the table" row peak N
+    check "the force at the end of the hold is in the table" row 'end of hold' N
+    check "the residual depth is in the table" row 'residual depth' mm
     check "press.png is a picture" png press.png
-    check "dent.png is one" png dent.png
+    check "dent.png is a picture" png dent.png
     check "press.csv has a row per ms" [ "$(wc -l <"$KN_SOURCE/out/press.csv")" -gt 5000 ]
-    check "the tree is as it was" [ "$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)" = "$status" ]
+    check "the source tree is unchanged" [ "$(git -C "$KN_SOURCE" status --porcelain 2>/dev/null)" = "$status" ]
 }
 if [ -n "${KN_NIGHT:-}" ]; then
     "$KN_SOURCE/server/run" --once --yes </dev/null >press.log 2>&1
-    check "with --yes and --once it plays the press and exits 0" [ $? = 0 ]
+    check "with --yes and --once server/run plays the press and exits 0" [ $? = 0 ]
     pressed press.log
-    check "the route is gone" [ "$(routes)" = "$before" ]
+    check "the route is removed" [ "$(routes)" = "$before" ]
     check "no packet left the machine" [ "$(left)" = "$sent" ]
 fi
 
@@ -62,14 +62,14 @@ set -m # its own process group, as on a terminal; a background job would ignore 
 run=$!
 set +m
 await grep -q 'Ctrl-C ends it' up.log
-check "without --once it serves on" grep -q 'serving a fresh block' up.log
+check "without --once server/run keeps serving" grep -q 'serving a fresh block' up.log
 pressed up.log
-check "on the loopback route" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]
+check "the multicast group is routed over lo" [ "$(ip -4 route get 239.255.76.67 | grep -c 'dev lo')" = 1 ]
 kill -INT -- -$run
-check "Ctrl-C ends it with exit 0" ended $run
-check "having said what it has ended: $(tail -n 1 up.log)" \
+check "Ctrl-C ends server/run with exit 0" ended $run
+check "server/run reports what it has ended: $(tail -n 1 up.log)" \
     [ "$(tail -n 1 up.log)" = "stopped: the page has ended; kneadd has ended, forces at zero; the route is gone" ]
-check "and takes the route away" [ "$(routes)" = "$before" ]
+check "server/run removes the route" [ "$(routes)" = "$before" ]
 check "no packet left the machine" [ "$(left)" = "$sent" ]
 [ $failed = 0 ] || tail -n 30 *.log
 exit $failed

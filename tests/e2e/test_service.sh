@@ -5,20 +5,20 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 command -v systemd-analyze >/dev/null || { echo "skipped: no systemd-analyze here (package systemd)" && exit 77; }
 sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; s|^ExecReload=[^ ]*|ExecReload=$KN_BUILD/bin/knead|; /^User=\|^Group=/d" "$KN_BUILD/server/kneadd.service" >kneadd.service
 systemd-analyze verify "$PWD/kneadd.service" >verified 2>&1
-check "systemd takes every line of it$(sed 's/^/: /' verified)" [ ! -s verified ]
+check "systemd accepts every line of the unit$(sed 's/^/: /' verified)" [ ! -s verified ]
 systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
 check "$(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
 
 # With the board's drop-in, appended to the unit as systemd does. By default no device is opened.
-check "no device node by default" [ "$(grep -c '^DeviceAllow\|^PrivateDevices=no' kneadd.service)" = 0 ]
+check "the unit allows no device node by default" [ "$(grep -c '^DeviceAllow\|^PrivateDevices=no' kneadd.service)" = 0 ]
 mkdir board
 cat kneadd.service "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
 systemd-analyze verify "$PWD/board/kneadd.service" >verified 2>&1
-check "with a board systemd takes every line, too$(sed 's/^/: /' verified)" [ ! -s verified ]
+check "systemd accepts every line of the unit with a board$(sed 's/^/: /' verified)" [ ! -s verified ]
 cat "$KN_BUILD/server/kneadd.service" "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
 systemd-analyze security --offline=true --no-pager --threshold=20 "$PWD/board/kneadd.service" >exposure 2>&1
 check "with a board: $(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
-check "of all devices one line" grep -q 'DeviceAllow=.*ttyUSB0' "$KN_SOURCE/server/kneadd-board.conf"
+check "the unit with a board allows one serial line only" grep -q 'DeviceAllow=.*ttyUSB0' "$KN_SOURCE/server/kneadd-board.conf"
 
 [ "$KN_REALTIME" != off ] && command -v setpriv >/dev/null || { echo "no user to become here: the rest is left out" && exit $failed; }
 cat >listen.py <<'END' # receives systemd's notifications
@@ -49,26 +49,26 @@ NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-gr
     ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
 server=$!
 await eval '[ "$(heard READY=1)" -gt 0 ]'
-check "it says when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
-[ $mode = off ] || check "with all of real time: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
-check "without a capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
+check "kneadd notifies systemd when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
+[ $mode = off ] || check "kneadd has real-time scheduling and locked memory: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
+check "kneadd has no capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
 expect "^kneadd: another kneadd serves udpm://239.255.76.67:7667[?]ttl=0: expected --lcm-url with another port$" 3 \
     setpriv --reuid 65534 --regid 65534 --clear-groups ./kneadd --scene dough-small.yaml --realtime off
-check "its claim is where nobody else may look" \
+check "the lock file is in a directory closed to others" \
     [ "$(find /tmp/kneadd-?????? -maxdepth 0 -uid 65534 -perm 0700 | wc -l)$(ls -A /tmp/kneadd-000000)" = 1 ]
 alive() { # alive N: wait for N more watchdog messages
     local since
     since=$(heard WATCHDOG=1)
     await eval '[ "$(heard WATCHDOG=1)" -ge $((since + '"$1"')) ]'
 }
-check "and again and again that it is alive" alive 2
+check "kneadd keeps notifying the watchdog" alive 2
 kill -STOP $server
 pause 0.2
 before=$(heard WATCHDOG=1)
 pause 2.5
-check "a server that stands still does not" [ "$(heard WATCHDOG=1)" -le $((before + 1)) ]
+check "a stopped server does not notify the watchdog" [ "$(heard WATCHDOG=1)" -le $((before + 1)) ]
 kill -CONT $server
-check "one that goes on does again" alive 2
+check "a continued server notifies the watchdog again" alive 2
 for thread in servo kneadd; do # stop each thread alone, while the thread that feeds the watchdog goes on
     freeze $server $thread 4.2 2>froze & frozen=$!
     pause 1.6 # the main thread is missed only after half a second of records
@@ -77,24 +77,24 @@ for thread in servo kneadd; do # stop each thread alone, while the thread that f
     during=$(($(heard WATCHDOG=1) - before))
     wait $frozen
     [ $? = 77 ] && echo "no thread can be stopped here: $(cat froze)" && continue
-    check "nor does one whose thread $thread alone is stuck: $during times in 2 s" [ $during = 0 ]
-    check "until it is no more" alive 1
+    check "a server whose thread $thread is stuck does not notify: $during times in 2 s" [ $during = 0 ]
+    check "after the thread $thread continues, the server notifies again" alive 1
 done
 ./knead ctl --control control --json status >status.json
-check "root may command it" grep -q '^{"ok":true,' status.json
+check "root may send commands" grep -q '^{"ok":true,' status.json
 setpriv --reuid 1234 --regid 65534 --clear-groups ./knead ctl --control control reset >group 2>&1
-check "its group may: $(cat group)" grep -q '^reset: tick' group
+check "the group may send commands: $(cat group)" grep -q '^reset: tick' group
 setpriv --reuid 1234 --regid 1234 --clear-groups ./knead ctl --control control reset >other 2>&1
 refused=$?
-check "nobody else may: $(cat other)" [ $refused = 3 ]
+check "no other user may send commands: $(cat other)" [ $refused = 3 ]
 ./knead ctl --control control load >loaded 2>&1
-check "systemd hears of a load, and of its end: $(cat loaded)" \
+check "systemd is notified of a load and of its end: $(cat loaded)" \
     [ "$(heard 'RELOADING=1 MONOTONIC_USEC=[0-9]')" = 1 -a "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 2 ]
-[ $mode = off ] || check "with all of real time again" [ "$(grep -c 'SCHED_FIFO, memory locked' kneadd.log)" = 2 ]
+[ $mode = off ] || check "kneadd has real-time scheduling again after the load" [ "$(grep -c 'SCHED_FIFO, memory locked' kneadd.log)" = 2 ]
 setpriv --reuid 1234 --regid 1234 --groups 65534 ./knead ctl --control control stop >stop 2>&1
-check "a member by another of its groups may end it: $(cat stop)" grep -q '^stop: done' stop
-check "it ended well" ended $server
-check "and said so" [ "$(heard STOPPING=1)" = 1 ]
+check "a user with the group as a supplementary group may stop kneadd: $(cat stop)" grep -q '^stop: done' stop
+check "kneadd ended with 0" ended $server
+check "kneadd notified systemd of the stop" [ "$(heard STOPPING=1)" = 1 ]
 find /tmp/kneadd-?????? -maxdepth 0 \( -uid 65534 -o -uid 1234 \) -exec rm -r {} +
 
 # stdout and stderr are full, and no process reads them.
@@ -114,16 +114,16 @@ pause 0.05
 kill -CONT $server # overruns to be reported
 for _ in 1 2 3; do timeout 5 ./knead ctl --control control reset >/dev/null; done
 timeout 5 ./knead ctl --control control estop >stopped 2>&1
-check "unheard it is told to stop at once: $(cat stopped)" grep -q '^estop: tick' stopped
-check "and says again and again that it is alive" alive 2
+check "with full output pipes an emergency stop is answered at once: $(cat stopped)" grep -q '^estop: tick' stopped
+check "with full output pipes kneadd keeps notifying the watchdog" alive 2
 timeout 20 ./knead ctl --control control load >loaded 2>&1
 await eval 'timeout 5 ./knead ctl --control control status >again 2>/dev/null'
-check "loads: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
+check "with full output pipes a scene is loaded: $(cat loaded)" grep -q '^scene  *dough-small.yaml' again
 kill -TERM $server
-patience=4 check "and ends when it is told to" await eval '! kill -0 $server 2>/dev/null'
+patience=4 check "with full output pipes kneadd ends on SIGTERM" await eval '! kill -0 $server 2>/dev/null'
 kill -KILL $server 2>/dev/null
 wait $server
 ended=$?
-check "with 3: nobody has its summary" [ $ended = 3 ]
+check "kneadd exits with 3, since nobody read its summary" [ $ended = 3 ]
 exec 7>&-
 exit $failed

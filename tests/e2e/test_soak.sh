@@ -17,13 +17,13 @@ done
 late=$(memory)
 kill $hand
 stop_kneadd
-check "its memory has grown by less than 1 MB: $early to $late kB" [ $((late - early)) -lt 1000 ]
+check "the memory of kneadd grows by less than 1 MB: $early to $late kB" [ $((late - early)) -lt 1000 ]
 counted=0
 for number in $(grep -oP 'datagrams: \K.*(?=;)' kneadd.log | grep -oE '[0-9]+'); do ((counted += number)); done
 check "every datagram is in one counter" [ "$(grep -oP '[0-9]+(?= datagrams:)' kneadd.log)" = $counted ]
-check "every ms is a tick or a missed one: $(counter ticks) + $(counter missed) in $seconds s" \
+check "every ms is a tick or a missed tick: $(counter ticks) + $(counter missed) in $seconds s" \
     [ $(($(counter ticks) + $(counter missed))) -ge $((1000 * seconds)) ]
-check "nothing was created, nothing failed to be saved" \
+check "no energy was created and no save failed" \
     grep -q 'energy created in 0 of them' kneadd.log
 check "no snapshot failed" grep -qE 'snapshots, .*; 0 errors' kneadd.log
 exit $failed

@@ -27,14 +27,14 @@ pause 0.3
 stop_kneadd
 stop_logger
 knead replay state.lcmlog --snapshot kept --verify >said 2>err
-check "what was asked for stays, read-only: $(find kept -name '*.knead' ! -perm -200 | wc -l)" [ "$(find kept -name '*.knead' ! -perm -200 | wc -l)" = 2 ]
-check "the finger felt it" grep -qE "peak contact force ([1-9]|0\.[1-9])" said
-check "two dents are two states: $first $second" [ -n "$(state "$first")" -a "$(state "$first")" != "$(state "$second")" ]
-check "the first one came back" [ "$restored" = "$(state "$first")" ]
-check "so did the second: $newest" grep -q '^restore: generation [0-9]*, tick' <<<"$newest"
+check "the requested snapshots are kept as read-only files: $(find kept -name '*.knead' ! -perm -200 | wc -l)" [ "$(find kept -name '*.knead' ! -perm -200 | wc -l)" = 2 ]
+check "the finger felt the dough" grep -qE "peak contact force ([1-9]|0\.[1-9])" said
+check "two dents are two different states: $first $second" [ -n "$(state "$first")" -a "$(state "$first")" != "$(state "$second")" ]
+check "the first state was restored" [ "$restored" = "$(state "$first")" ]
+check "the newest state was restored: $newest" grep -q '^restore: generation [0-9]*, tick' <<<"$newest"
 check "the third press was undone: $undone" grep -q '^undo: tick' <<<"$undone"
-check "and what was restored, after it: $again" grep -q '^undo: tick' <<<"$again"
-check "the log replays over all of it, with the snapshots at hand: $(tail -1 said)" [ -s said -a ! -s err ]
+check "the restore was undone after the press: $again" grep -q '^undo: tick' <<<"$again"
+check "with the snapshots the log replays over presses, restores and undos: $(tail -1 said)" [ -s said -a ! -s err ]
 expect 'snapshot' 2 knead replay state.lcmlog --verify
 # A log that begins after a press, and undoes that press.
 mkdir late
@@ -49,7 +49,7 @@ stop_kneadd
 stop_logger
 knead replay late.lcmlog --snapshot late --verify >out 2>&1
 late=$?
-check "an undo of what is not in the log is no error of the computation: $(grep undo out)" \
+check "an undo of a change before the log is not counted as a replay error: $(grep undo out)" \
     [ $late = 1 -a "$(grep -c 'an undo to a state before this log begins' out)" -ge 1 ]
 # An emergency stop survives a kill and a restart, also in the log of that run. A recover ends the stop for good.
 mkdir held
@@ -68,13 +68,13 @@ dent 0.041
 stop_kneadd >/dev/null
 stop_logger
 knead replay held.lcmlog --verify >out 2>err
-check "an emergency stop stands after a kill: $held, $told" [ "$held" = ESTOP -a "$(wc -l <<<"$told")" = 1 -a -n "$told" ]
-check "a hand feels nothing: $felt N, $(head -1 held.err)" [ "$felt" = 0.0 ]
-check "until a recover: $freed" grep -qE 'peak contact force ([1-9]|0\.[1-9])' out
-check "the log replays from that start on: $(cat err)" [ -s out -a ! -s err ]
+check "an emergency stop stays in force after a kill: $held, $told" [ "$held" = ESTOP -a "$(wc -l <<<"$told")" = 1 -a -n "$told" ]
+check "a hand gets no force: $felt N, $(head -1 held.err)" [ "$felt" = 0.0 ]
+check "after a recover the hand feels the dough: $freed" grep -qE 'peak contact force ([1-9]|0\.[1-9])' out
+check "the log of that start replays: $(cat err)" [ -s out -a ! -s err ]
 start_kneadd dough-small.yaml --control control --state-dir held
 free=$(field '["mode"]')
-check "the next start is free: $free" [ "$free" = IDLE -a ! -e held/estop ]
+check "the next start has no emergency stop: $free" [ "$free" = IDLE -a ! -e held/estop ]
 stop_kneadd
 
 start_kneadd jelly.yaml --control control --state-dir kept

@@ -16,16 +16,16 @@ if grep -q '; SCHED_FIFO' kneadd.log; then
         check "$name has FIFO ${pair#*:}" [ "$(field "$name" 39) $(field "$name" 38)" = "1 ${pair#*:}" ]
     done
 else
-    check "what is missing is said" grep -q 'not real time: no SCHED_FIFO (.*: .*)' kneadd.log
+    check "the missing real-time setting is reported" grep -q 'not real time: no SCHED_FIFO (.*: .*)' kneadd.log
 fi
-check "meshes have no priority" [ "$(field mesh 39)" = 0 ]
-check "the sentinel stands on the servo's core" [ "$(field sentinel 37)" = "$(field servo 37)" ]
+check "the mesh thread has no real-time priority" [ "$(field mesh 39)" = 0 ]
+check "the sentinel runs on the servo's core" [ "$(field sentinel 37)" = "$(field servo 37)" ]
 
 if grep -q ', memory locked' kneadd.log; then
     send plate <<<"poses 300 session=7 seq=1" >/dev/null
     before="$(field servo 8) $(field servo 10)"
     send plate <<<"poses 3000 session=7 seq=301" >/dev/null
-    check "3000 ticks of a session fault no page" [ "$(field servo 8) $(field servo 10)" = "$before" ]
+    check "3000 ticks of a session cause no page fault" [ "$(field servo 8) $(field servo 10)" = "$before" ]
 fi
 stop_kneadd
 

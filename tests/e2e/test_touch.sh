@@ -20,12 +20,12 @@ start_kneadd dough-small.yaml --touch
 knead touch --probe plate --once --seconds 20 >once.txt 2>once.err & once=$!
 knead touch --json --seconds 9 >all.json 2>json.err & all=$!
 check "a hand presses" $ahead knead probe --path press --hold '0.5 s' --quiet --record press.lcmlog
-check "the first touch is told" ended $once
-check "and all of them, as JSON" ended $all
+check "the first contact is reported" ended $once
+check "all contacts are reported as JSON" ended $all
 cat once.txt once.err json.err
-check "in one line" grep -qE '^[0-9.]+ s, plate: area [0-9.]+ cm2, peak [0-9.]+ kPa, centre .* slip .* mm/s$' once.txt
-check "and no more" [ "$(wc -l <once.txt)" = 1 ]
-check "a line each, that programs understand" python3 - all.json <<'PY'
+check "the first contact is one line with area, peak, centre and slip" grep -qE '^[0-9.]+ s, plate: area [0-9.]+ cm2, peak [0-9.]+ kPa, centre .* slip .* mm/s$' once.txt
+check "only the first contact is printed" [ "$(wc -l <once.txt)" = 1 ]
+check "each contact is one line of JSON" python3 - all.json <<'PY'
 import json, sys
 lines = [json.loads(line) for line in open(sys.argv[1])]
 touched = [p for p in lines if p["area_m2"] > 0]
@@ -44,8 +44,8 @@ if command -v script >/dev/null; then
     $ahead knead probe --path poke --probe finger --quiet & hand=$!
     script -qec 'knead touch --probe finger --seconds 6' screen.txt >/dev/null
     wait $hand
-    check "a terminal gets a picture" grep -q '@@.*kPa' screen.txt
-    check "drawn over itself" grep -qF "$(printf '\033')[11A" screen.txt
+    check "on a terminal the pressure is drawn as a picture" grep -q '@@.*kPa' screen.txt
+    check "the picture is redrawn in place" grep -qF "$(printf '\033')[11A" screen.txt
 fi
 stop_kneadd
 exit $failed

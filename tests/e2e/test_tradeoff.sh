@@ -12,12 +12,12 @@ sweep() { knead tradeoff "${points[@]}" "$@"; }
 errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all columns but the times and their consequences: the fronts, the order
 
 sweep --csv here.csv --plot here.png >here 2>here.err
-check "a sweep ends well" [ $? = 0 ]
-check "and says nothing beside its table when nobody watches" [ ! -s here.err ]
+check "a sweep ends with 0" [ $? = 0 ]
+check "a sweep without a terminal prints only its table" [ ! -s here.err ]
 [ ! -s here.err ] || cat here.err
 check "the table has every point" [ "$(grep -c '^10 mm ' here)" = 7 ]
-check "the named points are told" [ "$(grep -cE '^(fast       10 mm, 1 ms, |balanced   |accurate   )' here)" = 3 ]
-check "the picture is one" [ "$(head -c 4 here.png | tail -c 3)" = PNG ]
+check "the named quality points are printed" [ "$(grep -cE '^(fast       10 mm, 1 ms, |balanced   |accurate   )' here)" = 3 ]
+check "the picture is a PNG" [ "$(head -c 4 here.png | tail -c 3)" = PNG ]
 
 # Killed in the middle, then run again.
 knead tradeoff "${points[@]}" --resume kept >/dev/null 2>&1 &
@@ -27,24 +27,24 @@ kill -KILL $sweeping
 wait $sweeping 2>/dev/null
 kept=$(ls kept | grep -c trace$)
 sweep --resume kept --csv kept.csv >resumed
-check "a sweep that was killed goes on" [ $? = 0 ]
-check "with the $kept runs that it had" grep -q "of which $kept were kept" resumed
-check "and comes to the same" cmp -s <(errors here.csv) <(errors kept.csv)
+check "a killed sweep is resumed" [ $? = 0 ]
+check "the resumed sweep keeps its $kept runs" grep -q "of which $kept were kept" resumed
+check "the resumed sweep has the same errors" cmp -s <(errors here.csv) <(errors kept.csv)
 touch -d '1 hour ago' before && find kept -name '*.trace' -exec touch -d '2 hours ago' {} +
 sweep --resume kept >again
-check "nothing of it is played a third time" [ -z "$(find kept -name '*.trace' -newer before)" ]
+check "a complete sweep plays no run again" [ -z "$(find kept -name '*.trace' -newer before)" ]
 
 mkdir failing
 printf '#!/bin/sh\ncat >/dev/null\necho "line 7: no such thing" >&2\nexit 1\n' >failing/gnuplot
 chmod +x failing/gnuplot
 PATH=$PWD/failing:$PATH sweep --resume kept --plot no.png >/dev/null 2>failed
-check "a picture that gnuplot does not draw is told by the exit code" [ $? = 3 ]
-check "and by what gnuplot said" grep -q 'no.png: gnuplot could not draw it: exit 1, said: line 7: no such thing$' failed
+check "a picture that gnuplot cannot draw gives exit code 3" [ $? = 3 ]
+check "the error has gnuplot's message" grep -q 'no.png: gnuplot could not draw it: exit 1, said: line 7: no such thing$' failed
 
 if command -v parallel >/dev/null; then
     sweep --jobs 2 --csv jobs.csv >jobs.out
-    check "two at a time come to the same" cmp -s <(errors here.csv) <(errors jobs.csv)
-    check "and have times, taken afterwards" [ -z "$(cut -d, -f12 jobs.csv | grep -x '0\|')" ]
+    check "two jobs at a time give the same errors" cmp -s <(errors here.csv) <(errors jobs.csv)
+    check "the times are measured afterwards" [ -z "$(cut -d, -f12 jobs.csv | grep -x '0\|')" ]
 else
     echo "no GNU parallel here: --jobs and --hosts are not tested"
 fi
@@ -60,53 +60,53 @@ cd "${0%/*}/there" && HOME=$PWD SHELL=/bin/bash exec bash -c "$*"
 SSH
     chmod +x ssh
     sweep --hosts "$PWD/ssh there" --csv host.csv >host.out
-    check "a host comes to the same" cmp -s <(errors here.csv) <(errors host.csv)
-    check "and keeps nothing" [ -z "$(find there -type f)" ]
+    check "a sweep on another host gives the same errors" cmp -s <(errors here.csv) <(errors host.csv)
+    check "the host keeps no file after the sweep" [ -z "$(find there -type f)" ]
     mkdir both
     TMPDIR=$PWD/both sweep --hosts "$PWD/ssh there,:" --jobs 1 --csv both.csv >both.out
-    check "a host and this machine come to the same" cmp -s <(errors here.csv) <(errors both.csv)
-    check "and nothing is left here" [ -z "$(ls both)" ]
+    check "a host and this machine together give the same errors" cmp -s <(errors here.csv) <(errors both.csv)
+    check "no file is left on this machine" [ -z "$(ls both)" ]
     mkdir broken && printf '#!/bin/sh\nexit 1\n' >broken/knead && chmod +x broken/knead
     sed -i 's|exec bash|PATH=${0%/*}/broken:$PATH exec bash|' ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>failed
-    check "a host whose jobs fail is told by the exit code" [ $? = 3 ]
-    check "and keeps nothing" [ -z "$(find there -name 'knead-sweep-*')" ]
+    check "a host whose jobs fail gives exit code 3" [ $? = 3 ]
+    check "the failing host keeps no file" [ -z "$(find there -name 'knead-sweep-*')" ]
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
-    check "a host that is not there is told by the exit code" [ $? = 3 ]
-    check "and by what is missing" grep -q 'runs have no result; --resume DIR would keep the others' dead
+    check "an unreachable host gives exit code 3" [ $? = 3 ]
+    check "the error reports the missing runs" grep -q 'runs have no result; --resume DIR would keep the others' dead
 fi
 
 # --write replaces the block, and nothing else.
 printf '# mine\nquality: # old\n  fast: {iterations: 3}\n\n# the end, without its line end' >>scene.yaml
 cp scene.yaml old.yaml && chmod 640 scene.yaml
 sweep --write >written
-check "the points are written" [ $? = 0 ]
-check "the scene loads with each of them" eval 'for q in fast balanced accurate; do knead check scene.yaml --quality $q >/dev/null || exit 1; done'
+check "the quality points are written into the scene" [ $? = 0 ]
+check "the scene loads with each quality point" eval 'for q in fast balanced accurate; do knead check scene.yaml --quality $q >/dev/null || exit 1; done'
 without() { awk '/^quality:/ { skip = 1; next } skip && /^  / { next } { skip = 0; print }' "$1"; }
-check "and is otherwise what it was, byte for byte" cmp -s <(without old.yaml) <(without scene.yaml)
-check "with the rights that it had" [ "$(stat -c %a scene.yaml)" = 640 ]
-check "a sweep knows the scene again" eval 'sweep --resume kept | grep -q "of which 8 were kept"'
+check "the rest of the scene is unchanged, byte for byte" cmp -s <(without old.yaml) <(without scene.yaml)
+check "the scene keeps its file mode" [ "$(stat -c %a scene.yaml)" = 640 ]
+check "a sweep still recognises the scene" eval 'sweep --resume kept | grep -q "of which 8 were kept"'
 printf '\n  - {name: third, shape: plate, size: [1 cm, 1 cm]}\n' >>scene.yaml
 cp scene.yaml broken.yaml
 expect 'scene.yaml:' 2 knead tradeoff scene.yaml press.lcmlog --write
-check "a scene that is none is left alone" cmp -s scene.yaml broken.yaml
+check "an invalid scene is left unchanged" cmp -s scene.yaml broken.yaml
 cp old.yaml scene.yaml && chmod 444 scene.yaml
 expect 'scene.yaml: is read-only, expected' 3 sweep --write # before any run is played
-check "a scene that nobody may write to is left alone" cmp -s scene.yaml old.yaml
+check "a read-only scene is left unchanged" cmp -s scene.yaml old.yaml
 chmod 644 scene.yaml
 
 # With a point in force that has its own lattice: points found on that lattice stay there, a missing point is removed.
 scene
 printf 'quality: {chosen: fast, fast: {spacing: 5 mm, precision: f64}, accurate: {spacing: 10 mm}}\n' >>scene.yaml
 knead tradeoff scene.yaml press.lcmlog --quick --solver blend --iterations 2,4 --write >written
-check "points of a lattice of its own are written" [ $? = 0 ]
-check "and that the accurate one of another is gone" grep -q '^removed the old point accurate' written
+check "quality points with another lattice are written" [ $? = 0 ]
+check "the removal of the old accurate point is reported" grep -q '^removed the old point accurate' written
 for point in fast balanced accurate; do
     knead check scene.yaml --quality $point >checked
-    check "$point is of that lattice and precision" eval 'grep -q "175 nodes" checked && grep -q "^solver .* f64" checked'
+    check "$point has that lattice and precision" eval 'grep -q "175 nodes" checked && grep -q "^solver .* f64" checked'
 done
-check "and the scene itself is of its own" eval 'knead check scene.yaml --quality own | grep -q "36 nodes"'
+check "the scene without a point keeps its own lattice" eval 'knead check scene.yaml --quality own | grep -q "36 nodes"'
 
 # Killed without --resume: the next sweep removes the leftovers.
 mkdir tmp
@@ -117,5 +117,5 @@ kill -KILL $sweeping
 wait $sweeping 2>/dev/null
 check "a killed sweep leaves its folder" [ "$(ls tmp | wc -l)" = 1 ]
 TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null
-check "the next one removes it, and its own" [ "$(ls tmp | wc -l)" = 0 ]
+check "the next sweep removes the old folder and its own" [ "$(ls tmp | wc -l)" = 0 ]
 exit $failed

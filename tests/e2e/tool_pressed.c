@@ -19,8 +19,9 @@ int main(int argc, char **argv)
     double extent_m[3];
     if (argc < 3) return fputs("usage: pressed SCENE LOG [DEPTH_MM [KEY=VALUE]...]\n", stderr), 2;
     const char *const *sets = (const char *const *)argv + 4;
-    kn_recorder_open(&r, argv[2],
-                     &(kn_served_def){.scene_path = argv[1], .sets = sets, .set_count = argc > 4 ? argc - 4 : 0});
+    kn_recorder_open(
+        &r, argv[2],
+        &(kn_served_object_def){.scene_path = argv[1], .sets = sets, .set_count = argc > 4 ? argc - 4 : 0});
     kn_model_def_extent(&r.on.scene->model, extent_m);
     for (int ms = 0; ms < 5000; ms++) {
         move(&r.hand[0], extent_m[2], argc > 3 ? 1e-3 * atof(argv[3]) : 0.01, ms);

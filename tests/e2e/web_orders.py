@@ -54,12 +54,12 @@ def recorded(page, number, seconds, id):
 def stop_while_it_waits(page, server):
     server.kneadd.send_signal(signal.SIGSTOP)  # otherwise the scene would arrive within a second
     page.send_request(10, "record")
-    check("record: taken", page.waits(10)["ok"], page.answers)
+    check("record: accepted", page.waits(10)["ok"], page.answers)
     page.hears(lambda: page.about["recording"])
     begin = time.monotonic()
     page.send_request(11, "stop", value=1)
-    check("stopped while it waits for the scene", page.waits(11)["ok"], page.answers)
-    check("it ends at once, and leaves nothing",
+    check("a recording is stopped while it waits for the scene", page.waits(11)["ok"], page.answers)
+    check("the stopped recording ends at once and leaves no file",
           page.hears(lambda: not page.about["recording"] and not page.about["recordings"], 4),
           time.monotonic() - begin, page.about["recordings"])
     server.kneadd.send_signal(signal.SIGCONT)
@@ -68,43 +68,43 @@ def stop_while_it_waits(page, server):
 def back_to_back(page, server):
     recorded(page, 2, 2, 20)
     page.send_request(21, "stop", value=2)
-    check("stopped by its number", page.waits(21)["ok"] and page.hears(lambda: page.take(2).get("state") == "whole"),
+    check("a recording is stopped by its number", page.waits(21)["ok"] and page.hears(lambda: page.take(2).get("state") == "whole"),
           page.take(2))
     for id in 22, 60, 62:
         page.send_request(id, "play", value=2)
         page.send_request(id + 1, "verify", value=2)
         verify, play = page.waits(id + 1), page.waits(id, 30)
-        check("play, then verify while the tool is let go: verify is told to wait",
+        check("verify during play is refused with the reason",
               verify and not verify["ok"] and "being replayed" in verify["words"], verify)
         if not play or "spoilt" not in play["words"]:  # a machine that stands still for 20 ms spoils the press
             break
-    check("and play is answered at its end", play and play["ok"], play)
+    check("play is answered at its end", play and play["ok"], play)
     page.send_request(24, "verify", value=2)
     page.send_request(25, "play", value=2)
     play, verify = page.waits(25), page.waits(24, 40)
-    check("the other way round, too", verify and verify["ok"] and play and not play["ok"], verify, play)
+    check("play during verify is refused", verify and verify["ok"] and play and not play["ok"], verify, play)
     page.send_request(26, "play", value=2)
     page.send_request(27, "stop", value=2)
-    check("play, stopped before it begins: both are answered", page.waits(27)["ok"] and page.waits(26)["words"] == "Stopped.",
+    check("a stop before the start of play is answered, and so is play", page.waits(27)["ok"] and page.waits(26)["words"] == "Stopped.",
           page.of(26), page.of(27))
-    check("every one once", [len(page.of(id)) for id in range(20, 28)] == [1] * 8, page.answers)
+    check("every request is answered once", [len(page.of(id)) for id in range(20, 28)] == [1] * 8, page.answers)
 
 
 def downloads(page, server):
     bearer = f"Authorization: Bearer {server.token}"
     page.send_request(28, "verify", value=2)
-    check("verified, a recording has a table, too", page.waits(28, 40)["ok"] and page.hears(lambda: page.take(2).get("csv")), page.take(2))
+    check("a verified recording has a table", page.waits(28, 40)["ok"] and page.hears(lambda: page.take(2).get("csv")), page.take(2))
     for name, begins in (("scene.yaml", b"version: 1"), ("recording/2.csv", b"tick,"), ("recording/2.lcmlog", b"\xed\xa1\xda\x01")):
         status, _, body = get(server.port, "/get/" + name, bearer)
-        check(f"{name} can be taken home", status == 200 and body.startswith(begins), status, body[:80])
+        check(f"{name} can be downloaded", status == 200 and body.startswith(begins), status, body[:80])
     page.send_request(29, "measure", name="stress")
     page.send_request(30, "picture")
     told = page.waits(29)["ok"] and page.waits(30)
     status, _, body = get(server.port, "/get/picture.png", bearer)
-    check("so can a picture, coloured by stress", told and told["ok"] and status == 200 and body.startswith(b"\x89PNG"), told, status, body[:80])
+    check("a picture coloured by stress can be downloaded", told and told["ok"] and status == 200 and body.startswith(b"\x89PNG"), told, status, body[:80])
     for name in "recording/2.png", "recording/7.csv":
         status, _, body = get(server.port, "/get/" + name, bearer)
-        check(f"{name} is not there", status == 404, status, body[:80])
+        check(f"{name} does not exist", status == 404, status, body[:80])
 
 
 def orders(page, server):
@@ -123,14 +123,14 @@ def stop_of_others(page, server):
     recorded(page, 3, 1, 80)
     other.send_request(1, "verify", value=2)
     other.send_request(2, "stop", value=2)
-    check("another page verifies, and stops that", other.waits(2)["ok"] and other.waits(1)["words"] == "Stopped.",
+    check("another page verifies a recording and stops the verification", other.waits(2)["ok"] and other.waits(1)["words"] == "Stopped.",
           other.answers)
-    check("a verify that was stopped leaves no CSV behind", not os.path.exists(f"{server.folder()}/2.csv"))
+    check("a stopped verification leaves no CSV", not os.path.exists(f"{server.folder()}/2.csv"))
     other.send_request(3, "stop", value=1)
-    check("a stop of what does not go on says so", not other.waits(3)["ok"], other.answers)
-    check("the recording goes on", page.hears(lambda: page.take(3).get("state") == "runs"), page.take(3))
+    check("a stop of a finished recording is refused", not other.waits(3)["ok"], other.answers)
+    check("the running recording continues", page.hears(lambda: page.take(3).get("state") == "runs"), page.take(3))
     page.send_request(31, "stop", value=3)
-    check("until its number is said", page.waits(31)["ok"], page.of(31))
+    check("the running recording is stopped by its number", page.waits(31)["ok"], page.of(31))
     other.close()
 
 
@@ -141,27 +141,27 @@ def own_answers(page, server):
     time.sleep(0.3)
     for i in range(8):
         page.send_request(40 + i, "style", name="lined")
-        check(f"beside a page that reads nothing: answered, {i + 1}", page.waits(40 + i, 5), page.answers[-3:])
+        check(f"request {i + 1} is answered beside a page that does not read", page.waits(40 + i, 5), page.answers[-3:])
     deaf.waits(100)
-    check("that page has lost answers of its own, and no others", 0 < len(deaf.answers) <= 40, len(deaf.answers))
+    check("a page that does not read loses only its own answers", 0 < len(deaf.answers) <= 40, len(deaf.answers))
     deaf.send_request(200, "style", name="lined")
-    check("and is answered again once it reads", deaf.waits(200, 5), deaf.answers[-3:])
+    check("the page is answered again once it reads", deaf.waits(200, 5), deaf.answers[-3:])
     deaf.close()
 
 
 def scenes(page, server):
     listed = lambda: page.about["scenes"]
-    check("scenes that can be asked for are listed, by name", listed() == ["b.yaml", "dough-small.yaml"], listed())
-    check("and it is told how many are not", page.about["unlisted"] == 2, page.about.get("unlisted"))
+    check("the available scenes are listed by name", listed() == ["b.yaml", "dough-small.yaml"], listed())
+    check("the number of unlisted scenes is reported", page.about["unlisted"] == 2, page.about.get("unlisted"))
     shutil.copy("mine/b.yaml", "mine/a.yaml")
-    check("a new file is listed without a start", page.hears(lambda: listed()[0] == "a.yaml"), listed())
+    check("a new scene file is listed without a restart", page.hears(lambda: listed()[0] == "a.yaml"), listed())
     for i in range(40):
         shutil.copy("mine/b.yaml", f"mine/many-{i:02}.yaml")
-    check("of many, the first 32 by name", page.hears(lambda: len(listed()) == 32 and listed()[-1] == "many-28.yaml"), listed())
-    check("with the count of the others", page.about["unlisted"] == 13, page.about["unlisted"])
+    check("the first 32 of many scenes are listed by name", page.hears(lambda: len(listed()) == 32 and listed()[-1] == "many-28.yaml"), listed())
+    check("the number of the other scenes is reported", page.about["unlisted"] == 13, page.about["unlisted"])
     shutil.copy(f"{os.environ['KN_SOURCE']}/core/scenes/dough.yaml", "mine/many-00.yaml")
     page.send_request(50, "scene", name="many-00.yaml")
-    check("one that came later is loaded",
+    check("a scene file that came later is loaded",
           page.waits(50)["ok"] and page.hears(lambda: page.about["scene"] == "many-00.yaml", 20), page.of(50))
 
 
@@ -171,15 +171,15 @@ def picture_of_nothing(page, server):
     time.sleep(1)
     page.send_request(90, "picture")
     told = page.waits(90, 12)
-    check("a picture while nothing is served: answered", told and not told["ok"], told)
+    check("a picture without a served scene is refused", told and not told["ok"], told)
     page.send_request(91, "record")
     page.hears(lambda: page.about["recording"])
     begin = time.monotonic()
     server.web.terminate()
     code = server.web.wait(15)
     took = time.monotonic() - begin
-    check("knead web ends while a recording waits for its scene: with 0, and soon", code == 0 and took < 4, code, took)
-    check("and leaves nothing behind", os.listdir("tmp") == [], os.listdir("tmp"))
+    check("knead web exits with 0 within 4 s while a recording waits for its scene", code == 0 and took < 4, code, took)
+    check("knead web leaves no temporary files", os.listdir("tmp") == [], os.listdir("tmp"))
 
 
 def no_folder(server):
@@ -187,7 +187,7 @@ def no_folder(server):
         os.environ["TMPDIR"] = folder
         server.start("few", ["knead", "web"], "http://")
         said = open("few.log").read()
-        check(f"TMPDIR {folder[-8:]}: what comes of it is said at the start", words in said and folder in said, said)
+        check(f"TMPDIR {folder[-8:]}: the effect is reported at the start", words in said and folder in said, said)
         server.last.terminate()
         server.last.wait(10)
 

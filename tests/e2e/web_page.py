@@ -36,11 +36,11 @@ def pressed(page, bus, sentence, begin, end):  # begin a press, watch it, end it
     check(f"{sentence}: the force rises", until(lambda: page.now()["force_n"] > 0.5), page.now())
     check(f"{sentence}: the tool is as deep as the slider says", until(lambda: abs(page.now()["depth_mm"] - 5) < 0.3),
           page.text("depth-now"), page.now())
-    check(f"{sentence}: the page says so in words",
+    check(f"{sentence}: the page describes the press in words",
           until(lambda: page.text("contact") == "touching" and page.text("level") == "Live"),
           page.text("contact"), page.text("status"))
     end()
-    check(f"{sentence}: let go, the force is zero",
+    check(f"{sentence}: after the release the force is zero",
           until(lambda: page.now()["force_n"] == 0 and not page.now()["contact"]), page.now())
     check(f"{sentence}: the dent stays", until(lambda: bus.dent_mm() > bus_before + 0.5), bus_before, bus.dent_mm())
 
@@ -48,9 +48,9 @@ def pressed(page, bus, sentence, begin, end):  # begin a press, watch it, end it
 def reset(page, bus, how):
     generation = bus.generation
     how()
-    check("reset: the object is as new", until(lambda: bus.generation != generation and bus.dent_mm() < 0.01),
+    check("reset: the dent is gone", until(lambda: bus.generation != generation and bus.dent_mm() < 0.01),
           generation, bus.generation, bus.dent_mm())
-    check("and may be pressed again", until(lambda: page.now()["status"].startswith("ready")), page.now())
+    check("reset: the object can be pressed again", until(lambda: page.now()["status"].startswith("ready")), page.now())
 
 
 def by_mouse(page, bus):
@@ -66,7 +66,7 @@ def by_mouse(page, bus):
     time.sleep(1)
     page.keep("dented")
     dented = page.changed("new", "dented")
-    check("the dent is seen", dented > 1000, dented)
+    check("the dent is visible", dented > 1000, dented)
     if NIGHT:
         stroke(page, bus, dented)
 
@@ -78,15 +78,15 @@ def stroke(page, bus, dented):  # a stroke, and the other actions of the mouse
     for i in range(8):
         page.mouse("Moved", page.x + 10, page.y)
         time.sleep(0.05)
-    check("dragged, it strokes", until(lambda: bus.dented() > 1.3 * wide), wide, bus.dented())
-    check("as deep as it was", page.now()["depth_mm"] > 4.7 and page.now()["contact"], page.now())
+    check("dragging the tool widens the dent", until(lambda: bus.dented() > 1.3 * wide), wide, bus.dented())
+    check("dragging keeps the depth", page.now()["depth_mm"] > 4.7 and page.now()["contact"], page.now())
     page.screenshot(ARTEFACTS + "/web.png")
     page.wheel(1)
-    check("it goes deeper by the wheel", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
+    check("the wheel moves the tool deeper", until(lambda: page.now()["depth_mm"] > 5.7), page.now())
     page.mouse("Moved", 2, 2)  # out of the picture
     page.mouse("Released", 2, 2, held=0)
-    check("let go outside of the picture, it lets go", until(lambda: page.now()["force_n"] == 0), page.now())
-    check("and the depth stays what the wheel made it", page.text("depth-now") == "6.0 mm", page.text("depth-now"))
+    check("a release outside of the picture ends the press", until(lambda: page.now()["force_n"] == 0), page.now())
+    check("the depth set by the wheel stays", page.text("depth-now") == "6.0 mm", page.text("depth-now"))
 
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
@@ -94,14 +94,14 @@ def stroke(page, bus, dented):  # a stroke, and the other actions of the mouse
     time.sleep(6)
     poke = subprocess.run(["knead", "probe", "--path", "poke", "--hold", "0.2 s", "--quiet"],
                           capture_output=True, text=True)
-    check("untouched for 5 s, it lets another hand have the tool", poke.returncode == 0, poke.stderr)
+    check("after 5 s without a touch another hand gets the tool", poke.returncode == 0, poke.stderr)
     reset(page, bus, lambda: page.run("document.getElementById('reset').click()"))
     page.hover(*TOP)
 
     def as_before():  # wait until the tool is back and drawn
         page.keep("reset")
         return page.changed("new", "reset") < dented / 20
-    check("the picture is as before", until(as_before), dented, page.changed("new", "reset"))
+    check("after a reset the picture is as before", until(as_before), dented, page.changed("new", "reset"))
 
 
 def by_keys(page, bus):
@@ -110,7 +110,7 @@ def by_keys(page, bus):
     for _ in range(2):
         page.key("Down", "-", "Minus", "-"), page.key("Up", "-", "Minus")
     after = page.text("depth-now")
-    check("minus makes it less deep", before == "6.0 mm" and after == "5.0 mm", before, after)
+    check("the minus key reduces the depth", before == "6.0 mm" and after == "5.0 mm", before, after)
     for _ in range(3):
         page.key("Down", "ArrowLeft"), page.key("Up", "ArrowLeft")
         time.sleep(0.05)
@@ -119,12 +119,12 @@ def by_keys(page, bus):
     page.key("Down", "Enter", "Enter", "\r")
     until(lambda: page.now()["depth_mm"] > 4)
     page.key("Down", "Escape")
-    check("Escape lets go", until(lambda: page.now()["force_n"] == 0), page.now())
+    check("Escape ends the press", until(lambda: page.now()["force_n"] == 0), page.now())
     page.key("Up", "Enter")
     page.key("Down", " ", "Space", " ")
     until(lambda: page.now()["force_n"] > 0.1)
     page.run("document.getElementById('depth').focus()")
-    check("so does leaving the picture by Tab", until(lambda: page.now()["force_n"] == 0), page.now())
+    check("leaving the picture by Tab ends the press", until(lambda: page.now()["force_n"] == 0), page.now())
     page.run("document.getElementById('picture').focus()")
     reset(page, bus, lambda: (page.key("Down", "r", "KeyR", "r"), page.key("Up", "r", "KeyR")))
 
@@ -169,7 +169,7 @@ def by_traces(page):
     ready(page)
     until(lambda: page.now()["status"].startswith("ready"))
     page.press(*TOP)
-    check("what the tool touches is told", until(lambda: "kPa at most" in page.text("touch-words")),
+    check("the page describes the contact of the tool", until(lambda: "kPa at most" in page.text("touch-words")),
           page.text("touch-words"))
     until(lambda: page.now()["depth_mm"] > 4.7)
     page.release()
@@ -177,15 +177,15 @@ def by_traces(page):
     time.sleep(2)
     most = page.run("""const of = (name) => Math.max(...TRACES[name].ring.filter(Number.isFinite));
         return Object.fromEntries(Object.keys(TRACES).map((name) => [name, of(name)]))""")
-    check("the traces are of that press: force, depth, work, energies",
+    check("the traces show force, depth, work and energies of the press",
           most["force"] > 0.5 and most["depth"] > 4 and most["work"] > 0.5 and most["dissipated"] > 0.5
           and most["stored"] > 0.01, most)
     middle = page.run("""const all = [...TRACES.trip.ring].filter(Number.isFinite).sort((a, b) => a - b);
         return all[Math.floor(all.length / 2)]""")
-    check("and of the round trip, in the device's own time", 0.05 < middle < 20, middle)
+    check("a trace shows the round trip in the device's own time", 0.05 < middle < 20, middle)
     for name in "depth", "work", "stored", "dissipated", "trip", "force":
         choose(page, "what", name)
-    check("each can be chosen, and has its name", page.run("return trace.ariaLabel").startswith("Force"),
+    check("each trace can be chosen and has a name", page.run("return trace.ariaLabel").startswith("Force"),
           page.run("return trace.ariaLabel"))
     page.run("document.getElementById('touch-box').open = false")
 
@@ -198,9 +198,9 @@ def by_operator(page, bus):
           bus.dent_mm(), page.text("said"))
     deep = dent(page, bus)
     click(page, "snapshot")
-    check("snapshot: on disk, by its number", said(page, "is on disk"), page.text("said"))
+    check("snapshot: the page reports the snapshot on disk", said(page, "is on disk"), page.text("said"))
     click(page, "reset")
-    check("reset: as new", said(page, "as new") and until(lambda: bus.dent_mm() < 0.01), page.text("said"))
+    check("reset: the object is untouched", said(page, "as new") and until(lambda: bus.dent_mm() < 0.01), page.text("said"))
     time.sleep(1.2)  # time for kneadd to save the reset too
     click(page, "restore")
     check("restore: the dent is back", said(page, "as in snapshot") and until(lambda: bus.dent_mm() > 0.7 * deep), deep,
@@ -210,12 +210,12 @@ def by_operator(page, bus):
     page.press(*TOP)
     until(lambda: page.now()["force_n"] > 0.5)
     click(page, "estop")
-    check("emergency stop in a press: no force, and it is said",
+    check("emergency stop in a press: the force is zero and the page says so",
           said(page, "Stopped") and until(lambda: bus.force_n == 0), bus.force_n, page.text("said"))
-    check("then the page offers the way back", until(lambda: page.run("return !recover.hidden && estop.hidden")))
+    check("after an emergency stop the page offers recover", until(lambda: page.run("return !recover.hidden && estop.hidden")))
     page.release()
     click(page, "recover")
-    check("recover: it may be pressed again",
+    check("recover: the object can be pressed again",
           said(page, "Recovered") and until(lambda: ready(page), 15), page.text("said"), page.now()["status"])
     click(page, "reset")
     said(page, "as new")
@@ -232,25 +232,25 @@ def by_colours(page, bus):
     page.keep("material")
     for name, unit in ("displacement", " mm"), ("stress", "Pa"), ("residual", " %"):
         choose(page, "measure", name)
-        check(f"coloured by {name}: another picture, with a scale",
+        check(f"colours of {name} change the picture and show a scale",
               until(lambda: (page.keep(name), page.changed("material", name) > 5000)[1])
               and until(lambda: page.text("legend-top").endswith(unit)), page.text("said"), page.text("legend-top"))
         time.sleep(0.3)
         page.screenshot(f"{ARTEFACTS}/web-{name}.png")
     click(page, "save-picture")
-    check("the picture is saved, whole", until(lambda: os.path.exists("saved/dough-small.png")), page.text("said"))
+    check("the whole picture is saved", until(lambda: os.path.exists("saved/dough-small.png")), page.text("said"))
     png = open("saved/dough-small.png", "rb").read()
-    check("as PNG of the asked size",
+    check("the saved picture is a PNG of the requested size",
           png[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", png[16:24]) == (800, 450), png[:30])
     open(f"{ARTEFACTS}/web-saved.png", "wb").write(png)
     choose(page, "measure", "none")
-    check("and as it is again", until(lambda: page.run("return document.getElementById('legend').hidden")))
+    check("without colours the legend is hidden", until(lambda: page.run("return document.getElementById('legend').hidden")))
     click(page, "closer")
-    check("closer: a larger object",
+    check("zooming in enlarges the object",
           until(lambda: (page.keep("closer"), page.changed("material", "closer") > 20000)[1]))
     page.hover(*TOP)
     page.press(*TOP)
-    check("pressed where it is seen", until(lambda: page.now()["contact"] and page.now()["force_n"] > 0.3), page.now())
+    check("in the zoomed picture the tool presses where it points", until(lambda: page.now()["contact"] and page.now()["force_n"] > 0.3), page.now())
     page.release()
     click(page, "farther")
     click(page, "reset")
@@ -267,31 +267,31 @@ def by_recordings(page, bus):
     check("recording: it runs within 8 s", until(lambda: take().get("state") == "runs"), take(), page.text("said"))
     deep = dent(page, bus)
     click(page, "record")
-    check("stopped: whole", until(lambda: take()["state"] == "whole"), take())
-    check("as long as it was", 1 < take()["s"] < 30 and take()["mb"] > 0.3, take())
-    row = lambda name: page.run("""[...document.querySelectorAll('#takes button')]
+    check("recording: a stopped recording is complete", until(lambda: take()["state"] == "whole"), take())
+    check("recording: its length and size are shown", 1 < take()["s"] < 30 and take()["mb"] > 0.3, take())
+    row = lambda name: page.run("""[...document.querySelectorAll('#recordings button')]
         .find((b) => b.textContent === arguments[0]).click()""", name)
     row("Log")
     log = "saved/dough-small-1.lcmlog"
-    check("its log is saved", until(lambda: os.path.exists(log)), page.text("said"))
+    check("recording: its log is saved", until(lambda: os.path.exists(log)), page.text("said"))
     told = subprocess.run(["knead", "replay", log, "--verify", "--snapshot", "state"], capture_output=True, text=True)
-    check("which knead replay --verify finds true to the bit", told.returncode == 0 and "verified" in told.stdout,
+    check("recording: knead replay --verify verifies the saved log", told.returncode == 0 and "verified" in told.stdout,
           told.stdout, told.stderr)
     row("CSV")
-    check("its forces as CSV", until(lambda: os.path.exists("saved/dough-small-1.csv"), 30), page.text("said"))
+    check("recording: its forces are saved as CSV", until(lambda: os.path.exists("saved/dough-small-1.csv"), 30), page.text("said"))
     rows = open("saved/dough-small-1.csv").read().splitlines()
-    check("with a row for each", rows[0].startswith("tick,time_s,probe,x_m") and len(rows) > 1000, rows[0], len(rows))
-    check("and it is said how many were verified", until(lambda: f"verified {len(rows) - 1} forces" in take()["words"]),
+    check("recording: the CSV has a row for each force", rows[0].startswith("tick,time_s,probe,x_m") and len(rows) > 1000, rows[0], len(rows))
+    check("recording: the number of verified forces is shown", until(lambda: f"verified {len(rows) - 1} forces" in take()["words"]),
           take(), len(rows))
     click(page, "reset")
     until(lambda: bus.dent_mm() < 0.01)
     answer = asks(page, "play", value=1)
-    check("played: the hand that was recorded presses the object of now",
+    check("play: the recorded hand presses the present object",
           answer["ok"] and bus.dent_mm() > 0.3 * deep, answer, bus.dent_mm(), deep)
-    check("then the page has the tool again", until(lambda: ready(page)), page.now()["status"])
+    check("play: the page gets the tool back afterwards", until(lambda: ready(page)), page.now()["status"])
     answer = asks(page, "verify", value=7)
-    check("no such recording: told", not answer["ok"] and "no such" in answer["words"], answer)
-    check("nothing to stop: told", "neither" in asks(page, "stop", value=1)["words"])
+    check("play of an unknown recording is refused", not answer["ok"] and "no such" in answer["words"], answer)
+    check("a stop without a recording is refused", "neither" in asks(page, "stop", value=1)["words"])
     click(page, "reset")
 
 
@@ -309,12 +309,12 @@ def by_slider(page):  # drag away and back by mouse: nothing changes, and the sl
     drag(at)
     page.mouse("Released", at, y, held=0)
     back = page.run("return document.getElementById('m-k1').value")
-    check("a slider, dragged away and back", away != value == back, value, away, back)
+    check("a slider can be dragged away and back", away != value == back, value, away, back)
     wanted = page.run("return about.material.k1")
     told = ctl("set", f"material.k1={wanted / 1.5:.6g} Pa")
-    check("follows kneadd again", until(lambda: page.run("return document.getElementById('m-k1').value") != value), value, told)
+    check("the slider follows a new value of kneadd", until(lambda: page.run("return document.getElementById('m-k1').value") != value), value, told)
     ctl("set", f"material.k1={wanted:.6g} Pa")
-    check("both ways", until(lambda: page.run("return document.getElementById('m-k1').value") == value), value)
+    check("the slider follows kneadd back", until(lambda: page.run("return document.getElementById('m-k1').value") == value), value)
     page.run("picture.focus()")
     page.key("Down", "Escape"), page.key("Up", "Escape")  # keys again: from here on the focus is visible
 
@@ -324,12 +324,12 @@ def by_material(page):
     before = page.run("return about.material.k1")
     page.run("""const s = document.getElementById('m-k1');
         s.value = 30; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));""")
-    check("a slider: taken, with what the object stores", said(page, "Set:"), page.text("said"))
+    check("a slider sets the material and the page shows the stored energy", said(page, "Set:"), page.text("said"))
     wanted = before * 10 ** 0.3
     check("kneadd's spring is what the slider says", any(abs(float(s.split("=")[1].split()[0]) / wanted - 1) < 1e-3
                                                          for s in ctl("status")["set"] if s.startswith("material.k1=")),
           ctl("status").get("set"), wanted)
-    check("and the page shows it", until(lambda: abs(page.run("return about.material.k1") / wanted - 1) < 1e-3))
+    check("the page shows the new spring", until(lambda: abs(page.run("return about.material.k1") / wanted - 1) < 1e-3))
     for id, name in ("save-material", "dough-small-material.yaml"), ("save-scene", "dough-small-served.yaml"):
         click(page, id)
         check(f"{name} is saved", until(lambda: os.path.exists("saved/" + name)), os.listdir("."))
@@ -337,24 +337,24 @@ def by_material(page):
     for words in [scene, "--set", "material=saved/dough-small-material.yaml"], ["saved/dough-small-served.yaml"]:
         told = subprocess.run(["knead", "check", *words, "--text"], capture_output=True, text=True)
         k1 = next((float(line.split()[1]) for line in told.stdout.splitlines() if line.startswith("  k1:")), 0)
-        check("what was saved loads, with that spring", abs(k1 / wanted - 1) < 1e-3, told.stderr, k1, wanted)
+        check("the saved scene loads with the new spring", abs(k1 / wanted - 1) < 1e-3, told.stderr, k1, wanted)
     by_slider(page)
     choose(page, "material", "liver")
-    check("a material that the object cannot go on in: refused in kneadd's words",
+    check("a material that cannot continue the object is refused in kneadd's words",
           said(page, "a damper where there was none"), page.text("said"))
     choose(page, "material", "dough")
-    check("one that it can go on in: taken", said(page, "Set:") and
+    check("a material that can continue the object is accepted", said(page, "Set:") and
           until(lambda: abs(page.run("return about.material.k1") / before - 1) < 1e-3), page.text("said"), before)
     choose(page, "scene", "dough.yaml")
-    check("another scene: served, and shown", until(lambda: page.text("names").startswith("dough.yaml"), 20),
+    check("another scene is served and shown", until(lambda: page.text("names").startswith("dough.yaml"), 20),
           page.text("names"), page.text("said"))
     until(lambda: "quality" in ctl("status"))
     choose(page, "quality", "fast")
-    check("quality: fast", until(lambda: ctl("status")["quality"]["in_force"] == "fast"), ctl("status")["quality"])
-    check("the page shows it", until(lambda: page.run("return document.getElementById('quality').value") == "fast"))
+    check("quality fast is in force", until(lambda: ctl("status")["quality"]["in_force"] == "fast"), ctl("status")["quality"])
+    check("the page shows the quality", until(lambda: page.run("return document.getElementById('quality').value") == "fast"))
     choose(page, "scene", "dough-small.yaml")
-    check("and back", until(lambda: page.text("names").startswith("dough-small.yaml"), 20), page.text("names"))
-    check("ready to be pressed",
+    check("the first scene is served and shown again", until(lambda: page.text("names").startswith("dough-small.yaml"), 20), page.text("names"))
+    check("the tool is ready again",
           until(lambda: ready(page), 20), page.now()["status"])
 
 
@@ -363,12 +363,12 @@ def by_view(page, bus):
     click_view = lambda name: page.run("""[...document.querySelectorAll('[data-view]')]
         .find((b) => b.textContent === arguments[0]).click()""", name)
     click_view("Top")
-    check("from above: another picture", until(lambda: (page.keep("top"), page.changed("corner", "top") > 20000)[1]))
+    check("the view from above is another picture", until(lambda: (page.keep("top"), page.changed("corner", "top") > 20000)[1]))
     before = bus.dent_mm()
     page.hover(0.5, 0.5)
     time.sleep(1)
     page.press(0.5, 0.5)
-    check("the pointer presses what it points at from there, too",
+    check("from above the tool presses where the pointer is",
           until(lambda: page.now()["force_n"] > 0.5 and bus.dent_mm() > before + 1), page.now(), bus.dent_mm())
     page.release()
     click_view("Corner")
@@ -376,11 +376,11 @@ def by_view(page, bus):
     for _ in range(5):
         page.mouse("Moved", page.x + 20, page.y, held=2)
     page.mouse("Released", page.x, page.y, button="right", held=0)
-    check("the right button turns it", until(lambda: abs(page.run("return about.view.azimuth") + 12) < 1),
+    check("the right button turns the view", until(lambda: abs(page.run("return about.view.azimuth") + 12) < 1),
           page.run("return about.view"))
     page.run("document.getElementById('picture').focus()")
     page.devtools("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft", code="ArrowLeft", modifiers=8)
-    check("so do Shift and an arrow", until(lambda: abs(page.run("return about.view.azimuth") + 6) < 1),
+    check("Shift and an arrow turn the view", until(lambda: abs(page.run("return about.view.azimuth") + 6) < 1),
           page.run("return about.view"))
     click_view("Corner")
     until(lambda: page.run("return about.view.azimuth") == 28)
@@ -393,7 +393,7 @@ def looks(page):
     for scheme in "light", "dark":
         page.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         least = page.run(CONTRAST)[0]
-        check(f"{scheme}: everything is legible", least[0] >= 4.5, least)
+        check(f"{scheme}: every text has a contrast of at least 4.5", least[0] >= 4.5, least)
     for width in 360, 640, 1600: # 640: 1280 at 200 % zoom
         page.devtools("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1,
                       mobile=width < 500)
@@ -402,7 +402,7 @@ def looks(page):
             time.sleep(0.3)
             page.screenshot(f"{ARTEFACTS}/web-{scheme}-{width}.png")
         wide = page.run("return document.documentElement.scrollWidth")
-        check(f"{width} px: nothing is cut off", wide <= width, wide)
+        check(f"{width} px: the page is not wider than the window", wide <= width, wide)
     page.devtools("Emulation.clearDeviceMetricsOverride")
     unnamed = page.run("""return [...document.querySelectorAll('input, button, select, canvas')]
         .filter((e) => !e.labels?.[0] && !(e.localName === 'button' && e.textContent) && !e.ariaLabel)
@@ -425,10 +425,10 @@ def by_tab(page):  # follow the focus by tab, and check that it is visible
         page.key("Up", "Tab", "Tab")
     names = [name for name, _, _ in came]
     wanted = ["picture", "Corner", "Front", "Side", "Top", "closer", "farther", "measure", "depth", "undo", "reset"]
-    check("Tab goes through the page in its order", names[:len(wanted)] == wanted, names)
-    check("to the stop, the traces and every box, too",
+    check("Tab visits the controls in order", names[:len(wanted)] == wanted, names)
+    check("Tab reaches the emergency stop, the traces and every box",
           {"estop", "what", "Material", "Recordings", "Numbers"} <= set(names), names)
-    check("the focus is seen wherever it is", all(seen and inside for _, seen, inside in came),
+    check("the focus is visible everywhere", all(seen and inside for _, seen, inside in came),
           [name for name, seen, inside in came if not (seen and inside)])
 
 
@@ -437,9 +437,9 @@ def without_control(server, page):
     page.driver.switch_to.new_window("window")
     page.open(opened("bare.log")[0])
     disabled = lambda: page.run("return ['undo', 'reset', 'snapshot', 'restore', 'estop'].every((id) => $(id).disabled)")
-    check("without --control: no button of an operator can be pressed", until(disabled))
-    check("and the page says why", "without --control" in page.text("why"), page.text("why"))
-    check("the picture is there", until(lambda: page.run("return knead.frames > 5")))
+    check("without --control every operator's button is disabled", until(disabled))
+    check("without --control the page gives the reason", "without --control" in page.text("why"), page.text("why"))
+    check("without --control the picture is drawn", until(lambda: page.run("return knead.frames > 5")))
     page.driver.close()
     page.driver.switch_to.window(page.driver.window_handles[0])
     server.last.terminate()
@@ -455,9 +455,9 @@ def two_tabs(page, bus, address):
     driver.switch_to.window(first)  # after 2 s without a touch, the tool would be free for anybody
     page.hover(*TOP)
     driver.switch_to.window(second)
-    check("a second page is told that another one holds the tool",
+    check("a second page reports that another page holds the tool",
           until(lambda: "another page" in page.text("words")), page.text("words"))
-    check("as something to wait for", page.text("level") == "Waiting", page.text("level"))
+    check("the second page shows the level Waiting", page.text("level") == "Waiting", page.text("level"))
     driver.close()
     driver.switch_to.window(first)
 
@@ -467,24 +467,24 @@ def two_tabs(page, bus, address):
     time.sleep(0.5)
     before = bus.dent_mm()
     page.press(*TOP)
-    check("it presses once the first is idle",
+    check("the second page presses once the first is idle",
           until(lambda: bus.force_n > 0.5 and bus.dent_mm() > before + 1), bus.force_n, page.now())
     driver.close()
-    check("closed in mid-press: the force goes to zero", until(lambda: bus.force_n == 0), bus.force_n)
+    check("closing the page during a press takes the force to zero", until(lambda: bus.force_n == 0), bus.force_n)
     time.sleep(1)
-    check("and the dent stays", bus.dent_mm() > before + 0.5, before, bus.dent_mm())
+    check("the dent stays after the page is closed", bus.dent_mm() > before + 0.5, before, bus.dent_mm())
     driver.switch_to.window(first)
 
 
 def goodbye(page, server):
     server.kneadd.terminate()
-    check("kneadd ended: the page says what it waits for",
+    check("when kneadd has ended the page says what it waits for",
           until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
     server.web.terminate()
-    check("knead web ended: the page says so",
+    check("when knead web has ended the page says so",
           until(lambda: "knead web has ended" in page.text("words")), page.text("words"))
     codes = server.web.wait(10), server.kneadd.wait(10)
-    check("both ended with 0", codes == (0, 0), codes)
+    check("kneadd and knead web exit with 0", codes == (0, 0), codes)
     without_web(page, server)
 
 
@@ -498,13 +498,13 @@ def complaints(page):  # ignore connections refused while no server runs
 
 def without_web(page, server):
     able = page.run(f"return [...document.querySelectorAll('{ORDERS}')].filter((e) => !e.disabled).map((e) => e.id)")
-    check("nothing can be asked for that nobody would hear", able == [], able)
+    check("without knead web every control is disabled", able == [], able)
     bare = page.run(f"""return [...document.querySelectorAll('{ORDERS}')].filter((e) => {{
         const ids = (e.getAttribute('aria-describedby') ?? e.parentElement.getAttribute('aria-describedby')
             ?? e.closest('[role=group]')?.getAttribute('aria-describedby') ?? '').split(' ');
         return !ids.some((id) => document.getElementById(id)?.textContent);
     }}).map((e) => e.id || e.textContent)""")
-    check("and each says why", bare == [], bare)
+    check("each disabled control gives the reason", bare == [], bare)
     page.run(f"""for (const e of document.querySelectorAll('{ORDERS}')) {{ // what was on its way
         for (const kind of ['input', 'change', 'pointerup']) e.dispatchEvent(new Event(kind));
         e.disabled = false;
@@ -516,20 +516,20 @@ def without_web(page, server):
     page.press(*TOP)
     page.release()
     time.sleep(0.5)
-    check("whoever tries all the same is told: no error", not (log := complaints(page)), log)
+    check("using a disabled control causes no error in the console", not (log := complaints(page)), log)
     server.start("web", ["knead", "web", "--port", str(server.port)], "http://")
-    check("started again at that port: the page is told that its token is of before",
+    check("after a restart on the same port the page reports its old token",
           until(lambda: "token" in page.text("words")), page.text("words"))
     page.driver.get(opened("web.log")[0])
-    check("and the new address opens", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
+    check("the new address opens the page", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
     enabled = lambda: not page.run("return document.getElementById('style').disabled")
-    check("what is the page's own can be asked for again", until(enabled))
+    check("the page's own controls are enabled again", until(enabled))
     subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
     server.start("lan", ["knead", "web", "--address", "192.0.2.5"], "https://")
     page.driver.get(opened("lan.log")[0])  # this page has no picture to wait for
-    check("encrypted, at another address, it opens", until(lambda: "waiting for kneadd" in page.text("words")),
+    check("the page opens encrypted at another address", until(lambda: "waiting for kneadd" in page.text("words")),
           page.text("words"))
-    check("all with a clean console", not (log := complaints(page)), log)
+    check("the console has no other messages", not (log := complaints(page)), log)
     server.last.terminate()
     server.last.wait(10)
 
@@ -537,7 +537,7 @@ def without_web(page, server):
 def main():
     server, bus, page = Served("dough-small.yaml"), Bus(), Browser()
     check("the page opens and draws", page.open(server.address), page.text("status"))
-    check("it names scene and tool", page.text("names") == "dough-small.yaml · finger", page.text("names"))
+    check("the page names the scene and the tool", page.text("names") == "dough-small.yaml · finger", page.text("names"))
     by_mouse(page, bus)
     if NIGHT:
         by_keys(page, bus)
@@ -552,7 +552,7 @@ def main():
         by_tab(page)
         without_control(server, page)
         two_tabs(page, bus, server.address)
-    check("a clean console", not (log := page.complaints()), log)
+    check("the console has no messages", not (log := page.complaints()), log)
     goodbye(page, server)
     page.driver.quit()
     sys.exit(results.failed)

@@ -196,32 +196,32 @@ def another_address(server):
     for host in "0.0.0.0", "localhost", "::1", "224.0.0.1", "255.255.255.255", "192.0.2.6":
         code, wanted = (3, "an address") if host == "192.0.2.6" else (2, "an IPv4 address")
         run = subprocess.run(["knead", "web", "--address", host], capture_output=True, text=True, timeout=20)
-        check(f"--address {host}: told in one line, with what was expected",
+        check(f"--address {host}: refused in one line with what was expected",
               run.returncode == code and f"expected {wanted} of this machine" in run.stderr and
               run.stderr.count("\n") == 1, run.returncode, run.stderr)
     web = server.start("other", ["knead", "web", "--address", "192.0.2.5"], "https://192.0.2.5:")
     other, said = opened("other.log"), open("other.log").read()
-    check("told another address, it listens there alone", listens_on(other.port) == ["050200C0"], listens_on(other.port))
+    check("with another address knead web listens only there", listens_on(other.port) == ["050200C0"], listens_on(other.port))
     shown = ssl.PEM_cert_to_DER_cert(ssl.get_server_certificate(("192.0.2.5", other.port)))
     shown = hashlib.sha256(shown).digest().hex(":").upper()
-    check("encrypted, with the certificate whose fingerprint it told", said.endswith(f" is\n{shown}\n"), shown, said)
-    check("by that name, and no other", get(other.port, "/", address="192.0.2.5")[0] == 200 and
+    check("the encrypted server has the certificate of the printed fingerprint", said.endswith(f" is\n{shown}\n"), shown, said)
+    check("the server answers to its own name only", get(other.port, "/", address="192.0.2.5")[0] == 200 and
           get(other.port, "/", address="192.0.2.5", host=f"127.0.0.1:{other.port}")[0] == 403)
     bare = [socket.create_connection(("192.0.2.5", other.port), timeout=10) for _ in range(40)]
     bare[-1].sendall(f"GET / HTTP/1.1\r\nHost: 192.0.2.5:{other.port}\r\n\r\n".encode())
     got = b""
     with contextlib.suppress(ConnectionResetError):
         got = bare[-1].recv(99)
-    check("without encryption it gives nothing", got == b"", got)
+    check("a request without encryption gets no answer", got == b"", got)
     wire, answers = Wire(other), set()
     for i in range(40):
         wire.send(TEXT, json.dumps({"id": i + 1, "do": "style", "name": "solid"}).encode())
     while len(answers) < 16 and (now := wire.state()[0]):
         answers.update(a["id"] for a in now["answers"])
-    check("beside 39 that never shake hands a page is served, whose requests come at once", len(answers) >= 16, answers)
-    check("and nobody filled its log", open("other.log").read().count("\n") < 6, open("other.log").read())
+    check("beside 39 connections without a handshake at least 16 simultaneous requests are answered", len(answers) >= 16, answers)
+    check("idle connections add fewer than six lines to the log", open("other.log").read().count("\n") < 6, open("other.log").read())
     web.terminate()
-    check("and ends with 0", web.wait(10) == 0, web.returncode)
+    check("the encrypted server exits with 0", web.wait(10) == 0, web.returncode)
 
 
 def files(server):
@@ -229,13 +229,13 @@ def files(server):
             ("/trace.js", "trace.js"), ("/style.css", "style.css"):
         status, head, body = get(server.port, path)
         same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
-        check(f"{path} is {name}, under a policy that lets nothing else in",
+        check(f"{path} is {name} with a strict content security policy",
               status == 200 and same and "default-src 'none'" in head, status, head)
     for path in "/nosuch", "/../../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/page.html/":
         status, _, body = get(server.port, path)
-        check(f"{path} is no file", status in (400, 403, 404) and b"root:" not in body, status, body)
+        check(f"{path} is refused", status in (400, 403, 404) and b"root:" not in body, status, body)
     status, _, body = get(server.port, "/", host="evil.example")
-    check("the page of another host's name is refused", status == 403 and b"wrong Host" in body, status, body)
+    check("a request with another host name is refused", status == 403 and b"wrong Host" in body, status, body)
 
 
 def refusals(server):
@@ -250,29 +250,29 @@ def refusals(server):
             ("another subprotocol", {"protocol": "chat"}, "wrong subprotocol"),
             ("no subprotocol", {"protocol": ""}, "wrong subprotocol")]:
         wire = Wire(server, **how)
-        check(f"{sentence}: refused in words", wire.status == 403 and words in wire.body, wire.status, wire.body)
+        check(f"{sentence}: refused with a reason", wire.status == 403 and words in wire.body, wire.status, wire.body)
         wire.close()
     for sentence, token in [("a wrong token", "0" * 32), ("a short token", server.token[:31]),
                             ("a long token", server.token + "0")]:
         wire = Wire(server, token)
         code, words = wire.closed()
-        check(f"{sentence}: refused in words", code in (4401, 1009) and ("token" in words or code == 1009), code, words)
+        check(f"{sentence}: refused with a reason", code in (4401, 1009) and ("token" in words or code == 1009), code, words)
         wire.close()
     wire = Wire(server, token="")
     wire.send(BINARY, message(POINTER, pressed=1))
     code, words = wire.closed()
-    check("a press before the token: refused in words", code == 4401 and "token" in words, code, words)
+    check("a press before the token is refused with a reason", code == 4401 and "token" in words, code, words)
     wire.close()
     silent = Wire(server, token="")
     code, words = silent.closed()
-    check("no token: closed in words after a while", code == 4401 and "token" in words, code, words)
+    check("a connection without a token is closed with a reason", code == 4401 and "token" in words, code, words)
     silent.close()
     asker, asked, again = join(port), 0, f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
     with contextlib.suppress(OSError):
         while asked < 40 and not asker.sendall(again) and asker.recv(65536):
             time.sleep(0.25)
             asked += 1
-    check("one that asks for the page again and again is closed, too", 0 < asked < 40, asked)
+    check("a connection that keeps requesting the page is closed, too", 0 < asked < 40, asked)
 
 
 def bad_messages(server):
@@ -315,13 +315,13 @@ def bad_messages(server):
         except OSError:
             pass  # closed while the megabyte was on its way
         got, told = wire.closed()
-        check(f"{sentence}: closed with {code} and in words", got == code and words in told, got, told)
+        check(f"{sentence}: closed with {code} and a reason", got == code and words in told, got, told)
         wire.close()
     wire = Wire(server)
     wire.state()
     whole = message(POINTER, number=1)
     wire.send(BINARY, whole[:7], last=False), wire.send(0, whole[7:])
-    check("a good message in two pieces is taken", all(wire.state()[0] for _ in range(5)))
+    check("a valid message in two pieces is accepted", all(wire.state()[0] for _ in range(5)))
     wire.close()
 
 
@@ -333,22 +333,22 @@ def requests(server):
             ("set", {"name": "k9", "value": 1}, "unknown name"), ("quality", {"name": "best"}, "expected"),
             ("set", {"name": "k1", "value": -1}, "expected")]:
         answer = wire.ask(do, **fields)
-        check(f"{do} {fields}: refused in words", answer and not answer["ok"] and words in answer["words"], answer)
+        check(f"{do} {fields}: refused with a reason", answer and not answer["ok"] and words in answer["words"], answer)
     for i in range(40):
         wire.send(TEXT, json.dumps({"id": 100 + i, "do": "undo"}).encode())
     answers = {}
     while len(answers) < 16 and (now := wire.state()[0]):
         answers.update((a["id"], a["words"]) for a in now["answers"])
-    check("forty at once: answered, those that are too many in words", any("busy" in w for w in answers.values()),
+    check("forty requests at once are answered, the surplus with the reason", any("busy" in w for w in answers.values()),
           answers)
-    check("and the page goes on", wire.state()[0] is not None)
+    check("the page still gets states", wire.state()[0] is not None)
     wire.close()
 
 
 def downloads(server):
     by = lambda token: f"Authorization: Bearer {token}"
     status, _, body = get(server.port, "/get/material.yaml", by(server.token))
-    check("a download with the token", status == 200 and b"\nmaterial:\n  k1: " in body and b"density: " in body,
+    check("a download with the token is served", status == 200 and b"\nmaterial:\n  k1: " in body and b"density: " in body,
           status, body)
     for sentence, headers, wanted in [
             ("no token", [], 401), ("a wrong token", [by("0" * 32)], 401),
@@ -369,12 +369,12 @@ def slow(server, bus):
     old = 1
     while first and (now := wire.state()[0]) and bus.mesh_tick - now["tick"] > 1000:
         old += 1
-    check("a client that slept for 5 s finds at most two old pictures", first and now and old <= 2, old)
-    check("which nobody kept for it", server.memory_kb() - before < 1024, before, server.memory_kb())
+    check("a client that slept for 5 s gets at most two old pictures", first and now and old <= 2, old)
+    check("a sleeping client costs less than 1 MB", server.memory_kb() - before < 1024, before, server.memory_kb())
     for i in range(3000):  # claim to have seen everything, and read nothing
         wire.send(BINARY, message(SEEN, (now["frame"] + i) & 0xffffffff))
         time.sleep(0.001)
-    check("one that lies about it costs no more", server.memory_kb() - before < 2048, before, server.memory_kb())
+    check("a client with false acknowledgements costs less than 2 MB", server.memory_kb() - before < 2048, before, server.memory_kb())
     wire.close()
 
 
@@ -383,16 +383,16 @@ def crowds(server, page):
         wire = Wire(server)
         seen = [wire.state() for _ in range(2)]
         wire.close()
-        if not check("connected again: it is told at once, with a picture",
+        if not check("a new connection gets the state and a picture at once",
                      seen[0][0] and any(picture for _, picture in seen), seen):
             break
     more = [Wire(server) for _ in range(3)]
     check("four pages at once are served", more[1].ask("reset")["ok"] and all(wire.state()[0] for wire in more))
     beyond = [wire for _ in range(6) if (wire := Wire(server)).state()[0]]
-    check("six more have the places of the first", len(beyond) == 6, len(beyond))
+    check("six more pages take the places of earlier ones", len(beyond) == 6, len(beyond))
     told = [wire.closed() for wire in [more[0], more[2], *beyond[:4]]]
-    check("who are told", all(code == 4429 and "newer page" in words for code, words in told), told)
-    check("but not of the one that has the tool, nor of the one that gave the last order",
+    check("the replaced pages get the reason", all(code == 4429 and "newer page" in words for code, words in told), told)
+    check("the page with the tool and the page of the last command are not replaced",
           page.is_alive() and page.lost == 0 and more[1].state()[0] is not None, page.lost)
     for wire in [*more, *beyond]:
         wire.close()
@@ -431,11 +431,11 @@ def strangers(server, page):
         with contextlib.suppress(OSError, IndexError):
             wires.append(Wire(server))
             return get(server.port, "/app.js")[0] == 200 and wires[-1].state()[0]
-    check("beside 300 connections without the token a page gets in", until(served, 30))
+    check("a page is served beside 300 connections without a token", until(served, 30))
     most = max(descriptors() for _ in range(100) if not time.sleep(0.01))
-    check("they share 16 places", most - before <= 16 + len(wires) + 2, most, before, len(wires))
-    check("each was closed, whatever it said", until(lambda: min(closed), 30), closed)
-    check("whoever has the tool keeps it, and is shown pictures",
+    check("connections without a token share 16 places", most - before <= 16 + len(wires) + 2, most, before, len(wires))
+    check("each connection without a token is closed", until(lambda: min(closed), 30), closed)
+    check("the page with the tool keeps it and gets pictures",
           until(lambda: page.pictures > pictures + 30, 30) and page.lost == 0, page.lost, page.pictures - pictures)
     going = False
     for thread in threads:
@@ -448,16 +448,16 @@ def few_descriptors(server):
     server.start("few", ["prlimit", "--nofile=72:72", "knead", "web"], "http://")
     few = opened("few.log")
     quiet = [join(few.port) for _ in range(12)]
-    check("on an idle page, too, silent connections are closed", not any(s.recv(99) for s in quiet))
+    check("an idle server closes silent connections", not any(s.recv(99) for s in quiet))
     idle = [join(few.port) for _ in range(110)]
     begin = cpu_s(server.last.pid)
     wire = Wire(few)
-    check("where 72 descriptors are all, a page gets in beside 110 idle connections", wire.state()[0] is not None)
-    check("which are closed", not any(s.recv(99) for s in idle))
+    check("with 72 descriptors a page is served beside 110 idle connections", wire.state()[0] is not None)
+    check("the idle connections are closed", not any(s.recv(99) for s in idle))
     busy = cpu_s(server.last.pid) - begin
-    check("and cost no time", busy < 1.5, busy)
+    check("the idle connections cost less than 1.5 s of processor time", busy < 1.5, busy)
     server.last.terminate()
-    check("and it ends with 0", server.last.wait(10) == 0, server.last.returncode)
+    check("the server with few descriptors exits with 0", server.last.wait(10) == 0, server.last.returncode)
 
 
 def generations(server, bus):
@@ -466,7 +466,7 @@ def generations(server, bus):
     for do in "reset", "undo", "snapshot", "restore", "reset":
         answer = wire.ask(do)
         tick = wire.state()[0]["tick"]
-        check(f"{do}: pictures go on", answer["ok"] and until(lambda: wire.state()[0]["tick"] > tick + 100), answer)
+        check(f"{do}: pictures still arrive", answer["ok"] and until(lambda: wire.state()[0]["tick"] > tick + 100), answer)
     for name in "bun.yaml", "dough.yaml", "dough-small.yaml":
         answer, seen = wire.ask("scene", name=name), {}
 
@@ -474,7 +474,7 @@ def generations(server, bus):
             now, picture = wire.state()
             seen.update(now.get("about", {}))
             return seen.get("scene") == name and picture > 0 and not now["status"].startswith("waiting")
-        check(f"{name}: loaded under the page, drawn", answer["ok"] and until(drawn, 20), answer, seen.get("scene"))
+        check(f"{name}: loaded by the page and drawn", answer["ok"] and until(drawn, 20), answer, seen.get("scene"))
     wire.close()
 
 
@@ -482,13 +482,13 @@ def dead_man(server, bus):
     wire = Wire(server)
     wire.press(bus)
     check("a page presses", bus.force_n > 0.5, bus.force_n, wire.status_at())
-    check("it falls silent, its connection stays: the force goes to zero",
+    check("a silent page with an open connection: the force goes to zero",
           until(lambda: bus.force_n == 0, 5), bus.force_n)
     dent = bus.dent_mm()
     time.sleep(0.5)
-    check("the dent stays", dent > 0.5 and bus.dent_mm() > 0.5, dent, bus.dent_mm())
+    check("the dent stays after the silence", dent > 0.5 and bus.dent_mm() > 0.5, dent, bus.dent_mm())
     answer = wire.ask("reset")
-    check("reset: as new", answer["ok"] and until(lambda: bus.dent_mm() < 0.01), bus.dent_mm())
+    check("reset: the dent is gone", answer["ok"] and until(lambda: bus.dent_mm() < 0.01), bus.dent_mm())
     wire.close()
 
 
@@ -496,10 +496,10 @@ def stopped(server):
     wire = Wire(server)  # a page that does not point
     told = lambda: wire.state()[0]["status"]
     answer = wire.ask("estop")
-    check("an untouched page tells the emergency stop", answer["ok"] and until(lambda: "emergency stop" in told(), 3),
+    check("an untouched page reports the emergency stop", answer["ok"] and until(lambda: "emergency stop" in told(), 3),
           answer, told())
     answer = wire.ask("recover")
-    check("and that it is over", answer["ok"] and until(lambda: told().startswith("ready")), answer, told())
+    check("the page reports the end of the emergency stop", answer["ok"] and until(lambda: told().startswith("ready")), answer, told())
     wire.close()
 
 
@@ -508,7 +508,7 @@ def turned(server, bus):
     held = lambda: wire.status_at(u=0.42, pressed=1)
     other.state()
     wire.press(bus, u=0.42)
-    check("beside it another page is told who holds the tool",
+    check("another page reports who holds the tool",
           until(lambda: held() and other.state()[0]["status"] == "another page holds the tool", 3))
     end, wide = time.monotonic() + 1, bus.dented()
     while time.monotonic() < end:
@@ -517,10 +517,10 @@ def turned(server, bus):
     end = time.monotonic() + 2
     while time.monotonic() < end:
         held()
-    check("another page turns the picture: the tool that presses stays where it is",
+    check("another page turns its picture and the pressing tool stays in place",
           answer["ok"] and bus.force_n > 0 and bus.dented() <= 1.15 * wide, answer, wide, bus.dented(), bus.force_n)
     other.ask("view", azimuth=28, elevation=27, zoom=1)
-    check("2 s untouched, the tool may be the other page's, and it is told so",
+    check("after 2 s without a touch the other page is offered the tool",
           until(lambda: not other.state()[0]["status"].startswith("another page"), 4), other.state()[0]["status"])
     wire.ask("reset")
     wire.close(), other.close()
@@ -534,12 +534,12 @@ def another_scene(server, bus):
     server.kneadd.terminate()
     server.kneadd.wait(10)
     server.serve("jelly.yaml")  # another height, another tool; the button stays down
-    check("another scene is served under its tool: it must let go first",
+    check("after a load of another scene the page must release the tool first",
           until(lambda: told(pressed=1).startswith("let go"), 15), told(pressed=1))
     forces = [bus.force_n for _ in range(40) if told(pressed=1)]
-    check("until then there is no force", not any(forces), max(forces))
+    check("until the release there is no force", not any(forces), max(forces))
     until(lambda: told().startswith("ready"))
-    check("then it may press", until(lambda: told(pressed=1) and bus.force_n > 0.01, 8), bus.force_n, told(pressed=1))
+    check("after the release the page may press", until(lambda: told(pressed=1) and bus.force_n > 0.01, 8), bus.force_n, told(pressed=1))
     wire.close()
 
 
@@ -568,8 +568,8 @@ def memory(server, seconds):
     page.stop()
     print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, "
           f"{page.wire.pings} pings; memory {before} kB, grown by at most {worst} kB")
-    check(f"memory is flat over {seconds:.0f} s", worst < 1024 + MESA_KB, worst)
-    check("while pictures came to the end", stays and fewest > 1, stays, fewest)
+    check(f"the memory stays constant over {seconds:.0f} s", worst < 1024 + MESA_KB, worst)
+    check("pictures arrive until the end", stays and fewest > 1, stays, fewest)
 
 
 def main():
@@ -578,7 +578,7 @@ def main():
     # A build that checks addresses keeps freed memory, 256 MB of it. That growth is no leak.
     os.environ["ASAN_OPTIONS"] = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
     server, bus = Served("dough-small.yaml"), Bus()
-    check("it listens on 127.0.0.1 and nowhere else", listens_on(server.port) == ["0100007F"], listens_on(server.port))
+    check("knead web listens on 127.0.0.1 only", listens_on(server.port) == ["0100007F"], listens_on(server.port))
     until(lambda: bus.now)
     page = Page(server, presses=False)
     until(lambda: page.pictures > 10)
@@ -593,12 +593,12 @@ def main():
         for total, during in (calm, lambda: time.sleep(3)), (storm, trouble):
             total[:] = map(sum, zip(total, spoilt(bus, during)))
     rate = (page.frames - frames) / (time.monotonic() - begin)
-    check("the page that was there all the time was served all the time", page.is_alive() and rate > 1, rate)
+    check("the first page was served all the time", page.is_alive() and rate > 1, rate)
     if night:
         print(f"     {rate:.1f} messages/s to it; seconds with unexplained misses: {calm[1]} of {calm[0]} in peace, "
               f"{storm[1]} of {storm[0]} in trouble")
         # Count seconds, not cycles: one standstill that the sentinel overlooks is 30 cycles at once.
-        check("the servo does not notice", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
+        check("the servo misses no more ticks during the attacks", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
     generations(server, bus)
     another_address(server)

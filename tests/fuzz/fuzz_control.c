@@ -12,7 +12,7 @@ static const char text_of_it[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm],
 static kn_scene *scene;
 static kn_model *model;
 static kn_backend backend;
-static kn_served served;
+static kn_served_object served;
 static kn_loop loop;
 static kn_keeper keeper = {.store.dir = -1};
 static kn_skin skin; // a skin without measures
@@ -30,7 +30,7 @@ static void ask(void *arg)
 static void stop(void *arg) { (void)arg, stops++; }
 static bool goes_on(void *arg) { return (void)arg, false; }
 static void load(void *arg, const char *path, const kn_scene *next) { (void)arg, (void)path, (void)next, stops++; }
-static void built(void *arg) { (void)arg; }
+static const kn_rt rt; // locks nothing
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
@@ -39,19 +39,19 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     scene = kn_scene_parse("fuzz.yaml", text_of_it, strlen(text_of_it), NULL, 0, error, sizeof error);
     model = scene ? kn_model_build(&scene->model, error, sizeof error) : NULL;
     if (!model || !kn_backend_cpu(&backend, model)) fprintf(stderr, "%s\n", error), abort();
-    served = (kn_served){.base = scene, .scene = scene, .model = model, .backend = backend};
-    static const kn_served_def how = {.scene_path = "fuzz.yaml"};
-    kn_operator_init(&operator, &(kn_operated){.served = &served,
-                                               .def = &how,
-                                               .limits = &scene->limits,
-                                               .loop = &loop,
-                                               .keeper = &keeper,
-                                               .skin = &skin,
-                                               .ask = ask,
-                                               .goes_on = goes_on,
-                                               .stop = stop,
-                                               .load = load,
-                                               .built = built});
+    served = (kn_served_object){.base = scene, .scene = scene, .model = model, .backend = backend};
+    static const kn_served_object_def how = {.scene_path = "fuzz.yaml"};
+    kn_operator_init(&operator, &(kn_operator_def){.served = &served,
+                                                   .def = &how,
+                                                   .limits = &scene->limits,
+                                                   .loop = &loop,
+                                                   .keeper = &keeper,
+                                                   .rt = &rt,
+                                                   .skin = &skin,
+                                                   .ask = ask,
+                                                   .goes_on = goes_on,
+                                                   .stop = stop,
+                                                   .load = load});
     def = kn_operator_control(&operator);
     return 0;
 }
@@ -59,15 +59,15 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     if (size >= KN_CONTROL_LINE) return 0; // refused before
-    atomic_store(&loop.orders, 0);
-    atomic_store(&loop.obeyed, INT64_MAX); // obey at once, as if a tick came
-    atomic_store(&loop.restored, 1);
+    atomic_store(&loop.orders.given, 0);
+    atomic_store(&loop.orders.obeyed, INT64_MAX); // obey at once, as if a tick came
+    atomic_store(&loop.orders.restored, 1);
     atomic_store(&operator.told, operator.now);
     stops = 0;
     json_t *request, *answer = kn_control_judge(&def, (const char *)data, size, &request);
     const json_t *ok = json_object_get(answer, "ok");
     char *text = json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII);
-    bool done = json_is_true(ok), changed = atomic_load(&loop.orders) != 0 || stops > 0;
+    bool done = json_is_true(ok), changed = atomic_load(&loop.orders.given) != 0 || stops > 0;
     if (!json_is_boolean(ok) || !text || strchr(text, '\n')) abort();
     if (done == (json_object_get(answer, "error") != NULL)) abort();
     if (changed && !(done && request && def.audits(def.self, request))) abort(); // every change is audited

@@ -1,14 +1,14 @@
 // libFuzzer target: any bytes as a table of creep, relaxation or a sweep give curves that a fit accepts, or one line
 // of error.
-#include "clients/identify/curve.h"
-#include "clients/knead/commands.h"
-#include "clients/knead/complain.h"
+#include "clients/identify/measured_curve.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
 #include "tests/fuzz/memory_file.h"
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
 
-static int complaints; // replaces clients/knead/complain.c
+static int complaints; // replaces kn_complain of clients/cli/command.c
 
 int kn_complain(const char *subcommand, int code, const char *format, ...)
 {

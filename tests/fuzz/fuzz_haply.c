@@ -1,6 +1,6 @@
 // libFuzzer target: any bytes from an Inverse Service are a state with usable numbers, a missing arm, or one line of
 // error. For any name of the arm, the answer is shorter than a message may be.
-#include "clients/tactile/haply_json.h"
+#include "clients/tactile/haply.h"
 #include "tests/fuzz/fuzz.h"
 #include <math.h>
 #include <string.h>

@@ -4,7 +4,7 @@
 // A record of the input is a control byte, then a datagram. Bits 0-1: as it is, LC02, LC03 with valid bounds, LC03
 // with any bounds. Bits 2-4: the channel. Bits 5-7: the part; for LC02, 4 and above: signed, 6: as an answer to a
 // hello.
-#include "clients/knead/join.h"
+#include "clients/hand/bus_client.h"
 #include "clients/knead_mesh.h"
 #include "proto/knead_contact_force_t.h"
 #include "server/wire.h"
@@ -25,7 +25,7 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *use
     knead_contact_force_t force;
     (void)user;
     handed++;
-    require(strncmp(channel, "KNEAD_", 6) == 0 && buf->data_size <= KN_JOIN_LARGEST);
+    require(strncmp(channel, "KNEAD_", 6) == 0 && buf->data_size <= KN_BUS_CLIENT_LARGEST);
     require(strcmp(channel, channels[5]) != 0 && strcmp(channel, channels[6]) != 0);
     for (uint32_t i = 0; i < buf->data_size; i++) sum += bytes[i]; // read every byte, so that a sanitizer checks it
     if (sum == 1) handed++;
@@ -43,7 +43,8 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     for (int i = 0; i < KN_AUTH_KEY; i++) dprintf(fd, "%02x", i);
     close(fd);
     setenv("KNEAD_KEY", path, 1);
-    require(kn_auth_load(&auth, path, error, sizeof error) && kn_join_check(NULL, KN_FORCE_URL, error, sizeof error));
+    require(kn_auth_load(&auth, path, error, sizeof error) &&
+            kn_bus_client_check(NULL, KN_FORCE_URL, error, sizeof error));
     unlink(path);
     return 0;
 }
@@ -52,14 +53,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static unsigned char bytes[2048];
     char error[200];
-    kn_join *join[2]; // the first ignores tags
+    kn_bus_client *join[2]; // the first ignores tags
     for (int n = 0; n < 2; n++) {
-        join[n] = kn_join_open(KN_MEMORY_URL, KN_FORCE_URL, error, sizeof error);
+        join[n] = kn_bus_client_open(KN_MEMORY_URL, KN_FORCE_URL, error, sizeof error);
         require(join[n] != NULL);
-        kn_join_hear(join[n], "KNEAD_FORCE_*", on_message, NULL);
-        for (int i = 1; i < 5; i++) kn_join_hear(join[n], channels[i], on_message, NULL);
+        kn_bus_client_hear(join[n], "KNEAD_FORCE_*", on_message, NULL);
+        for (int i = 1; i < 5; i++) kn_bus_client_hear(join[n], channels[i], on_message, NULL);
     }
-    kn_join_trust(join[0]);
+    kn_bus_client_trust(join[0]);
     uint32_t offset = 0;
     for (const uint8_t *at = data, *end = data + size; end - at > 3;) {
         unsigned control = *at++, count = *at++, part = control >> 5;
@@ -79,11 +80,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         // allocated with exactly that size, so that an access beyond is found
         unsigned char *copy = malloc(whole ? whole : 1);
         memcpy(copy, bytes, whole);
-        for (int i = 0; i < 2; i++) kn_join_take(join[i], copy, whole);
+        for (int i = 0; i < 2; i++) kn_bus_client_take(join[i], copy, whole);
         free(copy);
         at += n;
     }
-    for (int i = 0; i < 2; i++) kn_join_close(join[i]);
+    for (int i = 0; i < 2; i++) kn_bus_client_close(join[i]);
     kn_mesh_free(&mesh);
     return 0;
 }

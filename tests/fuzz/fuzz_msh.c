@@ -1,6 +1,6 @@
 // libFuzzer target: any bytes give either one line of error, or a mesh that a lattice can be built from, no larger
 // than the input.
-#include "core/scene/msh.h"
+#include "core/scene/mesh_file.h"
 #include "tests/fuzz/fuzz.h"
 #include <string.h>
 

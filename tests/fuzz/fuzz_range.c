@@ -1,6 +1,6 @@
 // libFuzzer target: any bytes as a range image give usable heights, or one sentence of error. Checksums of chunks are
 // corrected first: otherwise they would keep the fuzzer out of the code behind them.
-#include "clients/viewer/range_file.h"
+#include "clients/viewer/range.h"
 #include "tests/fuzz/memory_file.h"
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 // libFuzzer target: any bytes as OBJ or STL give either one line of error or a closed surface.
-#include "core/scene/shell.h"
+#include "core/scene/mesh_file.h"
 #include "tests/fuzz/fuzz.h"
 #include <stdint.h>
 #include <string.h>

@@ -57,7 +57,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 }
 
 // offsets in a file, and the size of its checksum at the end
-enum { WHOLE = 16, HASH = 128, LATTICE = 160 + KN_SETS_BYTES, DIGEST = 32 };
+enum { WHOLE = 16, HASH = 128, LATTICE = 160 + KN_SETTINGS_BYTES, DIGEST = 32 };
 
 static void put(size_t at, uint64_t value)
 {

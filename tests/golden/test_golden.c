@@ -25,22 +25,31 @@ static void check_golden(const char *name, kn_model_def def, uint64_t expected)
                      (unsigned long long)expected);
 }
 
-TEST("dough-small (144 nodes) under a plate") { check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d); }
+TEST("dough-small (144 nodes) under a plate gives the golden hash")
+{
+    check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d);
+}
 
-TEST("dough-small under a ball") { check_golden("dough-small-ball", ball_def(1), 0x477e0228c20d9533); }
+TEST("dough-small under a ball gives the golden hash")
+{
+    check_golden("dough-small-ball", ball_def(1), 0x477e0228c20d9533);
+}
 
-TEST("dough (847 nodes) under a plate") { check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c); }
+TEST("dough (847 nodes) under a plate gives the golden hash")
+{
+    check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c);
+}
 
-TEST("dough under a ball") { check_golden("dough-ball", ball_def(2), 0xbcc1a338e632927a); }
+TEST("dough under a ball gives the golden hash") { check_golden("dough-ball", ball_def(2), 0xbcc1a338e632927a); }
 
-TEST("dough-small under a plate in f64")
+TEST("dough-small under a plate in f64 gives the golden hash")
 {
     kn_model_def def = press_def(1);
     def.solver.precision = KN_PRECISION_F64;
     check_golden("dough-small-plate-f64", def, 0x774fbacda3ca5e0c);
 }
 
-TEST("dough-small under a plate in the circuit's integers")
+TEST("dough-small under a plate in the circuit's integers gives the golden hash")
 {
     kn_model_def def = press_def(1);
     def.solver.kind = KN_SOLVER_FIXED;
@@ -50,14 +59,14 @@ TEST("dough-small under a plate in the circuit's integers")
     check_golden("dough-small-plate-fixed", def, 0xde30178d424381bd);
 }
 
-TEST("dough-pressure under a plate")
+TEST("dough-pressure under a plate gives the golden hash")
 {
     kn_model_def def = press_def(2);
     def.pressure = KN_PRESSURE_CELLS;
     check_golden("dough-pressure-plate", def, 0x06cbfcffbe84e22d);
 }
 
-TEST("a flat block of dough with weak diagonals and one pressure under a plate")
+TEST("a flat block of dough with weak diagonals and one pressure under a plate gives the golden hash")
 {
     kn_model_def def = press_def(2);
     def.nodes[1] = 1;
@@ -69,7 +78,7 @@ TEST("a flat block of dough with weak diagonals and one pressure under a plate")
 
 // Every tick counts on every instruction set: a difference in a last digit has ten seconds to show. All instruction
 // sets run only on request (test_compilers.sh, -O3), because fused operations in software are slow.
-TEST("ten seconds of a press on dough-small")
+TEST("ten seconds of a press on dough-small give the golden hash")
 {
     const press p = {.depth_m = 0.01, .hold_s = 5};
     bool all = getenv("KN_ALL_ISAS") != NULL;
@@ -85,7 +94,7 @@ TEST("ten seconds of a press on dough-small")
     }
 }
 
-TEST("two resolutions under a plate")
+TEST("a block of two resolutions under a plate gives the golden hash")
 {
     kn_model_def def = press_def(2);
     def.nodes[2] = 7;
@@ -93,7 +102,7 @@ TEST("two resolutions under a plate")
     check_golden("composite-plate", def, 0xf3b9db13461c04ad);
 }
 
-TEST("a rubbing finger on a coupling, pressed askew into a block that lies on a table")
+TEST("a coupled finger with friction, pressed askew into a block on a table, gives the golden hash")
 {
     kn_model_def def = press_def(2);
     def.nodes[0] = def.nodes[1] = def.nodes[2] = 7;
@@ -129,7 +138,7 @@ TEST("a rubbing finger on a coupling, pressed askew into a block that lies on a 
     CHECK(hash == 0xa9d453b9e7aecbb3);
 }
 
-TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100")
+TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100, gives the golden hash")
 {
     kn_model_def def = press_def(1);
     def.solver.kind = KN_SOLVER_RK4;

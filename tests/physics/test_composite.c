@@ -1,7 +1,7 @@
 // Two resolutions in one block: the loads that their border transmits exactly, the loads that it does not, and the
 // force of a press.
-#include "core/composite.h"
-#include "core/scratch.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -71,7 +71,8 @@ static balance strain(const double e[3][3])
     return b;
 }
 
-TEST("uniform stretches are in balance through every face, edge and corner of the box, shear but at its corners")
+TEST("uniform stretch balances through every face, edge and corner of the fine box, and shear everywhere but at its "
+     "corners")
 {
     static const double stretch[3][3] = {{1e-6, 0, 0}, {0, -2e-6, 0}, {0, 0, 3e-6}}, shear[3][3] = {{0, 1e-6, 0}},
                         mixed[3][3] = {{1e-6, 0, 5e-7}, {0, 0, 1e-6}, {0, 0, -1e-6}};
@@ -86,7 +87,7 @@ TEST("uniform stretches are in balance through every face, edge and corner of th
     for (int k = 0; k < 3; k++) CHECK(fabs(a.sum[k]) + fabs(b.sum[k]) + fabs(c.sum[k]) < 1e-10 * a.boundary);
 }
 
-TEST("mass and spread load are the uniform block's, its nodes are as many as its definition tells")
+TEST("the mass and the spread load equal the uniform block's, and the number of nodes matches the definition")
 {
     kn_model_def coarse = local(8, 0.005, true), even = local(8, 0.005, false);
     OWN(kn_model) *m = build(&coarse), *u = build(&even);
@@ -115,7 +116,7 @@ static double creep(kn_model_def def)
     return u[2];
 }
 
-TEST("under a spread load it creeps as the uniform block does")
+TEST("under a spread load a block with a fine box creeps like the uniform block")
 {
     double own = creep(local(8, 0.005, true)), uniform = creep(local(8, 0.005, false));
     printf("     %.6g mm, uniform %.6g mm\n", 1e3 * own, 1e3 * uniform);
@@ -160,7 +161,7 @@ static void played_free(played *r)
     free(r->shape_m);
 }
 
-TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, wherever in its reach")
+TEST("a press at two places over the fine box is within 1 % of the uniform block's force and 2 % of its shape")
 {
     static const double at[2][2] = {{0, 0}, {0.002, -0.001}};
     for (int ball = 0; ball < 2; ball++)
@@ -180,7 +181,7 @@ TEST("a press is within 1 % of the uniform block's force and 2 % of its shape, w
         }
 }
 
-NIGHT_TEST("a ball that slides over the box's border feels it as little as the nodes it slides over")
+NIGHT_TEST("a ball that slides over the border of the fine box gets at most twice the force jump of the uniform block")
 {
     // Slide at 6 cm/s through 54 mm from the middle: over the border at 15 mm, deep in the dough from 650 ms to 750
     // ms.
@@ -196,7 +197,7 @@ NIGHT_TEST("a ball that slides over the box's border feels it as little as the n
     CHECK(jump[0] < 2 * jump[1]);
 }
 
-TEST("it gives the same bits on every instruction set, in both precisions")
+TEST("a block with a fine box gives the same bits on every instruction set, in both precisions")
 {
     for (int p = 0; p < 2; p++) {
         uint64_t hash = 0;
@@ -212,7 +213,7 @@ TEST("it gives the same bits on every instruction set, in both precisions")
     }
 }
 
-TEST("what cannot have a fine box is refused in words")
+TEST("an invalid fine box is refused with the reason")
 {
     static const struct {
         int low, high;

@@ -138,7 +138,8 @@ TEST("a 1 cm cube of dough under 50 gf for 60 s is 0.5266 cm high and carries 26
     }
 }
 
-TEST("under 10, 30, 70 and 90 gf the bar follows the element too, and keeps what an independent integration says")
+TEST("under 10, 30, 70 and 90 gf the bar follows the element, and its residual deformation matches an independent "
+     "integration")
 {
     static const double load[4] = {10, 30, 70, 90};
     static const double kept_cm[4] = {0.0158, 0.159, 0.594,
@@ -170,7 +171,7 @@ TEST("with a constant damper creep and recovery follow F/k (1 - e^(-kt/c1)) + F 
     }
 }
 
-TEST("a block of dough creeps under a spread load as the element does: to 0.1 % where it is linear, else 13 %")
+TEST("a block of dough creeps under a spread load like the element, within 0.1 % in the linear range and 13 % above")
 {
     // Moduli times 1000 at the same stresses. The strains are so small that the block keeps its shape, and only the
     // lattice's share of the stress (gamma = 0.46) is compared. At full size the block grows sideways, which the

@@ -1,5 +1,5 @@
 // Steps that end by their deadline: their cost, and the effect on the force.
-#include "core/deadline.h"
+#include "core/solve/step_effort.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -40,7 +40,7 @@ static stroke struck(const kn_model_def *def, int64_t deadline)
 
 static double size(const double a[3], const double b[3]) { return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]); }
 
-TEST("no step takes more units than its deadline, if that is above the shortest step's")
+TEST("no step exceeds its deadline in units of work, unless the shortest step already does")
 {
     const kn_model_def def[2] = {press_def(1), ball_def(1)};
     for (int d = 0; d < 2; d++) {
@@ -58,7 +58,7 @@ enum {
     GUESS = 42000
 }; // costs for the plate: one linearisation and five iterations; a guess before them and one more linearisation
 
-TEST("a deadline with room for every line changes no bit, and one that many steps reach gives the same bits everywhere")
+TEST("a generous deadline changes no bit, and a tight one gives the same bits on every instruction set")
 {
     kn_model_def defs[2] = {press_def(1), ball_def(1)};
     for (int d = 0; d < 2; d++) {
@@ -78,8 +78,7 @@ TEST("a deadline with room for every line changes no bit, and one that many step
     }
 }
 
-TEST("a ball whose blows end by a third of their time is felt within 3 % of the converged one, without a jump of its "
-     "own")
+TEST("a ball with a third of the full time per step is felt within 3 % of the converged force, without an extra jump")
 {
     kn_model_def def = ball_def(1), exact = converged(def);
     exact.solver.passes = 20;
@@ -96,7 +95,7 @@ TEST("a ball whose blows end by a third of their time is felt within 3 % of the 
     CHECK(s.capped > 20 && peak_n > 5 && off_n < 0.03 * peak_n && jump_n < 0.3);
 }
 
-TEST("one line from rest gives twice the force of a plate's blow; from a guess it is within a tenth, a while later "
+TEST("one linearisation from rest doubles a plate's impact force; from a guess the force is within 10 %, and later "
      "within 3 %")
 {
     kn_model_def def = press_def(1), exact = converged(def);

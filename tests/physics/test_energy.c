@@ -1,5 +1,5 @@
 // Work, stored energy and dissipation. The audit keeps strains of its own, computed from the positions alone.
-#include "core/energy.h"
+#include "core/lattice/measure.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -151,7 +151,8 @@ static double imbalance(kn_model_def def, double dt, press p)
     return result;
 }
 
-TEST("the work of the plate is stored or dissipated: 5e-4 is missing at 1 ms, half as much at half the step")
+TEST(
+    "the work of the plate is stored or dissipated: at most 5e-4 is missing at 1 ms, and half as much at half the step")
 {
     kn_model_def def = converged(press_def(1));
     double whole = imbalance(def, 1e-3, at_once), half = imbalance(def, 5e-4, at_once);
@@ -160,8 +161,8 @@ TEST("the work of the plate is stored or dissipated: 5e-4 is missing at 1 ms, ha
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing of a press at 5 mm/s, half of it at "
-           "half the step")
+NIGHT_TEST(
+    "with gas in the cells no energy is created; at most 5e-4 of a slow press is missing, and half at half the step")
 {
     const press slow = {.depth_m = 0.0055, .hold_s = 0.1, .pace = 0.5};
     kn_model_def def = converged(press_def(1));
@@ -172,8 +173,7 @@ NIGHT_TEST("with gas in the cells nothing is created either, and 5e-4 is missing
     CHECK_NEAR(whole / half, 2, 0.2);
 }
 
-TEST(
-    "so it is with dampers that come to their stops: no edge gives energy or leaves the limits of its permanent strain")
+TEST("dampers at their stops create no energy, and no edge leaves the limits of its permanent strain")
 {
     kn_model_def def = converged(press_def(1));
     def.material.ratio = 0.5;
@@ -190,7 +190,7 @@ TEST("with the fast settings (f32, blend, one pass) no more than 1e-3 of the wor
     CHECK_NEAR(imbalance(press_def(1), 1e-3, at_once), 0, 1e-3);
 }
 
-TEST("while the hand is still, stored energy falls and the force relaxes, at every step, in all three materials")
+TEST("while the hand is still, the stored energy falls and the force relaxes at every step in all three materials")
 {
     kn_material materials[3] = {dough, jelly(), clay()};
     for (int m = 0; m < 3; m++) {
@@ -219,7 +219,8 @@ TEST("while the hand is still, stored energy falls and the force relaxes, at eve
     }
 }
 
-TEST("the plate pushes and never pulls: it lets go in tension while it is lifted, at every precision and material")
+TEST("the plate does not pull by more than 1 % of its peak force and lets go when lifted, at every precision and "
+     "material")
 {
     kn_material materials[3] = {dough, jelly(), clay()};
     for (int t = 0; t < 6; t++) {

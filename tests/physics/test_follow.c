@@ -22,7 +22,7 @@ static run press_late(kn_model_def def, const press *p, double seconds, int late
     return r;
 }
 
-TEST("poses lost, repeated or late, every 50th, move the force by at most 4, 7, 10 % when 1, 2, 3 ms old")
+TEST("every 50th pose late by 1, 2 or 3 ms changes the force by at most 4, 7 or 10 %")
 {
     press p = {.depth_m = 0.01, .hold_s = 0.5};
     for (int t = 0; t < 4; t++) {
@@ -39,7 +39,7 @@ TEST("poses lost, repeated or late, every 50th, move the force by at most 4, 7, 
     }
 }
 
-TEST("a steady hand is followed exactly, a jump of the pose is caught up with in about 20 ms and never at once")
+TEST("a steady hand is followed exactly, and a jump of the pose is closed with a time constant of 20 ms")
 {
     kn_model_def def = ball_def(1);
     OWN(kn_model) *model = build(&def);

@@ -3,7 +3,7 @@
 #include "tests/dice.h"
 #include "tests/physics/press.h"
 
-TEST("a press on a block turned by a quarter about z gives the same force, although memory runs along another axis")
+TEST("a press on a block turned by 90 degrees about z gives the same force, although the memory order differs")
 {
     press p = {.depth_m = 0.004, .hold_s = 0.1};
     kn_model_def along = press_def(1), across = press_def(1);
@@ -60,7 +60,7 @@ static void squeeze(int axis, double *force_n, int steps)
     }
 }
 
-TEST("a free block squeezed between two balls feels the same along x, y and z, and the two forces balance")
+TEST("a free block squeezed between two balls gives the same force along x, y and z, and both forces balance")
 {
     enum { STEPS = 400 };
     static double force[3][STEPS];
@@ -70,7 +70,7 @@ TEST("a free block squeezed between two balls feels the same along x, y and z, a
         for (int i = 0; i < STEPS; i++) CHECK_NEAR(force[axis][i], force[0][i], 1e-6 * force[0][STEPS - 1]);
 }
 
-TEST("a press in the middle leaves a dent that is its own mirror image")
+TEST("a press in the middle leaves a mirror-symmetric dent")
 {
     press p = {.depth_m = 0.004, .hold_s = 0.1};
     for (int precision = 0; precision < 2; precision++) {
@@ -116,7 +116,7 @@ static void momentum(const kn_model *model, const kn_state *state, double linear
     }
 }
 
-TEST("internal forces add up to nothing: a free body thrown about keeps its momentum and its spin to 1e-6 in 200 steps")
+TEST("internal forces sum to zero: a free body keeps its linear and angular momentum to 1e-6 in 200 steps")
 {
     kn_model_def def = press_def(1);
     def.support = KN_SUPPORT_NONE;
@@ -142,7 +142,7 @@ TEST("internal forces add up to nothing: a free body thrown about keeps its mome
     }
 }
 
-TEST("a free body carried 5 cm away feels a ball as it did at home")
+TEST("a free body moved by 5 cm gives a ball the same force as at its old place")
 {
     static double force[2][300];
     for (int away = 0; away < 2; away++) {

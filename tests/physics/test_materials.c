@@ -32,7 +32,7 @@ static dent press_and_rest(kn_material material, kn_precision precision)
 
 static dent dents[2][3]; // [precision][jelly, dough, clay]
 
-TEST("jelly recovers wholly: less than 0.1 % of the depth is left")
+TEST("jelly recovers: less than 0.1 % of the press depth is left")
 {
     for (int p = 0; p < 2; p++) {
         dents[p][0] = press_and_rest(jelly(), (kn_precision)p);
@@ -41,7 +41,7 @@ TEST("jelly recovers wholly: less than 0.1 % of the depth is left")
     }
 }
 
-TEST("clay keeps all: more than 99.9 % of the depth is left")
+TEST("clay keeps the dent: more than 99.9 % of the press depth is left")
 {
     for (int p = 0; p < 2; p++) {
         dents[p][2] = press_and_rest(clay(), (kn_precision)p);
@@ -50,7 +50,7 @@ TEST("clay keeps all: more than 99.9 % of the depth is left")
     }
 }
 
-TEST("dough keeps a dent and gives a part back")
+TEST("dough keeps 50 to 98 % of the dent and recovers the rest")
 {
     for (int p = 0; p < 2; p++) {
         dents[p][1] = press_and_rest(dough, (kn_precision)p);

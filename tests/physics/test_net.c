@@ -59,7 +59,7 @@ static double strain_under(kn_model_def def, double stress_pa, double dt_s, int 
     return strain;
 }
 
-TEST("a block of tetrahedra under a small load yields by load over k1 and its own E along z, within 3 %")
+TEST("a block of tetrahedra under a small load has the strain of load over k1 and its own E along z, within 3 %")
 {
     for (int per_cm = 1; per_cm <= 2; per_cm++) {
         OWN(kn_simplices) *mesh = NULL;
@@ -75,7 +75,8 @@ TEST("a block of tetrahedra under a small load yields by load over k1 and its ow
 }
 
 // The directions of the springs and E V/L^2 give C11 = 10/9, C12 = C44 = 4/9 of E.
-TEST("a body-centred lattice has the constants of its directions: nu 2/7, shear 4/3 of an isotropic body's, within 3 %")
+TEST("a body-centred lattice has the elastic constants of its directions: nu 2/7 and shear 4/3 of an isotropic body, "
+     "within 4 %")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 2);
@@ -94,8 +95,7 @@ static double element_strain(const kn_material *m, double stress_pa)
     return stress_pa / m->k1_pa * -expm1(-60 * m->k1_pa / m->c1_pa_s) + 60 * kn_material_flow(m, stress_pa);
 }
 
-NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % at 20 and 30 gf/cm^2, in the middle of "
-           "a block")
+NIGHT_TEST("the middle of a dough block of tetrahedra creeps within 10 % of the element in 60 s at 20 and 30 gf/cm^2")
 {
     // Under a dead load the corners, held by few springs, sink deeper than the nodes below once their dampers thin.
     // With 1 cm between corners the whole height shrinks by a quarter more, and no gamma fits both.
@@ -114,7 +114,7 @@ NIGHT_TEST("dough of tetrahedra creeps in 60 s as the element does, within 10 % 
     }
 }
 
-TEST("internal forces add up to nothing: a free net thrown about keeps its momentum to 1e-6 in 200 steps")
+TEST("internal forces sum to zero: a free mesh keeps its momentum to 1e-6 in 200 steps")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
@@ -142,7 +142,7 @@ TEST("internal forces add up to nothing: a free net thrown about keeps its momen
     for (int k = 0; k < 3; k++) CHECK_NEAR(after[k], before[k], 1e-6 * size);
 }
 
-TEST("a copy of a net's state goes on with the same bits")
+TEST("a copied state of a mesh continues with the same bits")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
@@ -160,7 +160,7 @@ TEST("a copy of a net's state goes on with the same bits")
     CHECK(state->probe[0].contacts > 0);
 }
 
-TEST("a net has the same bits on every instruction set")
+TEST("a mesh gives the same bits on every instruction set")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
@@ -199,7 +199,7 @@ static void compare(const char *what, kn_model_def implicit)
     CHECK_NEAR(shape_error(&fast, &oracle), 0, 0.01);
 }
 
-TEST("under a plate and under a ball a net's implicit step agrees with Runge-Kutta within 1 %")
+TEST("under a plate and under a ball the implicit step of a mesh agrees with Runge-Kutta within 1 %")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);
@@ -208,7 +208,7 @@ TEST("under a plate and under a ball a net's implicit step agrees with Runge-Kut
     compare("ball", def);
 }
 
-NIGHT_TEST("gas in the elements, closed one by one or as a whole, agrees with Runge-Kutta within 1 %")
+NIGHT_TEST("a mesh with gas, closed per element or as a whole, agrees with Runge-Kutta within 1 %")
 {
     OWN(kn_simplices) *mesh = NULL;
     kn_model_def def = net_def(&mesh, 1);

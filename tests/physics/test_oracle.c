@@ -27,7 +27,7 @@ NIGHT_TEST("under a plate the force and the dent of the implicit step agree with
     compare(press_def(1), &p, 0.225, 0.01);
 }
 
-TEST("under a ball too")
+TEST("under a ball the force and the dent of the implicit step agree with Runge-Kutta within 1 %")
 {
     press p = {.depth_m = 0.001, .hold_s = 0.03};
     compare(ball_def(1), &p, 0.18, 0.01);

@@ -2,7 +2,7 @@
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
-TEST("the step is of first order: half the step, half the error of force and shape")
+TEST("the implicit step is of first order: half the step gives half the error of force and shape")
 {
     press p = {.depth_m = 0.001, .hold_s = 0.05};
     kn_model_def def = converged(press_def(1));
@@ -57,7 +57,7 @@ static void patch(kn_model_def def, double stress_pa, double *along, double *sid
     }
 }
 
-TEST("uniaxial patch test: any block with diagonals has the material's modulus exactly, E = 2.7 k/h, and nu = 0.35")
+TEST("uniaxial patch test: a block with diagonals has the material's modulus, E = 2.7 k/h, and nu = 0.35")
 {
     static const int blocks[3][3] = {{6, 6, 4}, {3, 4, 5}, {2, 2, 2}};
     for (int t = 0; t < 3; t++) {
@@ -71,7 +71,7 @@ TEST("uniaxial patch test: any block with diagonals has the material's modulus e
     }
 }
 
-TEST("with weak diagonals or none E is the material's too, and nu = 7 e/(3 + 17 e); flat, in plane stress, e/(1 + e)")
+TEST("with weak diagonals E is the material's and nu = 7 e/(3 + 17 e), flat e/(1 + e); without diagonals nu is 0")
 {
     static const double stiffness[] = {1, 0.5, 0.1, 0.02};
     for (int t = 0; t < 8; t++) {
@@ -91,7 +91,7 @@ TEST("with weak diagonals or none E is the material's too, and nu = 7 e/(3 + 17 
     CHECK_NEAR(sideways / along, 0, 1e-3);
 }
 
-TEST("its own weight shortens a column by rho g H^2 / (2 E), whatever its mass scale")
+TEST("a column's own weight shortens it by rho g H^2 / (2 E) at every mass scale")
 {
     for (int scaled = 0; scaled < 2; scaled++) {
         kn_model_def def = press_def(1);

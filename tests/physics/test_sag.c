@@ -64,7 +64,7 @@ static double predicted(const kn_scene *scene, double seconds) // as knead check
     return 0.85 * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
 }
 
-NIGHT_TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predicts")
+NIGHT_TEST("dough sags by less than 1.6 % in five minutes, as its stiffness at rest predicts")
 {
     OWN(kn_scene) *scene = weighed(NULL, 0);
     double sag = sag_after(scene, 300, 0);
@@ -73,7 +73,7 @@ NIGHT_TEST("dough stands: 1.5 % in five minutes, as its stiffness at rest predic
     CHECK_NEAR(sag / predicted(scene, 300), 1, 0.05);
 }
 
-NIGHT_TEST("with a linear damper of the viscosity that a press meets it slumps to less than half")
+NIGHT_TEST("a block with a linear damper of the viscosity in a press slumps to less than half its height")
 {
     OWN(kn_scene) *scene = weighed((const char *const[]){"material.damper=constant", "material.c2=1387 gf s/cm^3"}, 2);
     double sag = sag_after(scene, 300, 0);
@@ -81,7 +81,7 @@ NIGHT_TEST("with a linear damper of the viscosity that a press meets it slumps t
     CHECK(sag > 0.5);
 }
 
-NIGHT_TEST("a plastic block holds its shape too by its force-dependent damper, and flows away with a linear one")
+NIGHT_TEST("a plastic block keeps its shape with a force-dependent damper and slumps with a linear one")
 {
     static const char *const linear[] = {
         "material={k1: 0 Pa, c1: 2774 gf s/cm^3, damper: constant, c2: 2774 gf s/cm^3}",
@@ -93,7 +93,7 @@ NIGHT_TEST("a plastic block holds its shape too by its force-dependent damper, a
     CHECK_NEAR(flows, 0.52, 0.05);
 }
 
-TEST("leaning by 2 % it stands with diagonals, and without them lies down within a second")
+TEST("a block leaning by 2 % stands with diagonals and collapses within a second without them")
 {
     OWN(kn_scene) *whole = weighed(NULL, 0), *sides = weighed((const char *const[]){"object.structure=axis"}, 1);
     CHECK(sag_after(whole, 1, 0.02) < 0.01);
@@ -102,7 +102,7 @@ TEST("leaning by 2 % it stands with diagonals, and without them lies down within
     CHECK(sag > 0.5);
 }
 
-TEST("gas in the cells does not stop a lattice of sides from leaning over; diagonals of a hundredth do")
+TEST("gas in the cells does not stop a lattice without diagonals from leaning over; diagonals of 1 % stiffness do")
 {
     static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.01"};
     static const char *const none[] = {"object.pressure=cells", "object.structure=axis"};
@@ -113,7 +113,7 @@ TEST("gas in the cells does not stop a lattice of sides from leaning over; diago
     CHECK(drift > 2e-3 && fabs(held) < 0.1 * drift);
 }
 
-NIGHT_TEST("with gas it sags by 1 %, however weak the diagonals")
+NIGHT_TEST("with gas and diagonals of 2 % stiffness a block sags by 1 %")
 {
     static const char *const weak[] = {"object.pressure=cells", "object.diagonal_stiffness=0.02", "solver.dt=2 ms"};
     OWN(kn_scene) *scene = weighed(weak, 3);

@@ -68,14 +68,18 @@ static void check_slide(const char *name, kn_model_def def, double radius_m, dou
     CHECK(s.fewest >= 4);
 }
 
-TEST("a ball of one cell's radius slides over dough without a jump of 0.5 % per ms, 0.7 % above 10 Hz, 10 % ripple")
+TEST("a ball of one cell's radius slides over dough with jumps below 0.5 % per ms, 0.7 % buzz above 10 Hz and 10 % "
+     "ripple")
 {
     check_slide("dough, r = h", ball_def(2), 0.005, 0.10);
 }
 
-TEST("a ball of two cells' radius ripples less than 5 %") { check_slide("dough, r = 2h", ball_def(2), 0.01, 0.05); }
+TEST("a ball of two cells' radius slides over dough with less than 5 % ripple")
+{
+    check_slide("dough, r = 2h", ball_def(2), 0.01, 0.05);
+}
 
-TEST("jelly is smoother still")
+TEST("on jelly a sliding ball of one cell's radius keeps the bounds of dough")
 {
     kn_model_def def = ball_def(2);
     def.material = (kn_material){.k1_pa = 4.7e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE};
@@ -91,7 +95,7 @@ static slide slide_on(kn_model_def def, kn_skin_form skin, const char *name)
     return s;
 }
 
-TEST("a bilinear skin ripples and buzzes a third more at least than the spline under a ball of one cell's radius")
+TEST("under a ball of one cell's radius a bilinear skin has at least a third more ripple and buzz than the spline")
 {
     kn_model_def def = ball_def(2);
     def.probe[0].radius_m = 0.005;
@@ -100,7 +104,7 @@ TEST("a bilinear skin ripples and buzzes a third more at least than the spline u
     CHECK(spline.ripple < 0.7 * flat.ripple && spline.buzz < 0.75 * flat.buzz && spline.jump < 0.9 * flat.jump);
 }
 
-TEST("under a ball of two cells' radius it is as good on jelly, and on dough still within the bounds of any ball")
+TEST("under a ball of two cells' radius the bilinear skin is about as good on jelly and within the bounds on dough")
 {
     kn_model_def def = ball_def(2), jelly = def;
     jelly.material = (kn_material){.k1_pa = 4.7e4, .c1_pa_s = 100, .damper = KN_DAMPER_NONE};
@@ -111,7 +115,7 @@ TEST("under a ball of two cells' radius it is as good on jelly, and on dough sti
     CHECK(flowing.jump <= 0.005 && flowing.buzz <= 0.007 && flowing.ripple <= 0.05);
 }
 
-TEST("what the ball feels points away from the object, and is nothing in the air")
+TEST("the force on a ball points away from the object, and is zero in free air")
 {
     kn_model_def def = ball_def(2);
     press p = {.depth_m = 0.003, .hold_s = 0.1};

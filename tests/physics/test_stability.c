@@ -18,7 +18,7 @@ static void scale_material(kn_material *m, int field, double by)
     if (field == 2) m->alpha_pa_s *= by;
 }
 
-TEST("k1, c1 and alpha of the dough times 1e-4 to 1e4, f32 and f64: a press stays finite and inside the block")
+TEST("with k1, c1 and alpha of dough times 1e-4 to 1e4, f32 and f64, a press stays finite and inside the block")
 {
     for (int t = 0; t < 3 * 5 * 2; t++) {
         kn_model_def def = press_def(1);
@@ -34,7 +34,7 @@ TEST("k1, c1 and alpha of the dough times 1e-4 to 1e4, f32 and f64: a press stay
     }
 }
 
-TEST("the same through c1 = 0, k1 = 0, a rigid and a nearly fluid damper, with a ball")
+TEST("with c1 = 0, k1 = 0, a rigid or an almost fluid damper, a press with a ball stays finite")
 {
     kn_material m[5] = {dough, dough, jelly(), clay(), dough};
     m[0].c1_pa_s = 0;
@@ -53,7 +53,8 @@ TEST("the same through c1 = 0, k1 = 0, a rigid and a nearly fluid damper, with a
     }
 }
 
-TEST("a dead load only ever lowers the top, at every scale and at steps of 0.1 to 20 ms; without it the top only rises")
+TEST(
+    "a dead load only lowers the top, at every scale and at steps of 0.1 to 20 ms; without the load the top only rises")
 {
     static const double steps[4] = {1e-4, 1e-3, 5e-3, 2e-2};
     for (int t = 0; t < 3 * 5 * 4; t++) {
@@ -80,7 +81,7 @@ TEST("a dead load only ever lowers the top, at every scale and at steps of 0.1 t
     }
 }
 
-TEST("a physics gone bad is told once and gives no force: after a NaN pose the state stays bad until it is reset")
+TEST("a NaN in the state is reported and gives zero force, and the state stays bad until it is reset")
 {
     kn_model_def def = ball_def(1);
     OWN(kn_model) *model = build(&def);

@@ -1,9 +1,9 @@
 // End stops of the damper. One edge is driven by hand, by the reference (law.h), by every kernel and by Runge-Kutta.
 // Then whole blocks.
-#include "core/kernel.h"
+#include "core/solve/kernel.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
-#include "core/scratch.h"
+#include "core/solve/solver.h"
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
@@ -78,8 +78,8 @@ static const struct {
 } cycles[] = {{8330, 0.5, 0.3, 0.7, 385}, {8330, 0.9, 0.05, 0.95, 523}, {8330, 1, 0, 1, 548}, {8330, 1, 1, 1, 548},
               {100, 0.5, 0.3, 0.7, 413},  {100, 0.5, 0.1, 0.9, 339},    {100, 1, 1, 1, 548}};
 
-TEST(
-    "an edge with stops is as stiff as they make it, its balance closes to 1e-6 of the work, and it never gives energy")
+TEST("an edge with stops has the predicted peak stress, balances its energy to 1e-6 of the work and never creates "
+     "energy")
 {
     for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
         kn_material mat = element(cycles[i].c2, cycles[i].a0, cycles[i].a_min, cycles[i].a_max);
@@ -94,7 +94,7 @@ TEST(
     }
 }
 
-TEST("the permanent strain never leaves a0/a_max .. a0/a_min of the rest length")
+TEST("the permanent strain stays within a0/a_max .. a0/a_min of the rest length")
 {
     for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
         kn_material mat = element(cycles[i].c2, cycles[i].a0, cycles[i].a_min, cycles[i].a_max);
@@ -105,7 +105,7 @@ TEST("the permanent strain never leaves a0/a_max .. a0/a_min of the rest length"
     }
 }
 
-TEST("with a_min = a_max the edge is a Voigt edge; with a stroke of 1e-10 it is one to 1e-6")
+TEST("with a_min = a_max an edge equals a Voigt edge, and with a stroke of 1e-10 within 1e-6")
 {
     kn_material bare = element(100, 0, 0, 0), rigid = element(100, 1, 1, 1),
                 tight = element(100, 0.999, 0.999 - 1e-10, 0.999);
@@ -123,7 +123,7 @@ TEST("with a_min = a_max the edge is a Voigt edge; with a stroke of 1e-10 it is 
     free(almost);
 }
 
-TEST("without a spring (a - c2/(c1 + c2)) L is an invariant")
+TEST("without a spring, (a - c2/(c1 + c2)) L is invariant")
 {
     kn_material mat = element(100, 0.5, 0, 0);
     mat.k1_pa = 0;
@@ -172,8 +172,8 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
     for (int i = 0; i < 16000; i++) {
         double w = (driven_strain((i + 1) * 1e-3) - driven_strain(i * 1e-3)) / 1e-3;
         kn_real_set(model, work->guess, top, w * def.spacing_m);
-        memset(work->r, 0, kn_model_field(model, 3) * model->kernels->real_size);
-        memset(work->p, 0, kn_model_field(model, 6) * model->kernels->real_size);
+        memset(work->r, 0, kn_state_field(model, 3));
+        memset(work->p, 0, kn_state_field(model, 6));
         memset(work->row_moved, 1, (size_t)model->row_count);
         model->kernels->edge(model, state, KN_LINEARIZATION_BLEND, false);
         double inertia = kn_real_get(model, state->velocity, top) - kn_real_get(model, work->guess, top);
@@ -187,7 +187,7 @@ static double kernel_error(const kn_material *mat, kn_precision precision, kn_is
 }
 
 // In f32 a stop may be met one step sooner or later, and that step's force is neither of the two values.
-TEST("every kernel gives the referee's force: to 1e-9 in f64, to 1e-4 in f32 but for the steps in which a stop is met")
+TEST("every kernel gives the reference force: to 1e-9 in f64, and to 1e-4 in f32 except in steps that meet a stop")
 {
     kn_material flowing = dough;
     flowing.ratio = 0.9;
@@ -232,7 +232,7 @@ static double runge_kutta_error(const kn_material *mat, double dt, int but)
     return error[but];
 }
 
-TEST("Runge-Kutta meets the same stops: the force of the implicit step at 1 ms within 1e-3 of the peak, at 0.1 ms 1e-4")
+TEST("Runge-Kutta with stops matches the implicit step within 1e-3 of the peak at 1 ms and 1e-4 at 0.1 ms")
 {
     for (int fine = 0; fine < 2; fine++)
         for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
@@ -244,7 +244,7 @@ TEST("Runge-Kutta meets the same stops: the force of the implicit step at 1 ms w
 
 // ---- the same element on the bench
 
-TEST("the bench's integrator meets the same stops: the implicit step at 1 ms within 1e-4 of the peak of its stress")
+TEST("the one-dimensional integrator with stops matches the implicit step at 1 ms within 1e-4 of the peak stress")
 {
     for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
         kn_material mat = element(cycles[i].c2, cycles[i].a0, cycles[i].a_min, cycles[i].a_max);
@@ -313,8 +313,7 @@ static double largest_gap(const double *a, const double *b, int steps)
     return gap / peak;
 }
 
-TEST("blocks and meshes meet them: with a stroke of nothing, or of 1e-10 and 1e-7 in f32, they press back as Voigt "
-     "bodies do")
+TEST("blocks and meshes with no stroke, or a stroke of 1e-10 (1e-7 in f32), press back like Voigt bodies")
 {
     static const char *const object[] = {"{size: [4 cm, 4 cm, 2 cm], spacing: 1 cm}",
                                          "{mesh: meshes/bun.msh, mesh_unit: mm}"};

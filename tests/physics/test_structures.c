@@ -82,7 +82,7 @@ static shape press_shape(kn_model_def def, double hold_s)
     return s;
 }
 
-NIGHT_TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, keeps the volume, and no cell inverts")
+NIGHT_TEST("pressed 1 cm and held for 30 s (847 nodes), gas bulges the sides and keeps the volume, and no cell inverts")
 {
     shape a = press_shape(press_def(2), 30);
     shape b = press_shape(with_gas(press_def(2), KN_PRESSURE_CELLS, 0.02), 30);
@@ -97,7 +97,7 @@ NIGHT_TEST("pressed 1 cm and held 30 s (847 nodes): gas makes the sides bulge, k
     CHECK(a.least < 0 && a.dip_n > 0.3 * a.peak_n);
 }
 
-TEST("one pressure for the whole object keeps its volume too, not that of the cells beside the plate")
+TEST("one pressure for the whole object keeps its volume, but not the volume of the cells beside the plate")
 {
     shape a = press_shape(press_def(1), 10);
     shape s = press_shape(with_gas(press_def(1), KN_PRESSURE_OBJECT, 1), 10);
@@ -105,8 +105,7 @@ TEST("one pressure for the whole object keeps its volume too, not that of the ce
     CHECK(s.least < 0.5);
 }
 
-TEST(
-    "a flat object bulges by its structure as a block does, stays in its plane, and feels twice as much twice as thick")
+TEST("a flat object bulges like a block, stays in its plane, and doubles its force at twice the thickness")
 {
     shape a = press_shape(flat(press_def(2)), 5);
     shape b = press_shape(with_gas(flat(press_def(2)), KN_PRESSURE_CELLS, 0.02), 5);
@@ -150,8 +149,7 @@ static run press_disc(double thickness_m, double aside_m)
     return r;
 }
 
-TEST(
-    "to a flat object a ball is a disc: it presses wherever along y it is held, twice as hard an object twice as thick")
+TEST("a ball acts on a flat object as a disc: its y position has no effect, and twice the thickness doubles the force")
 {
     AT_END(run_free) run thin = press_disc(0.01, 0), thick = press_disc(0.02, 0), aside = press_disc(0.01, 0.05);
     printf("     peak %.3f N, total variation %.2f of it\n", peak_n(&thin), variation(&thin));
@@ -194,7 +192,7 @@ TEST("with gas in each cell the implicit step of a flat object agrees with expli
     compare("cells, flat", with_gas(flat(press_def(1)), KN_PRESSURE_CELLS, 1));
 }
 
-NIGHT_TEST("and so do a block, one pressure for the whole object, and weak diagonals")
+NIGHT_TEST("a block, one pressure for the whole object, and weak diagonals agree with Runge-Kutta within 1 %, too")
 {
     compare("cells, block", with_gas(press_def(1), KN_PRESSURE_CELLS, 1));
     compare("object, flat", with_gas(flat(press_def(1)), KN_PRESSURE_OBJECT, 1));
@@ -222,7 +220,7 @@ static kn_model_def free_body(kn_pressure pressure)
     return def;
 }
 
-TEST("gas pushes nothing away: a free body thrown about keeps its momentum to 1e-6 in 200 steps")
+TEST("gas adds no net force: a free body keeps its momentum to 1e-6 in 200 steps")
 {
     for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
         kn_model_def def = free_body(pressure);
@@ -257,7 +255,7 @@ static void rotate(const double x[3], double out[3])
     }
 }
 
-TEST("a block with gas that is turned by a general rotation moves as it would have moved, turned, to 1e-10 m")
+TEST("a rotated block with gas moves like the original block, rotated, to 1e-10 m")
 {
     for (kn_pressure pressure = KN_PRESSURE_CELLS; pressure <= KN_PRESSURE_OBJECT; pressure++) {
         kn_model_def def = free_body(pressure);
@@ -295,7 +293,7 @@ TEST("a block with gas that is turned by a general rotation moves as it would ha
     }
 }
 
-TEST("an object with gas that nobody touches stays as it is, to the bit")
+TEST("an object with gas that nobody touches stays unchanged to the bit")
 {
     for (int t = 0; t < 4; t++) {
         kn_model_def def = with_gas(press_def(2), t & 1 ? KN_PRESSURE_OBJECT : KN_PRESSURE_CELLS, 1);
@@ -310,7 +308,7 @@ TEST("an object with gas that nobody touches stays as it is, to the bit")
     }
 }
 
-TEST("every instruction set gives the same bits with gas, in rows of one, two and three vectors, block and flat")
+TEST("with gas every instruction set gives the same bits, in rows of one to three vectors, block and flat")
 {
     static const int blocks[][3] = {{6, 5, 4}, {20, 3, 3}, {3, 3, 40}, {6, 1, 5}, {3, 1, 20}, {20, 1, 3}};
     const press p = {.depth_m = 0.003, .hold_s = 0.02};
@@ -331,7 +329,7 @@ TEST("every instruction set gives the same bits with gas, in rows of one, two an
     }
 }
 
-TEST("a press turned by a quarter about z gives the same force with gas, although memory runs along another axis")
+TEST("with gas a press turned by 90 degrees about z gives the same force, although the memory order differs")
 {
     const press p = {.depth_m = 0.004, .hold_s = 0.1};
     kn_model_def along = with_gas(press_def(1), KN_PRESSURE_CELLS, 0.1), across = along;
@@ -369,7 +367,8 @@ static double iterations(kn_model_def def)
     return sum / steps;
 }
 
-TEST("gas asks for no more CG iterations while there are full diagonals, and for many more where there are none")
+TEST("gas with full diagonals needs about as many CG iterations as no gas, and over three times as many without "
+     "diagonals")
 {
     double without = iterations(press_def(1)), full = iterations(with_gas(press_def(1), KN_PRESSURE_CELLS, 1));
     double weak = iterations(with_gas(press_def(1), KN_PRESSURE_CELLS, 0.02));

@@ -1,8 +1,8 @@
 // Tools of any shape: friction, adhesion, the virtual coupling in the solve, a table that can be left, two fingers
 // that lift.
-#include "core/scratch.h"
+#include "core/solve/solver.h"
 #include "core/shape.h"
-#include "core/turn.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 #include "tests/core/surface_of.h"
 #include "tests/physics/press.h"
@@ -92,7 +92,7 @@ static double lowest(const scene *s)
     return low;
 }
 
-TEST("a box on a stiff coupling presses as one that follows its pose within 1 %, and about as a plate that sticks")
+TEST("a box on a stiff coupling presses within 1 % of a rigid box, and a rigid box within 10 % of a plate")
 {
     press p = {.depth_m = 0.005, .hold_s = 0.3};
     kn_model_def plate = press_def(2);
@@ -111,7 +111,7 @@ TEST("a box on a stiff coupling presses as one that follows its pose within 1 %,
     CHECK(fabs(peak_n(&rigid) / peak_n(&a) - 1) < 0.1); // the plate holds nodes, the box meets a smooth skin
 }
 
-TEST("what the object does to a coupled tool is what its coupling does, to rounding")
+TEST("the object's force on a coupled tool equals the coupling's force, to rounding")
 {
     kn_model_def def = with_tool(press_def(2), finger(0.5));
     AT_END(close_scene) scene s = open_scene(&def);
@@ -215,7 +215,7 @@ static void third_law(kn_probe_def tool, double above_m, kn_skin_form skin)
     CHECK(peak > 0.01 && worst < 1e-9 * peak && spin < 1e-9 * peak * 0.01);
 }
 
-TEST("what the object gains in momentum and spin is what the tool lost: Newton's third law, to rounding")
+TEST("Newton's third law holds to rounding: the object gains the momentum and the spin that the tool loses")
 {
     AT_END(kn_shape_drop) kn_shape parts = {0};
     third_law(finger(0.5), 0.008, KN_SKIN_SPLINE);
@@ -239,7 +239,7 @@ static void drag(double friction, double *ratio_first, double *ratio_last)
     *ratio_last = -s.out.probe[0].force_n[0] / s.out.probe[0].force_n[2];
 }
 
-TEST("a ball that slides is held back by its friction times what it presses with, one that has not yet by less")
+TEST("a sliding ball feels its friction times the normal force, and a sticking ball less")
 {
     double first, last, smooth_first, smooth_last;
     drag(0.3, &first, &last);
@@ -251,7 +251,7 @@ TEST("a ball that slides is held back by its friction times what it presses with
     CHECK(first < 0.9 * last && first > 0);
 }
 
-TEST("a tool that sticks at half of its cone does not creep on what does not")
+TEST("a tool that sticks at up to 0.6 of the normal force at mu 0.8 does not creep")
 {
     kn_model_def def = with_tool(press_def(2), finger(0.8));
     def.material = jelly();
@@ -293,7 +293,7 @@ static double pull(double adhesion_pa, double *left_at_m, double *work_j)
     return most;
 }
 
-TEST("what sticks is pulled up by as much as its adhesion over what is touched, lets go later, and takes work")
+TEST("an adhesive tool pulls up to its adhesion times the touched area, lets go later and takes work")
 {
     double dry_at, weak_at, strong_at, dry_j, weak_j, strong_j;
     double dry = pull(0, &dry_at, &dry_j), weak = pull(200, &weak_at, &weak_j);
@@ -319,7 +319,7 @@ static kn_model_def block_on_table(double friction)
     return def;
 }
 
-TEST("a block rests on its table; a push below friction leaves it there, one above slides it, and nothing tilts it")
+TEST("a block on a table with friction stays under a weak push, slides under a strong one and does not tilt")
 {
     kn_model_def def = block_on_table(0.5);
     def.material = jelly();
@@ -362,7 +362,7 @@ static void pinch_and_lift(scene *s, double squeeze_m)
     }
 }
 
-TEST("two fingers lift a block of dough: each carries half of it, it stays level, and keeps their marks")
+TEST("two fingers lift a block of dough: each carries half, the block stays level and keeps the finger marks")
 {
     kn_model_def def = block_on_table(0.5);
     def.probe_count = 2;
@@ -392,7 +392,7 @@ TEST("two fingers lift a block of dough: each carries half of it, it stays level
     CHECK(mark > 5e-4);
 }
 
-NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the grip bears tears loose")
+NIGHT_TEST("smooth fingers lift a block only with enough grip; a block heavier than the grip slips")
 {
     for (int gripped = 0; gripped < 3; gripped++) { // without grip, with 5 N, with less than the weight
         kn_model_def def = block_on_table(0.5);
@@ -409,7 +409,7 @@ NIGHT_TEST("smooth fingers let it lie, unless they grip; what is more than the g
     }
 }
 
-TEST("a stiff tool thrown at a thin block at 1 m/s does not come out on the other side")
+TEST("a stiff tool thrown at a thin block at 1 m/s does not pass through")
 {
     static const char *const names[3] = {"dough", "jelly", "clay"};
     kn_material materials[3] = {dough, jelly(), clay()};
@@ -451,7 +451,7 @@ static void slide_along(kn_probe_def tool, double force_n[SLIDE])
     }
 }
 
-TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per millisecond no larger by a tenth")
+TEST("a ball of triangles slides within 1 % of the exact ball's force, with jumps per millisecond at most 10 % larger")
 {
     static double exact[SLIDE], own[SLIDE];
     AT_END(kn_shape_drop) kn_shape parts = {0};
@@ -472,7 +472,7 @@ TEST("a ball of triangles slides as the ball does: force within 1 %, jumps per m
 }
 
 // The edges are round: pressed along nodes, a sharp box that is 0.1 um wider feels 3 % more force.
-TEST("a box of triangles presses as the box does within 1 %")
+TEST("a box of triangles presses within 1 % of the exact box's force")
 {
     const double size[3] = {0.02, 0.02, 0.015}, edge = 0.003;
     press p = {.depth_m = 0.004, .hold_s = 0.2};
@@ -489,7 +489,7 @@ TEST("a box of triangles presses as the box does within 1 %")
     CHECK(peak_n(&exact) > 1 && force_error(&own, &exact) < 0.01);
 }
 
-TEST("a coupled tool that comes in inside is pushed out gently: its force grows from nothing")
+TEST("a coupled tool that attaches inside the object is pushed out gently, with a force that grows from zero")
 {
     kn_probe_def tool = ball(0.3);
     tool.coupling_n_m = 600, tool.coupling_n_s_m = 1.5;
@@ -546,7 +546,7 @@ static void turned_by_a_quarter(kn_probe_def tool, kn_skin_form skin)
     for (int k = 0; k < 2; k++) close_scene(&s[k]);
 }
 
-TEST("the whole scene and the hand turned by a quarter turn forces and torques with them, to rounding")
+TEST("turning the whole scene and the hand by 90 degrees turns forces and torques, to rounding")
 {
     AT_END(kn_shape_drop) kn_shape parts = {0};
     turned_by_a_quarter((kn_probe_def){.name = "box",
@@ -562,7 +562,7 @@ TEST("the whole scene and the hand turned by a quarter turn forces and torques w
     if (getenv("KN_NIGHT")) turned_by_a_quarter(egg(&parts), KN_SKIN_SPLINE);
 }
 
-TEST("a copy of a state that sticks goes on to the same bits")
+TEST("a copy of a state with sticking contacts continues with the same bits")
 {
     kn_model_def def = block_on_table(0.5);
     def.probe_count = 2;

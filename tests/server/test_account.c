@@ -34,7 +34,7 @@ static knead_status_t status(void)
     return s;
 }
 
-TEST("ticks and misses add up to the place on the grid")
+TEST("ticks and missed cycles add up to the tick number")
 {
     start();
     for (int n = 0; n < 50; n++) tick(n % 7 == 0 ? 3 : 0, 1000, 1000);
@@ -42,7 +42,7 @@ TEST("ticks and misses add up to the place on the grid")
     CHECK(status().tick == 50 + 24 - 1);
 }
 
-TEST("bucket n of a histogram holds what is below 2^n us, the last one all that is later")
+TEST("bucket n of a histogram counts times below 2^n us, and the last bucket counts all longer times")
 {
     const struct {
         int64_t ns;
@@ -68,7 +68,7 @@ TEST("an overrun is a tick that took longer than the period")
     CHECK(status().current_errors == 0); // told once
 }
 
-TEST("success is the share of the last 100 cycles that ran with a fresh pose of every probe in use")
+TEST("the success rate is the share of the last 100 cycles that ran with a fresh pose of every probe in use")
 {
     start();
     for (int n = 0; n < 200; n++) tick(0, 0, 0);
@@ -88,7 +88,7 @@ TEST("success is the share of the last 100 cycles that ran with a fresh pose of 
     CHECK_NEAR(status().success_rate, 1, 0);
 }
 
-TEST("the mode is the worst that any probe is in, and stopping stands above all but an emergency stop")
+TEST("the mode is the worst mode of any probe; stopping outranks all modes but an emergency stop")
 {
     start();
     out.force[0].live = out.force[1].live = false;
@@ -114,7 +114,7 @@ TEST("the mode is the worst that any probe is in, and stopping stands above all 
     CHECK(status().mode == KNEAD_STATUS_T_MODE_ESTOP);
 }
 
-TEST("errors are named, and those of the last fault are kept")
+TEST("errors are named, and the errors of the last fault are kept")
 {
     start();
     out.force[0].flags = KNEAD_CONTACT_FORCE_T_FLAG_CLAMPED | KNEAD_CONTACT_FORCE_T_FLAG_BRAKE;
@@ -130,7 +130,7 @@ TEST("errors are named, and those of the last fault are kept")
     CHECK(status().last_errors == KNEAD_STATUS_T_ERROR_COMM_LOST && status().faults == 1);
 }
 
-TEST("the largest force and the largest step of a force are of the hand's, over both probes")
+TEST("the status reports the largest force and the largest force step given to the hand")
 {
     start();
     out.force[1].force_n[2] = 3;
@@ -149,7 +149,7 @@ static knead_health_t health(void)
     return h;
 }
 
-TEST("rates and times are of the last whole second of the grid, of the first one while it lasts")
+TEST("rates and times cover the last whole second, or the first second while it lasts")
 {
     start();
     int64_t at_ns = 0;
@@ -171,7 +171,7 @@ TEST("rates and times are of the last whole second of the grid, of the first one
     CHECK_NEAR(h.periodicity_hz[3], 2000, 1e-6);
 }
 
-TEST("a second that the loop slept through ends the window before it")
+TEST("a second in which the loop slept ends the window before it")
 {
     start();
     for (int n = 0; n < 1000; n++) tick(0, n, 20000);
@@ -180,7 +180,7 @@ TEST("a second that the loop slept through ends the window before it")
     CHECK_NEAR(health().execution_us[0], 50, 1e-9);
 }
 
-TEST("the latest overrun has its time, each probe its success")
+TEST("the latest overrun has its time, and each probe has its success rate")
 {
     start();
     tick(0, 0, 5);
@@ -199,7 +199,7 @@ TEST("the latest overrun has its time, each probe its success")
     CHECK_NEAR(status().success_rate, 0.75, 1e-12);
 }
 
-TEST("what acted is told by its name, summed over the probes; a passivity that was broken among the last errors, too")
+TEST("safety actions are counted by name and summed over the probes; created energy appears among the last errors")
 {
     kn_audit_news news = {.windows = 3, .balance_j = 2e-3};
     start();

@@ -64,7 +64,7 @@ TEST("the tag is keyed BLAKE2b of 16 bytes over the channel, its NUL, the payloa
     }
 }
 
-TEST("lives differ, and the ages of a life rise, however often they are asked for")
+TEST("each life has another number, and the ages within a life rise at every call")
 {
     kn_auth auth = {0};
     kn_auth_begin(&auth);

@@ -6,7 +6,7 @@
 #include <sched.h>
 #include <unistd.h>
 
-TEST("a multicast group and a port are a bus")
+TEST("a URL with a multicast group and a port is accepted as a bus")
 {
     const char *good[] = {"udpm://239.255.76.67:7667", "udpm://239.255.76.67:7667?ttl=0", "udpm://224.0.0.251:1",
                           "udpm://239.255.76.67:65535?ttl=0&recv_buf_size=4194304"};
@@ -22,7 +22,7 @@ TEST("a multicast group and a port are a bus")
     CHECK(ntohs(bus.group.sin_port) == 7667 && ntohl(bus.group.sin_addr.s_addr) == 0xefff4c43);
 }
 
-TEST("anything else is refused in one line that names what was expected")
+TEST("any other URL is refused in one line that names what was expected")
 {
     const char *bad[] = {"",
                          "udpm://",
@@ -97,7 +97,7 @@ static bool send_over(const char *interface, const kn_bus *bus, const char *text
     return sent;
 }
 
-TEST("what another interface brings is not of this bus, nor heard unless somebody lets the socket hear it")
+TEST("a datagram from another interface is not delivered or is marked as foreign")
 {
     kn_bus bus;
     static kn_batch batch;

@@ -2,7 +2,7 @@
 // deadline. KN_LOSSES=N: how often each fault makes the circuit lost (5).
 // gate in release: a board in real time
 #include "core/scene/scene.h"
-#include "core/order.h"
+#include "core/algebra/algebra.h"
 #include "hdl/registers.h"
 #include "server/backend/fpga.h"
 #include "server/clock.h"
@@ -130,7 +130,7 @@ static int until_in_step(object *o)
     return -1;
 }
 
-TEST("a lattice whose load takes longer than a second over its line gets in step, again and again")
+TEST("a lattice that loads longer than a second over its line gets in step, also after each restart of the circuit")
 {
     kn_board b = start("3000000", NULL);
     object o = make("dough.yaml");
@@ -160,7 +160,7 @@ TEST("a lattice whose load takes longer than a second over its line gets in step
     kn_board_end(&b);
 }
 
-TEST("a queue is as long as a load takes, and refused by its number where there is no room for it")
+TEST("the queue is as long as a load takes, and a queue without enough memory is refused with its length")
 {
     kn_board b = start("1000000", NULL);
     object o = make("dough.yaml");
@@ -175,7 +175,7 @@ TEST("a queue is as long as a load takes, and refused by its number where there 
     kn_board_end(&b);
 }
 
-TEST("a tool on more nodes than the circuit lists costs one loss and one load each time, not one after the other")
+TEST("a tool on more nodes than the circuit can list costs one loss and one load per press")
 {
     enum { PRESSES = 4, TICKS = 400 };
     const char *const few[] = {"--uart", "--caps", "8,11,3", NULL};
@@ -199,7 +199,7 @@ TEST("a tool on more nodes than the circuit lists costs one loss and one load ea
     kn_board_end(&b);
 }
 
-TEST("a circuit that has another object than it was given is given all of it again, once")
+TEST("a circuit whose object differs from the twin's gets the whole object again")
 {
     char path[96], why[KN_LINK_WHY] = "";
     kn_board b = start_card(path);
@@ -263,7 +263,7 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
     kn_board_end(&b);
 }
 
-TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched off and on")
+TEST("a lost circuit of 144 nodes comes back after being unplugged, hung, or switched off and on")
 {
     const int times = getenv("KN_LOSSES") ? atoi(getenv("KN_LOSSES")) : 5;
     static const char *const fault[] = {"disconnect=0.003", "hang=0.003", "blank=0.003"};
@@ -283,7 +283,7 @@ TEST("a circuit that was lost comes back: 144 nodes, unplugged, hung, switched o
     be_lost(slowly, KN_LOSS_TIMEOUT, "3 Mbaud, hang=0.001", (times + 2) / 3);
 }
 
-TEST("a circuit to which a state is none is given all of its object again")
+TEST("a circuit that cannot accept a state gets its whole object again")
 {
     char path[96], why[KN_LINK_WHY] = "";
     kn_board b = start_card(path);
@@ -320,7 +320,7 @@ static int64_t step_and_sleep(object *o, kn_backend *plain)
     return kn_now_ns();
 }
 
-TEST("a circuit that hangs costs no tick its deadline: the wait ends when a sleep until then would")
+TEST("a circuit that hangs costs no tick its deadline: the wait ends about when a sleep until then would")
 {
     enum { TICKS = 1000 };
     kn_board b = start("3000000", "hang=1");

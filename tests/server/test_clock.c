@@ -17,7 +17,7 @@ int clock_gettime(clockid_t clock, struct timespec *t)
     return (int)failed;
 }
 
-TEST("a wall clock that is set back or ahead moves no stamp")
+TEST("setting the wall clock back or ahead changes no time stamp")
 {
     int64_t first_us = kn_stamp_us(), wall_us = kn_wall_us(), last_us = first_us;
     for (step_s = -3600; step_s <= 3600; step_s += 1200) {
@@ -29,7 +29,7 @@ TEST("a wall clock that is set back or ahead moves no stamp")
     step_s = 0;
 }
 
-TEST("ticks on time follow one another and miss nothing")
+TEST("ticks on time are consecutive and miss no cycle")
 {
     kn_clock clock;
     kn_clock_start(&clock, START);
@@ -40,7 +40,7 @@ TEST("ticks on time follow one another and miss nothing")
     }
 }
 
-TEST("cycles that passed are counted and skipped, and the next deadline is ahead")
+TEST("missed cycles are counted and skipped, and the next deadline is in the future")
 {
     kn_clock clock;
     kn_clock_start(&clock, START);
@@ -51,7 +51,7 @@ TEST("cycles that passed are counted and skipped, and the next deadline is ahead
     CHECK(wake.tick == 38 && wake.missed == 0 && wake.due_ns == START + 38 * MS);
 }
 
-TEST("a thread that was busy past its deadline has itself to blame")
+TEST("a thread that was busy past its deadline is reported as an overrun")
 {
     kn_clock clock;
     kn_clock_start(&clock, START);
@@ -60,7 +60,7 @@ TEST("a thread that was busy past its deadline has itself to blame")
     CHECK(wake.tick == 2 && wake.missed == 1 && wake.overrun && wake.late_ns == 30);
 }
 
-TEST("a tick has to be over where the grid has the next one, whenever it woke")
+TEST("the deadline of a tick is the next point of the grid, however late the tick woke")
 {
     kn_clock clock;
     const int64_t late_ns[] = {0, 400000, 999999, 36 * MS + 5, 10};
@@ -72,7 +72,7 @@ TEST("a tick has to be over where the grid has the next one, whenever it woke")
     }
 }
 
-TEST("waiting never wakes before the deadline and loses no tick from the count")
+TEST("waiting never ends before the deadline and loses no tick of the count")
 {
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns() + 2 * MS);

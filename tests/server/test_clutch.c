@@ -1,5 +1,5 @@
-#include "server/clutch.h"
-#include "core/turn.h"
+#include "server/servo.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 
 static const double pi = 3.14159265358979323846;
@@ -15,7 +15,7 @@ static void check_same(const double *a, const double *b, int n)
     for (int k = 0; k < n; k++) CHECK_NEAR(a[k], b[k], 1e-15);
 }
 
-TEST("whoever never holds the clutch moves the tool as the device")
+TEST("without the clutch the tool moves like the device")
 {
     kn_clutch clutch;
     kn_pose device = {.session = 7, .seq = 3, .position_m = {1, 2, 3}, .velocity_m_s = {4, 5, 6}, .buttons = 2}, tool;
@@ -28,7 +28,7 @@ TEST("whoever never holds the clutch moves the tool as the device")
     CHECK(tool.session == 7 && tool.seq == 3 && tool.buttons == 2);
 }
 
-TEST("while it is held the tool stays, without a velocity; released, it goes on from there as the device moves")
+TEST("while the clutch is held the tool stays still; after the release it moves on from there with the device")
 {
     kn_clutch clutch;
     kn_pose device = {.position_m = {0.1, 0, 0}, .orientation_wxyz = {1}, .velocity_m_s = {1, 0, 0}}, tool, stays;
@@ -53,7 +53,7 @@ TEST("while it is held the tool stays, without a velocity; released, it goes on 
     check_same(tool.position_m, (double[]){0.13, 0, 0}, 3);
 }
 
-TEST("turns of a wrist after the clutch are turns of the tool about the room's axes")
+TEST("after the clutch, turns of the wrist turn the tool about the room's axes")
 {
     kn_clutch clutch;
     kn_pose device = {.orientation_wxyz = {1}, .buttons = KN_BUTTON_CLUTCH}, tool;
@@ -72,7 +72,7 @@ TEST("turns of a wrist after the clutch are turns of the tool about the room's a
     check_same(seen, bend, 4);
 }
 
-TEST("pressed again and again it adds up, and a new hand starts without any of it")
+TEST("repeated clutching adds up, and a new hand starts without an offset")
 {
     kn_clutch clutch;
     kn_pose device = {.orientation_wxyz = {1}}, tool;

@@ -110,7 +110,7 @@ static const char *unhush(void)
     return told;
 }
 
-TEST("a line is a request however it comes in pieces, and each gets one line back")
+TEST("a line is a request in any number of pieces, and each request gets one line back")
 {
     kn_control *c = start();
     int fd = dial();
@@ -163,7 +163,7 @@ static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
     return told;
 }
 
-TEST("nobody commands but root, the server's own user and its group; whoever does not is refused, and told of")
+TEST("only root, the server's own user and its group may send commands; others are refused and logged")
 {
     enum { NOBODY = 65534 };
     if (geteuid() != 0) return; // only root can become another user
@@ -178,7 +178,7 @@ TEST("nobody commands but root, the server's own user and its group; whoever doe
     CHECK_STR(ask_as(c, NOBODY, getegid()), "{\"ok\":true,\"request\":{}}\n");
 }
 
-TEST("what is no JSON object is told where, and nothing is asked")
+TEST("a line that is not a JSON object is refused with the place of the error and not executed")
 {
     static const struct {
         const char *line, *says;
@@ -202,7 +202,7 @@ TEST("what is no JSON object is told where, and nothing is asked")
     close(fd);
 }
 
-TEST("a line of a megabyte is one complaint, deep nesting another, random bytes are none but complaints")
+TEST("a line of a megabyte gets one error, deep nesting another, and random bytes are never executed")
 {
     OWN(kn_control) *c = start();
     int fd = dial();
@@ -227,7 +227,7 @@ TEST("a line of a megabyte is one complaint, deep nesting another, random bytes 
     close(fd);
 }
 
-TEST("after a hundred commands at once a peer gets a hundred a second, and another is heard all the same")
+TEST("after a hundred commands at once a peer may send a hundred a second, and other peers are still answered")
 {
     OWN(kn_control) *c = start();
     int fd = dial(), other = dial();
@@ -240,7 +240,7 @@ TEST("after a hundred commands at once a peer gets a hundred a second, and anoth
     close(fd), close(other);
 }
 
-TEST("an urgent line is answered however many came before it, and a flood of them is done once a turn")
+TEST("an urgent command is answered despite the rate limit, and a flood of urgent commands is executed once per turn")
 {
     static const char line[] = "{\"urgent\":1}\n", ok[] = "{\"ok\":true,\"request\":{\"urgent\":1}}\n";
     OWN(kn_control) *c = start();
@@ -262,7 +262,7 @@ TEST("an urgent line is answered however many came before it, and a flood of the
     close(fd);
 }
 
-TEST("what was done ahead is done again at its turn when something in between may have taken it back")
+TEST("an urgent command done early is repeated in its turn if a command before it may have undone it")
 {
     OWN(kn_control) *c = start();
     int fd = dial();
@@ -275,7 +275,7 @@ TEST("what was done ahead is done again at its turn when something in between ma
     close(fd);
 }
 
-TEST("a ninth peer takes the place of the one that was silent for longest")
+TEST("a ninth peer replaces the peer that was silent the longest")
 {
     OWN(kn_control) *c = start();
     int fd[KN_CONTROL_PEERS];
@@ -296,7 +296,7 @@ TEST("a ninth peer takes the place of the one that was silent for longest")
     close(late);
 }
 
-TEST("who does not read answers is let go when they no longer fit, and holds up nobody")
+TEST("a peer that does not read its answers is disconnected when they no longer fit, and delays nobody")
 {
     OWN(kn_control) *c = start();
     int fd = dial(), other = dial(), small = 1;
@@ -315,7 +315,7 @@ TEST("who does not read answers is let go when they no longer fit, and holds up 
     close(fd), close(other);
 }
 
-TEST("the socket is nobody else's to write to, replaces a dead one, and neither a live one nor a file")
+TEST("the socket has mode 0660 and replaces a dead socket, but not a live one or a file")
 {
     char error[256] = "";
     struct stat there;
@@ -337,7 +337,7 @@ TEST("the socket is nobody else's to write to, replaces a dead one, and neither 
     CHECK_STR(error, "--control /nowhere/at/all: No such file or directory");
 }
 
-TEST("changes leave a line with who made them, questions none, and control characters are not shown")
+TEST("a change is logged with its user, a query is not, and control characters are escaped")
 {
     OWN(kn_control) *c = start();
     int fd = dial();
@@ -351,7 +351,7 @@ TEST("changes leave a line with who made them, questions none, and control chara
     close(fd);
 }
 
-TEST("all of a request stands in the log, and how many lines there were that are none, once a second")
+TEST("a request is logged in full, and invalid lines are counted in the log at most once a second")
 {
     static char line[KN_CONTROL_LINE];
     kn_control *c = start();
@@ -389,7 +389,7 @@ static const char *await(kn_control *c, int fd, int lines)
 
 static void *work(void *control) { return kn_control_work(control), NULL; }
 
-TEST("everybody is heard in turn, a line each, and nobody waits for another one's slow request")
+TEST("peers are served in turn, one line each, and no peer waits for another's slow request")
 {
     OWN(kn_control) *c = start();
     pthread_t worker;
@@ -439,8 +439,7 @@ static const char *heard(int fd) // without a turn of the server
     return text;
 }
 
-TEST(
-    "at its end what was said is answered, in order, but what is slow is refused; a slow answer that is there is given")
+TEST("at the end pending commands are answered in order; slow ones are refused unless their answer is ready")
 {
     static const char refused[] =
         "{\"ok\":false,\"error\":\"the server is stopping: the command is not carried out\"}\n";

@@ -177,7 +177,7 @@ static void check_states(pair *p)
 
 // ---- tests
 
-TEST("an URI that is none is refused in one line that says what was expected")
+TEST("an invalid URI is refused in one line that says what was expected")
 {
     static const char *const wrong[] = {"",
                                         "uart",
@@ -217,7 +217,7 @@ TEST("an URI that is none is refused in one line that says what was expected")
     CHECK(!kn_link_open(&link, "pty:/dev/pts/none", why) && strstr(why, "No such file"));
 }
 
-TEST("a circuit is identified, by one program at a time; what does not fit is refused by name")
+TEST("a circuit is identified by one program at a time, and an unsuitable object is refused with the reason")
 {
     for (int bar = 0; bar < 2; bar++) {
         char line[256], why[KN_LINK_WHY];
@@ -259,7 +259,7 @@ TEST("a circuit is identified, by one program at a time; what does not fit is re
     stop(&s, SIGTERM, line);
 }
 
-TEST("a name that leads to another line by now is looked up again, once the one it led to stays silent")
+TEST("a link name that now points to another line is looked up again when the old line is silent")
 {
     char line[256], mute[64];
     snprintf(name_of_link, sizeof name_of_link, "/tmp/knead-test-%d", (int)getpid());
@@ -283,7 +283,7 @@ TEST("a name that leads to another line by now is looked up again, once the one 
     close(nobody);
 }
 
-TEST("a circuit of other formats is refused by name")
+TEST("a circuit with other number formats is refused with the reason")
 {
     for (int bar = 0; bar < 2; bar++) {
         char line[256];
@@ -296,7 +296,7 @@ TEST("a circuit of other formats is refused by name")
     }
 }
 
-TEST("over a pseudo-terminal and over shared memory every tick is the twin's, to the bit")
+TEST("over a pseudo-terminal and over shared memory every tick equals the twin's, to the bit")
 {
     for (int bar = 0; bar < 2; bar++) {
         char line[256];
@@ -319,7 +319,7 @@ TEST("over a pseudo-terminal and over shared memory every tick is the twin's, to
     }
 }
 
-TEST("a list of any length goes there and comes back, however many frames it takes")
+TEST("a list of bounds of any length is sent and its reactions return, in any number of frames")
 {
     for (int bar = 0; bar < 2; bar++) {
         static const int counts[] = {0, 1, 40, 41, 42, 59, 60, 61, 62, 83, 84, 123, 124, 125, 250, 255};
@@ -344,7 +344,7 @@ TEST("a list of any length goes there and comes back, however many frames it tak
     }
 }
 
-TEST("a load that was broken off is no state to resume, though all that its checksum covers is there")
+TEST("an interrupted load is not resumed, even if the data under its checksum arrived")
 {
     char line[256];
     sim s = start_on(false, NULL, "1");
@@ -379,7 +379,7 @@ TEST("a load that was broken off is no state to resume, though all that its chec
     stop(&s, SIGTERM, line);
 }
 
-TEST("how long a step takes when there is next to nothing to step")
+TEST("the time of a step is measured with an object of two nodes and one edge")
 {
     for (int bar = 0; bar < 2; bar++) {
         char line[256];
@@ -408,7 +408,7 @@ TEST("how long a step takes when there is next to nothing to step")
     }
 }
 
-TEST("nothing is allocated but by open")
+TEST("nothing allocates memory except opening the link")
 {
     if (!INTERPOSED) return;
     for (int bar = 0; bar < 2; bar++) {
@@ -440,7 +440,7 @@ TEST("nothing is allocated but by open")
     }
 }
 
-TEST("a step is taken once, however often it is asked for; what was not waited for stays under way")
+TEST("a step is executed once, however often it is requested, and stays pending after a timeout")
 {
     char line[256];
     sim s = start_on(false, "hang=1", "1");
@@ -462,7 +462,7 @@ TEST("a step is taken once, however often it is asked for; what was not waited f
     stop(&s, SIGTERM, line);
 }
 
-TEST("whatever goes wrong on the way or in the device, no wrong result is taken, and it comes back")
+TEST("under every fault of link or device no wrong result is accepted, and the device recovers")
 {
     static const struct {
         const char *fault, *at;
@@ -514,7 +514,7 @@ TEST("whatever goes wrong on the way or in the device, no wrong result is taken,
     }
 }
 
-TEST("killed in the middle and started again, it is loaded again and goes on with the same bits")
+TEST("a device killed during a run and restarted is loaded again and continues with the same bits")
 {
     for (int bar = 0; bar < 2; bar++) {
         char line[256];
@@ -543,7 +543,7 @@ TEST("killed in the middle and started again, it is loaded again and goes on wit
     }
 }
 
-TEST("why it was lost has a name")
+TEST("every loss has a named reason")
 {
     static const struct {
         const char *fault;
@@ -577,7 +577,7 @@ TEST("why it was lost has a name")
 
 // ---- without a board
 
-TEST("a serial line by its name: its speed, a hasty adapter, the same frames")
+TEST("a serial line is opened by name with its speed and a short latency timer, and carries the frames")
 {
     char line[256], why[KN_LINK_WHY], uri[160], real[256] = "", path[400], text[8] = "";
     char sysfs[] = "/tmp/knead-sysfs-XXXXXX";
@@ -608,7 +608,7 @@ TEST("a serial line by its name: its speed, a hasty adapter, the same frames")
     CHECK(system(path) == 0);
 }
 
-TEST("a card's registers are its resource0; all ones are a card that is gone")
+TEST("a card's registers are its resource0, and a card that reads all ones is gone")
 {
     char why[KN_LINK_WHY], path[400], sysfs[] = "/tmp/knead-sysfs-XXXXXX";
     const uint32_t id = KN_ENGINE_ID, ones = UINT32_MAX;

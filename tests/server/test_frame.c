@@ -46,7 +46,7 @@ static void fill(uint8_t *payload, size_t size, int kind)
                                                                : chance(256));
 }
 
-TEST("nine bytes of every textbook have the textbook's checksum on the wire")
+TEST("the standard nine test bytes have the standard checksum on the wire")
 {
     const uint8_t expected[] = {14, '1', '2', '3', '4', '5', '6', '7', '8', '9', 0x26, 0x39, 0xf4, 0xcb, 0};
     uint8_t wire[KN_FRAMER_WIRE];
@@ -54,7 +54,7 @@ TEST("nine bytes of every textbook have the textbook's checksum on the wire")
     CHECK(memcmp(wire, expected, sizeof expected) == 0);
 }
 
-TEST("payloads of 1 to 1024 bytes come back, in any chunks, and nothing else is a payload")
+TEST("payloads of 1 to 1024 bytes are decoded from chunks of any size, and other sizes are refused")
 {
     uint8_t payload[KN_FRAMER_PAYLOAD + 1] = {0}, wire[KN_FRAMER_WIRE];
     kn_framer f = {0};
@@ -75,7 +75,7 @@ TEST("payloads of 1 to 1024 bytes come back, in any chunks, and nothing else is 
     CHECK(f.frames == sent && f.crc + f.cobs + f.length == 0);
 }
 
-TEST("an empty block behind one of 254 bytes at the end is a second way to write a frame, and refused")
+TEST("an empty block after a final block of 254 bytes is a second encoding of a frame and is refused")
 {
     uint8_t payload[250], wire[KN_FRAMER_WIRE];
     kn_framer f = {0};
@@ -89,7 +89,7 @@ TEST("an empty block behind one of 254 bytes at the end is a second way to write
     CHECK(hear(&f, wire, 257) == 0 && f.cobs == 1);
 }
 
-TEST("each wrong frame is in one counter: length, coding or checksum")
+TEST("each invalid frame is counted once: as length, coding or checksum")
 {
     static uint8_t wire[2 * KN_FRAMER_WIRE];
     uint8_t longest[KN_FRAMER_PAYLOAD + 5];
@@ -107,7 +107,7 @@ TEST("each wrong frame is in one counter: length, coding or checksum")
     CHECK(f.frames == 0 && f.crc == 1 && f.cobs == 1);
 }
 
-TEST("no frame with one bit flipped and none that is cut off is taken; the next one is heard")
+TEST("a frame with a flipped bit or a cut is rejected, and the next frame is received")
 {
     const uint8_t good[] = {5, 'g', 'o', 'o', 'd'};
     uint8_t payload[KN_FRAMER_PAYLOAD], wire[KN_FRAMER_WIRE], after[KN_FRAMER_WIRE];
@@ -156,7 +156,7 @@ static size_t spoil(int kind, uint8_t *wire, size_t size, const uint8_t *other, 
     return kind == CUT ? size - length : kind == MORE ? size + 4 : size;
 }
 
-TEST("no frame that was spoilt on the wire is taken: bits, bursts, bytes lost or added, two made one")
+TEST("a frame damaged on the wire is rejected: bits, bursts, lost or added bytes, two frames joined")
 {
     int64_t count = wanted(), taken[KINDS] = {0}, spoilt = 0, whole = 0;
     uint8_t payload[2][300], got[KN_FRAMER_PAYLOAD], frame[2][2 * KN_FRAMER_WIRE], wire[2 * KN_FRAMER_WIRE];
@@ -184,7 +184,7 @@ TEST("no frame that was spoilt on the wire is taken: bits, bursts, bytes lost or
            (long long)count, (long long)spoilt, (long long)(whole - (count - spoilt)));
 }
 
-TEST("a payload of chance under the head and the checksum of another is not taken")
+TEST("a random payload under the head and the checksum of another frame is rejected")
 {
     int64_t count = wanted(), heard = 0;
     uint8_t bytes[KN_FRAMER_PAYLOAD + 4], wire[KN_FRAMER_WIRE];
@@ -205,7 +205,7 @@ TEST("a payload of chance under the head and the checksum of another is not take
     printf("     %lld frames, %lld taken\n", (long long)count, (long long)f.frames);
 }
 
-TEST("whatever came before, a frame behind a 0x00 is heard, and at worst the one before it is lost")
+TEST("after any noise a frame behind a 0x00 is received, and at worst one frame before it is lost")
 {
     static uint8_t noise[4000];
     uint8_t payload[300], wire[KN_FRAMER_WIRE];
@@ -264,7 +264,7 @@ static kn_reply asked(memory *m, const kn_request *r)
     return reply;
 }
 
-TEST("words written are read again, over the end of the addresses too")
+TEST("written words are read back, also across the end of the address space")
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
     memory m = {0};
@@ -282,7 +282,7 @@ TEST("words written are read again, over the end of the addresses too")
     CHECK(reply.words[254] == words[128]);
 }
 
-TEST("operations are done in order, and their words come in order")
+TEST("operations are executed in order, and their words are returned in order")
 {
     memory m = {0};
     kn_request r;
@@ -295,7 +295,7 @@ TEST("operations are done in order, and their words come in order")
     CHECK(reply.words[2] == 12 && reply.words[3] == 11);
 }
 
-TEST("a WAIT reads until the word is there, or limit times 256, and what is behind it waits with it")
+TEST("a WAIT reads until the word matches or limit times 256 reads have passed; the operations behind it wait")
 {
     kn_request r;
     kn_request_begin(&r, 3);
@@ -308,7 +308,7 @@ TEST("a WAIT reads until the word is there, or limit times 256, and what is behi
     CHECK(late.reads == 512 && late.writes == 0);
 }
 
-TEST("a bus error ends a request, and what was read before it is told")
+TEST("a bus error ends a request, and the words read before it are returned")
 {
     memory m = {.words = {[254] = 4, [255] = 5}};
     kn_request r;
@@ -327,7 +327,7 @@ TEST("a bus error ends a request, and what was read before it is told")
     CHECK(reply.status == KN_REPLY_BUS && reply.count == 0);
 }
 
-TEST("of a malformed operation nothing is done, of those before it everything")
+TEST("a malformed operation is not executed, and the operations before it are")
 {
     static const struct {
         int size, words;
@@ -362,7 +362,7 @@ TEST("of a malformed operation nothing is done, of those before it everything")
     }
 }
 
-TEST("half a tag is answered too")
+TEST("a request of half a tag is answered, too")
 {
     memory m = {0};
     const kn_word_bus bus = {&m, memory_read, memory_write};
@@ -371,7 +371,7 @@ TEST("half a tag is answered too")
     CHECK(reply[0] == 9 && reply[1] == 0 && reply[2] == KN_REPLY_MALFORMED);
 }
 
-TEST("what does not fit into a request is refused, and the request is as it was")
+TEST("an operation that does not fit into a request is refused and leaves the request unchanged")
 {
     uint32_t words[256] = {0};
     kn_request r;
@@ -385,7 +385,7 @@ TEST("what does not fit into a request is refused, and the request is as it was"
     CHECK(waits == 73 && r.size == 1024 && r.words == 73);
 }
 
-TEST("a reply that is none, or another request's, is refused")
+TEST("a malformed reply and a reply to another request are refused")
 {
     const uint8_t good[] = {7, 0, 0, 1, 2, 3, 4};
     kn_request r;

@@ -3,7 +3,7 @@
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
 #include "tests/cleared.h"
-#include "tests/server/lent.h"
+#include "tests/server/loop_fixture.h"
 #include <errno.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@
 #endif
 
 typedef struct rig {
-    kn_lent lent;
+    kn_loop_fixture fixture;
     kn_keeper keeper;
     char directory[64];
     kn_pose pose;
@@ -34,10 +34,11 @@ typedef struct rig {
 static void serve(rig *r, const char *directory)
 {
     char error[512] = "";
-    kn_lent_open(&r->lent, NULL);
-    if (kn_keeper_open(&r->keeper, directory, r->lent.scene, r->lent.model, error, sizeof error) != 0)
+    kn_loop_fixture_open(&r->fixture, NULL);
+    if (kn_keeper_open(&r->keeper, directory, r->fixture.scene, r->fixture.model, error, sizeof error) != 0)
         printf("%s\n", error), exit(1);
-    kn_keeper_start(&r->keeper, &r->lent.loop);
+    r->fixture.loop.keeper = &r->keeper;
+    kn_keeper_start(&r->keeper, &r->fixture.loop.servo, &r->fixture.loop.orders);
 }
 
 static rig *rig_open(void)
@@ -54,7 +55,7 @@ static rig *rig_open(void)
 static void end(rig *r)
 {
     kn_keeper_close(&r->keeper);
-    kn_lent_close(&r->lent);
+    kn_loop_fixture_close(&r->fixture);
 }
 
 static void rig_close(rig *r)
@@ -80,12 +81,13 @@ static void tick(rig *r, double z_m)
     r->pose.seq++;
     r->pose.position_m[2] = z_m;
     r->pose.velocity_m_s[2] = vz;
-    kn_loop_post(&r->lent.loop, 1, &r->pose);
+    kn_loop_post(&r->fixture.loop, 1, &r->pose);
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns()};
-    kn_loop_tick(&r->lent.loop, &wake);
+    kn_loop_tick(&r->fixture.loop, &wake);
     // A slow machine would otherwise count as an overload.
-    r->lent.loop.execution_ns = 0;
-    for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
+    r->fixture.loop.execution_ns = 0;
+    for (const kn_record *record; (record = kn_ring_front(&r->fixture.loop.records));
+         kn_ring_pop(&r->fixture.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {
             if (r->out.event[i].kind != KNEAD_EVENT_T_KIND_RESTORE) continue;
@@ -112,10 +114,10 @@ static void press(rig *r, double z_m)
     move(r, AIR, 300);
 }
 
-static const kn_state *object(rig *r) { return r->lent.backend.state(r->lent.backend.self); }
-static uint64_t hash(rig *r) { return kn_state_hash(r->lent.model, object(r)); }
+static const kn_state *object(rig *r) { return r->fixture.backend.state(r->fixture.backend.self); }
+static uint64_t hash(rig *r) { return kn_state_hash(r->fixture.model, object(r)); }
 
-TEST("nothing is written of an object that nobody touches; of one that is kneaded, at most every half second")
+TEST("an untouched object is not saved, a kneaded one at most every half second, and a resting one ever less often")
 {
     OWN(rig) *r = rig_open();
     for (int i = 0; i < 3000; i++) tick(r, AIR), write_files(r);
@@ -148,13 +150,14 @@ TEST("nothing is written of an object that nobody touches; of one that is kneade
     CHECK(r->keeper.saves - late < middle - early);
 }
 
-TEST("a server that starts goes on with the last object, tells it by an event of the very state, the tool out of it")
+TEST(
+    "a restarted server continues with the last object, reports its state hash in an event and keeps the tool detached")
 {
     OWN(rig) *r = rig_open();
     move(r, AIR, 450);
     move(r, DEEP, 1400); // in the middle of a press
     CHECK(r->out.force[1].contacts > 0);
-    kn_keeper_finish(&r->keeper, &r->lent.loop.servo, r->tick - 1);
+    kn_keeper_finish(&r->keeper, &r->fixture.loop.servo, r->tick - 1);
     uint64_t saved = hash(r);
     int64_t generation = r->keeper.store.generation;
     end(r);
@@ -163,7 +166,7 @@ TEST("a server that starts goes on with the last object, tells it by an event of
     tick(r, DEEP);
     CHECK(r->restores == 1 && r->restored.state_hash == saved && r->restored.tick == 0);
     CHECK(r->restored.arg[0] == (double)generation && r->restored.arg[1] == 1849);
-    CHECK(r->lent.loop.servo.generation == 1);
+    CHECK(r->fixture.loop.servo.generation == 1);
     move(r, DEEP, 300);
     CHECK(r->out.force[1].contacts == 0 && r->out.force[1].force_n[2] == 0); // the tool is inside: it must be lifted
     r->steepest_n = 0;
@@ -213,8 +216,8 @@ static int heard(ear *e, long long *sum)
     return lines;
 }
 
-TEST("a full disk is counted, once a save, and told in a line a second that add up; the servo goes on, and the object "
-     "is saved when there is room, changed or not")
+TEST("a full disk is counted per save and reported at most once a second; the servo runs on and saves when there is "
+     "room")
 {
     OWN(rig) *r = rig_open();
     kn_files files = kn_files_system;
@@ -228,13 +231,13 @@ TEST("a full disk is counted, once a save, and told in a line a second that add 
     broken = true;
     unwritten = 0;
     ear e = hear();
-    int64_t from_ns = kn_now_ns(), ticks = r->lent.loop.servo.ticks;
+    int64_t from_ns = kn_now_ns(), ticks = r->fixture.loop.servo.ticks;
     long long told;
     move(r, DEEP, 1400);
     for (int i = 0; i < 2000; i++) tick(r, DEEP), write_files(r);
     int most = 2 + (int)((kn_now_ns() - from_ns) / 1000000000); // most lines: one a second
     CHECK(r->keeper.errors >= 3 && r->keeper.errors == unwritten && r->keeper.store.generation == good);
-    CHECK(r->lent.loop.servo.ticks == ticks + 3400);
+    CHECK(r->fixture.loop.servo.ticks == ticks + 3400);
     int64_t errors = r->keeper.errors;
     broken = false;
     for (int i = 0; i < 501; i++) tick(r, DEEP), write_files(r);
@@ -271,16 +274,16 @@ static void await(running *x, int64_t ticks)
     for (int64_t until = x->tick + ticks; x->tick < until;) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
-TEST("snapshot, restore and undo are answered with generation, tick and state hash, or with why not")
+TEST("snapshot, restore and undo are answered with generation, tick and state hash, or with the reason of a refusal")
 {
     OWN(rig) *r = rig_open();
     running x = {.r = r, .z_m = AIR};
     pthread_t servo, keeper;
     pthread_create(&servo, NULL, run, &x);
     pthread_create(&keeper, NULL, kn_keeper_run, &r->keeper);
-    kn_answer none = kn_keeper_undo(&r->keeper, &r->lent.loop);
+    kn_answer none = kn_keeper_undo(&r->fixture.loop.orders);
     CHECK(!none.ok && strstr(none.error, "nothing to undo"));
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0);
+    none = kn_keeper_restore(&r->keeper, &r->fixture.loop.orders, r->fixture.scene, r->fixture.model, 0);
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);
     kn_answer untouched = kn_keeper_snapshot(&r->keeper);
@@ -289,13 +292,14 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     await(&x, 1300);
     kn_answer pressed = kn_keeper_snapshot(&r->keeper);
     CHECK(pressed.ok && pressed.generation > 1 && pressed.state_hash != untouched.state_hash);
-    kn_answer undone = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo under the tool
+    kn_answer undone = kn_keeper_undo(&r->fixture.loop.orders); // an undo under the tool
     CHECK(undone.ok && undone.tick > pressed.tick && undone.generation == 0);
-    kn_answer again = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, pressed.generation);
+    kn_answer again =
+        kn_keeper_restore(&r->keeper, &r->fixture.loop.orders, r->fixture.scene, r->fixture.model, pressed.generation);
     CHECK(again.ok && again.state_hash == pressed.state_hash && again.generation == pressed.generation);
-    none = kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 999);
+    none = kn_keeper_restore(&r->keeper, &r->fixture.loop.orders, r->fixture.scene, r->fixture.model, 999);
     CHECK(!none.ok && !strcmp(none.error, "restore: generation 999: none"));
-    kn_answer back = kn_keeper_undo(&r->keeper, &r->lent.loop); // an undo of the restore
+    kn_answer back = kn_keeper_undo(&r->fixture.loop.orders); // an undo of the restore
     CHECK(back.ok);
     x.stop = true;
     r->keeper.ending = true;
@@ -305,7 +309,7 @@ TEST("snapshot, restore and undo are answered with generation, tick and state ha
     CHECK(r->keeper.errors == 0);
 }
 
-TEST("an emergency stop and the end of it are on disk when they are answered, and every start begins as was said last")
+TEST("an emergency stop and its end are on disk before the answer, and a restart keeps the last one")
 {
     OWN(rig) *r = rig_open();
     pthread_t keeper;
@@ -324,7 +328,7 @@ TEST("an emergency stop and the end of it are on disk when they are answered, an
     CHECK(kn_store_estopped(&r->keeper.store));
 }
 
-TEST("without a directory nothing is saved, restored or told, and undo works")
+TEST("without a directory nothing is saved or restored, and undo works")
 {
     rig *r = calloc(1, sizeof *r);
     serve(r, NULL);
@@ -333,8 +337,8 @@ TEST("without a directory nothing is saved, restored or told, and undo works")
     press(r, DEEP);
     CHECK(hash(r) != new &&kn_keeper_age_ms(&r->keeper) == -1 && r->keeper.saves == 0);
     CHECK(!kn_keeper_snapshot(&r->keeper).ok &&
-          !kn_keeper_restore(&r->keeper, &r->lent.loop, r->lent.scene, r->lent.model, 0).ok);
-    kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
+          !kn_keeper_restore(&r->keeper, &r->fixture.loop.orders, r->fixture.scene, r->fixture.model, 0).ok);
+    kn_orders_give(&r->fixture.loop.orders, KN_ORDER_UNDO, 0);
     tick(r, AIR);
     CHECK(r->restores == 1 && r->restored.arg[0] == 0 && r->restored.state_hash == new);
     end(r);

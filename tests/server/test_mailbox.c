@@ -7,7 +7,7 @@ typedef struct letter { // all words are equal, unless the letter was torn
     uint64_t word[32];
 } letter;
 
-TEST("the reader gets the latest letter, and the same one again until a newer came")
+TEST("the reader gets the latest letter, and the same letter again until a newer one arrives")
 {
     static letter memory[3];
     kn_mailbox box;
@@ -37,7 +37,7 @@ static void *write_letters(void *box)
     return NULL;
 }
 
-TEST("between two threads letters are never torn and never go back in time, and the last one arrives")
+TEST("between two threads letters are never torn or out of order, and the last letter arrives")
 {
     static letter memory[3];
     kn_mailbox box;

@@ -49,7 +49,7 @@ static kn_verdict send_pose(knead_probe_pose_t pose)
 
 #define CHECK_VERDICT(value, expected) CHECK_STR(kn_verdict_name(value), kn_verdict_name(expected))
 
-TEST("a good pose is accepted, every field as it was sent")
+TEST("a valid pose is accepted with every field as sent")
 {
     start();
     knead_probe_pose_t sent = good_pose(42, 1);
@@ -64,7 +64,7 @@ TEST("a good pose is accepted, every field as it was sent")
     CHECK(receiver.received == 1 && receiver.accepted == 1);
 }
 
-TEST("what is not a pose message is told apart")
+TEST("a datagram that is not a pose message is rejected with its own reason")
 {
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
@@ -104,7 +104,7 @@ TEST("a channel name must end inside the datagram and within 64 bytes")
     CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL);
 }
 
-TEST("only the exact length of a pose will do")
+TEST("only the exact length of a pose is accepted")
 {
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
@@ -136,7 +136,7 @@ static void start_keyed(void)
     receiver.auth = &key;
 }
 
-TEST("with a key only what its holders send is taken: no other key, channel or bit of it")
+TEST("with a key only its holders' poses are accepted: another key, another channel or a flipped bit is rejected")
 {
     start_keyed();
     knead_probe_pose_t pose = good_pose(1, 1);
@@ -164,7 +164,7 @@ TEST("with a key only what its holders send is taken: no other key, channel or b
     CHECK_VERDICT(judge(&good), KN_ACCEPTED);
 }
 
-TEST("without a key a flipped bit may still be a pose, but none that is further than 5 mm away or faster than 5 m/s")
+TEST("without a key a flipped bit may still be a pose, but at most at 5 m/s and within 5 m/s of its position")
 {
     int taken = 0, bits = 0, first = 8 * (8 + (int)sizeof "KNEAD_POSE_hand");
     start();
@@ -198,7 +198,7 @@ TEST("without a key a flipped bit may still be a pose, but none that is further 
     CHECK(taken < bits);
 }
 
-TEST("what was recorded of a holder of the key is never taken again, not after its session, not after a restart")
+TEST("a recorded signed pose is never accepted again, neither after its session nor after a restart")
 {
     start_keyed();
     enum { COUNT = 1000 };
@@ -229,7 +229,7 @@ TEST("what was recorded of a holder of the key is never taken again, not after i
     for (int i = 0; i < COUNT; i++, now_ns += MS) CHECK_VERDICT(judge(&recorded[i]), KN_REJECT_REPLAYED);
 }
 
-TEST("a hello with the key is handed to be answered, ten thousand times a second at most")
+TEST("a signed hello is passed on to be answered, at most ten thousand times a second")
 {
     unsigned char payload[KN_AUTH_NONCE + KN_AUTH_TRAILER + 1] = "a nonce";
     start_keyed();
@@ -250,7 +250,7 @@ TEST("a hello with the key is handed to be answered, ten thousand times a second
 }
 
 // KN_FORGED=1000000: number of messages.
-TEST("of many forged messages none is accepted: wrong keys, tools and times, flipped bits, what was recorded")
+TEST("no forged message is accepted: wrong keys, tools and times, flipped bits and recordings")
 {
     enum { RECORDED = 1000 };
     static kn_datagram recorded[RECORDED];
@@ -280,7 +280,7 @@ TEST("of many forged messages none is accepted: wrong keys, tools and times, fli
     CHECK(receiver.rejected[KN_REJECT_MAC] + receiver.rejected[KN_REJECT_REPLAYED] == count);
 }
 
-TEST("a second hand with the key, whatever its clock says, does not disturb the one that holds the tool")
+TEST("a second hand with the key does not disturb the owner of the tool, whatever its clock says")
 {
     start_keyed();
     for (int i = 0; i < 500; i++, now_ns += MS) {
@@ -306,7 +306,7 @@ TEST("a second hand with the key, whatever its clock says, does not disturb the 
     CHECK_VERDICT(judge(&d), KN_ACCEPTED);
 }
 
-TEST("with peers a pose counts from their addresses only")
+TEST("with a list of peers a pose is accepted only from their addresses")
 {
     start();
     receiver.peer[0].s_addr = 0x0a000001, receiver.peer[1].s_addr = 0x0a000002;
@@ -320,7 +320,7 @@ TEST("with peers a pose counts from their addresses only")
     }
 }
 
-TEST("fields are judged before anyone sees them")
+TEST("a pose with an invalid field is rejected with the reason")
 {
     start();
     knead_probe_pose_t bad;
@@ -351,7 +351,7 @@ TEST("fields are judged before anyone sees them")
     CHECK(receiver.accepted == 0 && receiver.source[0].last.session == 0);
 }
 
-TEST("late, repeated and replayed poses are stale; a clock that runs backwards is refused")
+TEST("late, repeated and replayed poses are stale, and a clock that runs backwards is refused")
 {
     start();
     CHECK_VERDICT(send_pose(good_pose(1, 10)), KN_ACCEPTED);
@@ -367,7 +367,7 @@ TEST("late, repeated and replayed poses are stale; a clock that runs backwards i
     CHECK_VERDICT(send_pose(good_pose(1, 14)), KN_ACCEPTED); // a gap in seq is accepted
 }
 
-TEST("the first session owns its probe until it has been silent for a second; other probes are free")
+TEST("the first session owns its probe until it is silent for a second; other probes are free")
 {
     start();
     CHECK_VERDICT(send_pose(good_pose(1, 100)), KN_ACCEPTED);
@@ -390,7 +390,7 @@ TEST("the first session owns its probe until it has been silent for a second; ot
     CHECK_VERDICT(send_pose(good_pose(2, 1)), KN_ACCEPTED); // decided at arrival, even if expire was not called
 }
 
-TEST("a session that has said its last is stale for a second, and over when the servo says so")
+TEST("a session that announced its end is stale for a second, and over when the servo says so")
 {
     start();
     knead_probe_pose_t last = good_pose(1, 7);
@@ -427,7 +427,7 @@ TEST("rejected poses do not keep a session alive")
     CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
 }
 
-TEST("a tool does not jump: 5 m/s by its own velocity or by its way")
+TEST("a jump above 5 m/s by the pose's own velocity or by its distance is rejected")
 {
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
@@ -446,7 +446,7 @@ TEST("a tool does not jump: 5 m/s by its own velocity or by its way")
     CHECK_VERDICT(send_pose(pose), KN_ACCEPTED);
 }
 
-TEST("poses close in time: one small step is no jump, many of them are")
+TEST("one small step between poses close in time is accepted, and many steps are rejected")
 {
     start();
     knead_probe_pose_t pose = good_pose(1, 1);
@@ -462,7 +462,7 @@ TEST("poses close in time: one small step is no jump, many of them are")
     CHECK(accepted == 1); // no more than 5 mm within the millisecond
 }
 
-TEST("a probe takes 5 000 poses per second and lets a late sender catch up; a flood by others costs its owner nothing")
+TEST("a probe accepts 5 000 poses per second and a burst of a late sender; a flood by others costs its owner nothing")
 {
     start();
     int64_t seq = 0;
@@ -486,7 +486,7 @@ static double norm(const double *v, int count)
     return sqrt(sum);
 }
 
-TEST("whatever arrives, each datagram ends in one counter, and what is accepted is a pose")
+TEST("every random datagram ends in exactly one counter, and every accepted one is a valid pose")
 {
     start();
     enum { COUNT = 300000 };
@@ -526,7 +526,7 @@ static void arrive(int64_t seq, double late_ms)
     send_pose(good_pose(9, seq));
 }
 
-TEST("what a probe's link loses, repeats, swaps and delays is counted by its own numbers")
+TEST("lost, repeated, reordered and late poses of a probe are each counted")
 {
     start();
     const kn_packets *n = &receiver.source[0].packets;
@@ -552,7 +552,7 @@ TEST("what a probe's link loses, repeats, swaps and delays is counted by its own
           receiver.source[1].packets.accepted == 0);
 }
 
-TEST("what is refused is not lost; a session that opens has lost nothing; numbers as large as there are do no harm")
+TEST("rejected poses and the start of a session do not count as lost, and the largest numbers do no harm")
 {
     start();
     const kn_packets *n = &receiver.source[0].packets;
@@ -575,7 +575,7 @@ TEST("what is refused is not lost; a session that opens has lost nothing; number
     CHECK(n->lost == 1 && n->lost_in_a_row_max == 1); // the numbers began anew; 2^62 poses are not lost
 }
 
-TEST("a pose that is refused has come, for whatever reason and however often")
+TEST("a rejected pose counts as arrived, for every reason and every repetition")
 {
     start();
     const kn_packets *n = &receiver.source[0].packets;
@@ -601,7 +601,7 @@ TEST("a pose that is refused has come, for whatever reason and however often")
     CHECK(n->duplicate + n->reordered == receiver.rejected[KN_REJECT_STALE]);
 }
 
-TEST("every reason stands in the page of the wire under its index in status_t.rejected")
+TEST("proto/README.md lists every reject reason with its index in status_t.rejected")
 {
     static char text[100000];
     FILE *file = fopen(KN_SOURCE_DIR "/proto/README.md", "r");

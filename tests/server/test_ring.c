@@ -4,7 +4,7 @@
 #include <sched.h>
 #include <stdint.h>
 
-TEST("records come out in the order they went in; a full ring refuses and keeps what it has")
+TEST("records leave the ring in the order they entered; a full ring refuses and keeps its records")
 {
     AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 4, sizeof(int)));
@@ -37,7 +37,7 @@ static void *push_records(void *ring)
     return NULL;
 }
 
-TEST("of a record's start alone that much is written")
+TEST("a push of the start of a record writes only the start")
 {
     AT_END(kn_ring_free) kn_ring ring;
     CHECK(kn_ring_init(&ring, 2, sizeof(record)));

@@ -1,4 +1,4 @@
-#include "server/change.h"
+#include "server/operator_orders.h"
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_event_t.h"
 #include "tests/check.h"
@@ -36,7 +36,7 @@ static void rig_free(rig *r)
 }
 
 OWNS(rig, rig_free)
-OWNS(kn_change, kn_change_destroy)
+OWNS(kn_scene_change, kn_scene_change_destroy)
 
 static void tick(rig *r)
 {
@@ -84,7 +84,7 @@ static void press(rig *r, double depth_m)
 
 static double pushed(const rig *r) { return r->out.force[0].contact_force_n[2]; }
 
-TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given force agree at gain 1")
+TEST("a press at 1 cm/s is felt in full: the guard does not act, and contact and given force are equal at gain 1")
 {
     OWN(rig) *r = rig_make(NULL);
     double peak = 0.0, jump = 0.0, last = 0.0;
@@ -102,7 +102,7 @@ TEST("a press at 1 cm/s is felt in full: the guard never acts, contact and given
     CHECK(peak > 5.0 && peak < 40.0);
 }
 
-TEST("local models of every tool with a session, where they are asked for, change no bit of the forces")
+TEST("the local contact models of tools with a session change no bit of the forces")
 {
     OWN(rig) *told = rig_make(NULL), *plain = rig_make(NULL);
     CHECK(kn_backend_cpu_identify(&told->backend, (kn_coupling){800, 2}));
@@ -124,7 +124,7 @@ TEST("local models of every tool with a session, where they are asked for, chang
     CHECK(unit->generation == 1 && unit->contact_count == 0);
 }
 
-TEST("a tool that appears inside the object is not in it until it has been lifted out")
+TEST("a tool that appears inside the object has no contact until it is lifted out")
 {
     OWN(rig) *r = rig_make(NULL);
     r->pose[0].position_m[2] = 0.025;
@@ -137,7 +137,7 @@ TEST("a tool that appears inside the object is not in it until it has been lifte
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_ATTACH] == 1);
 }
 
-TEST("without poses the force is zero by 20 ms, says why, and comes back by lifting")
+TEST("without poses the force is zero by 20 ms, its fault is reported, and it returns after lifting")
 {
     OWN(rig) *r = rig_make(NULL);
     press(r, 0.005);
@@ -160,7 +160,7 @@ TEST("without poses the force is zero by 20 ms, says why, and comes back by lift
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
 }
 
-TEST("a hand that says its last pose: the force fades as in a silence, nothing is latched, and then it has left")
+TEST("after a hand's last pose the force fades as in a silence without a latch, and then the session ends")
 {
     OWN(rig) *r = rig_make(NULL);
     press(r, 0.004);
@@ -186,7 +186,7 @@ TEST("a hand that says its last pose: the force fades as in a silence, nothing i
     CHECK(r->out.force[0].flags & KN_FLAG_ENGAGED);
 }
 
-TEST("a probe without a session neither pushes nor answers, and another may push meanwhile")
+TEST("a probe without a session has no contact and no force, while another probe may press")
 {
     OWN(rig) *r = rig_make(NULL);
     press(r, 0.003);
@@ -197,7 +197,7 @@ TEST("a probe without a session neither pushes nor answers, and another may push
     CHECK(!r->out.force[0].live && r->kinds[KNEAD_EVENT_T_KIND_SESSION_END] == 1);
 }
 
-TEST("a new session number is a new hand: it has to engage again")
+TEST("a new session number is a new hand and must engage again")
 {
     OWN(rig) *r = rig_make(NULL);
     press(r, 0.003);
@@ -209,7 +209,7 @@ TEST("a new session number is a new hand: it has to engage again")
     CHECK(r->out.force[0].force_n[2] == 0.0);
 }
 
-TEST("late, repeated and dropped poses cost no more than a few per cent of the contact force")
+TEST("dropping three poses in every 50 changes the peak force by at most 5 % and its variation by at most 10 %")
 {
     double peak[2], turned[2];
     for (int lossy = 0; lossy < 2; lossy++) {
@@ -236,7 +236,7 @@ TEST("late, repeated and dropped poses cost no more than a few per cent of the c
     CHECK_NEAR(turned[1] / turned[0], 1.0, 0.10);
 }
 
-TEST("a reset makes the object new and takes the probe out of it")
+TEST("a reset restores the untouched object and detaches the probe")
 {
     OWN(rig) *r = rig_make(NULL);
     uint64_t rest = kn_state_hash(r->model, r->backend.state(r->backend.self));
@@ -276,7 +276,7 @@ static void knead(rig *r, double depth_m)
 
 static uint64_t object_hash(const rig *r) { return kn_state_hash(r->model, r->backend.state(r->backend.self)); }
 
-TEST("undo takes back one press after the other, a reset too; a press in air is none, and there is an end to it")
+TEST("undo reverts one press after the other and a reset, too; a press in air adds no undo point")
 {
     OWN(rig) *r = rig_make(NULL);
     AT_END(kn_undo_free) kn_undo points = {0};
@@ -312,7 +312,7 @@ TEST("undo takes back one press after the other, a reset too; a press in air is 
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_RESTORE] == 3 && r->servo.generation == 4);
 }
 
-TEST("sixteen presses are remembered, of a large object as many as fit, and the oldest go")
+TEST("sixteen undo points are kept, and the oldest are dropped")
 {
     OWN(rig) *r = rig_make(NULL);
     AT_END(kn_undo_free) kn_undo points = {0};
@@ -332,7 +332,7 @@ TEST("sixteen presses are remembered, of a large object as many as fit, and the 
     CHECK(!kn_undo_take(&points));
 }
 
-TEST("an object that is restored under a tool lets go of it through zero, and is the very state that it was")
+TEST("an object restored under a tool releases it through zero force and has exactly the saved state")
 {
     OWN(rig) *r = rig_make(NULL);
     finger_in(r, 0.008);
@@ -393,7 +393,8 @@ static void press_and_rest(rig *r)
 
 static int told(const rig *r) { return r->kinds[KNEAD_EVENT_T_KIND_QUALITY]; }
 
-TEST("ten ticks running over the budget take the next lower point, through zero force, by a flag and an event")
+TEST("ten consecutive ticks over the budget switch to the next lower quality point through zero force, with a flag and "
+     "an event")
 {
     OWN(rig) *r = rig_make("quality={chosen: accurate, " POINTS "}");
     press_and_rest(r);
@@ -424,7 +425,7 @@ TEST("ten ticks running over the budget take the next lower point, through zero 
     CHECK(told(r) == 1 && r->servo.quality == KN_QUALITY_BALANCED && r->kinds[KNEAD_EVENT_T_KIND_DETACH] == 0);
 }
 
-TEST("it goes down point by point, says once that there is none below, and comes back only when it is told")
+TEST("quality falls point by point, reports the lowest point once, and rises only by command")
 {
     OWN(rig) *r = rig_make("quality={chosen: accurate, " POINTS "}");
     press_and_rest(r);
@@ -452,7 +453,7 @@ TEST("it goes down point by point, says once that there is none below, and comes
     CHECK(told(r) == 5);
 }
 
-TEST("points of another lattice or precision are passed over, and a scene without points has nothing to say")
+TEST("quality points of another lattice or precision are skipped, and a scene without points reports nothing")
 {
     OWN(rig) *r = rig_make("quality={accurate: {iterations: 9}, balanced: {spacing: 5 mm, iterations: 2}, "
                            "fast: {iterations: 2, precision: f64}}");
@@ -465,7 +466,7 @@ TEST("points of another lattice or precision are passed over, and a scene withou
     CHECK(told(plain) == 0);
 }
 
-TEST("a point taken while it runs gives the bits of a servo that began with it")
+TEST("a quality point taken during a run gives the bits of a servo that started with it")
 {
     static const char *const names[] = {"fast", "balanced", "accurate"};
     for (int q = 0; q < KN_QUALITY_OWN; q++) {
@@ -494,11 +495,11 @@ static kn_backend_status bad_wait(void *self, int64_t deadline_ns, kn_output *ou
     return KN_BACKEND_DIVERGED;
 }
 
-static kn_change *change_to(rig *r, const char *set)
+static kn_scene_change *change_to(rig *r, const char *set)
 {
     char error[256] = "";
     kn_scene *scene = load_scene("dough-small.yaml", &set, set ? 1 : 0);
-    kn_change *c = kn_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error);
+    kn_scene_change *c = kn_scene_change_create(scene, r->servo.scene, r->servo.model, false, error, sizeof error);
     if (!c) printf("%s\n", error), exit(1);
     return c;
 }
@@ -526,7 +527,7 @@ static double steepest(rig *r, int ms, double *least_n)
     return most;
 }
 
-TEST("under a hand the material becomes another one through zero force, and the tool stays in the object")
+TEST("under a hand the material changes through zero force, and the tool stays in the object")
 {
     static const char *const sets[] = {"material.k1=940 gf/cm^3",
                                        "material.c1=250 gf*s/cm^3",
@@ -539,7 +540,7 @@ TEST("under a hand the material becomes another one through zero force, and the 
         OWN(rig) *r = rig_make(NULL);
         press_and_hold(r, 0.004, 300);
         double before = r->out.force[0].force_n[2], least;
-        OWN(kn_change) *c = r->in.change = change_to(r, sets[i]);
+        OWN(kn_scene_change) *c = r->in.change = change_to(r, sets[i]);
         double slope = steepest(r, 300, &least);
         printf("     %-26s %.2f N, %.2f N/ms at most, then %.2f N\n", sets[i] ? sets[i] : "the same", before, slope,
                r->out.force[0].force_n[2]);
@@ -550,26 +551,26 @@ TEST("under a hand the material becomes another one through zero force, and the 
     }
 }
 
-TEST("what is changed back is felt as if nothing had been, but for what crept meanwhile")
+TEST("a material changed and changed back gives the unchanged force within 2 %, apart from creep")
 {
     OWN(rig) *r = rig_make(NULL), *same = rig_make(NULL);
     double least;
     press_and_hold(r, 0.004, 0);
     press_and_hold(same, 0.004, 600);
-    OWN(kn_change) *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *there = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     steepest(r, 300, &least);
-    OWN(kn_change) *back = r->in.change = change_to(r, NULL);
+    OWN(kn_scene_change) *back = r->in.change = change_to(r, NULL);
     steepest(r, 300, &least);
     printf("     %.3f N, %.3f N without\n", r->out.force[0].force_n[2], same->out.force[0].force_n[2]);
     CHECK_NEAR(r->out.force[0].force_n[2] / same->out.force[0].force_n[2], 1, 0.02);
 }
 
-TEST("a lower clamp holds when the force comes back, and it goes down under the old one")
+TEST("a lower clamp applies when the force returns, and the force falls under the old clamp")
 {
     OWN(rig) *r = rig_make(NULL);
     double least;
     press_and_hold(r, 0.004, 300);
-    OWN(kn_change) *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
+    OWN(kn_scene_change) *c = r->in.change = change_to(r, "device={profile: bench, clamp: 0.5 N}");
     CHECK(!kn_safety_raised(&c->scene->limits, &r->scene->limits) &&
           kn_safety_raised(&r->scene->limits, &c->scene->limits));
     hover(r, 0, 1);
@@ -581,22 +582,22 @@ TEST("a lower clamp holds when the force comes back, and it goes down under the 
     CHECK(!r->servo.safety[0].relimiting && r->servo.safety[0].limits.clamp_n == 0.5);
 }
 
-TEST("a change while nobody is there, in the tick of a reset or a stop, or of an object gone bad, is one")
+TEST("a change is made once without a hand, together with a reset, and for a diverged object")
 {
     OWN(rig) *r = rig_make(NULL);
     double least;
-    OWN(kn_change) *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *first = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     tick(r);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 1 && r->servo.model == first->model && !r->servo.safety[0].relimiting);
     r->in.change = NULL;
     press_and_hold(r, 0.002, 0);
-    OWN(kn_change) *second = r->in.change = change_to(r, NULL);
+    OWN(kn_scene_change) *second = r->in.change = change_to(r, NULL);
     r->in.reset = true;
     CHECK(steepest(r, 30, &least) < 2.4 && least == 0);
     CHECK(r->kinds[KNEAD_EVENT_T_KIND_SET] == 2 && r->kinds[KNEAD_EVENT_T_KIND_RESET] == 1);
     CHECK(kn_state_hash(r->servo.model, r->servo.backend->state(r->servo.backend->self)) != 0);
     ((kn_state *)(uintptr_t)r->servo.backend->state(r->servo.backend->self))->bad = 1;
-    OWN(kn_change) *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
+    OWN(kn_scene_change) *third = r->in.change = change_to(r, "material.k1=500 gf/cm^3");
     hover(r, 0, 1);
     r->in.change = NULL;
     CHECK(r->servo.diverged > 0 && r->out.force[0].fault == KN_FAULT_NONFINITE);
@@ -605,7 +606,7 @@ TEST("a change while nobody is there, in the tick of a reset or a stop, or of an
     CHECK(!r->servo.backend->state(r->servo.backend->self)->bad);
 }
 
-TEST("when the physics diverges every probe is latched, nothing but numbers goes out, and only a reset helps")
+TEST("when the physics diverges, every probe latches, only finite forces go out, and only a reset helps")
 {
     OWN(rig) *r = rig_make(NULL);
     real_backend = r->backend;
@@ -628,7 +629,7 @@ TEST("when the physics diverges every probe is latched, nothing but numbers goes
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && r->servo.safety[0].attached);
 }
 
-TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that no force record tells")
+TEST("a checkpoint comes every 1000 ticks, and when cycles are missed that no force record reports")
 {
     OWN(rig) *r = rig_make(NULL);
     for (int i = 0; i < 2500; i++) tick(r);
@@ -646,7 +647,7 @@ TEST("a checkpoint comes every 1000 ticks, and whenever cycles were missed that 
           r->out.event[0].arg[0] == 0.0);
 }
 
-TEST("steps shorter than a tick are taken as often as fits, and other steps are refused")
+TEST("a time step shorter than a tick runs as often as it fits, and a time step that does not fit is refused")
 {
     CHECK(kn_backend_steps(1e-3) == 1 && kn_backend_steps(1e-3 / 16) == 16 && kn_backend_steps(1e-3 / 3) == 3);
     CHECK(kn_backend_steps(0.7e-3) == 0 && kn_backend_steps(2e-3) == 0 && kn_backend_steps(0.0) == 0);
@@ -661,7 +662,7 @@ TEST("steps shorter than a tick are taken as often as fits, and other steps are 
     CHECK_NEAR(force[1] / force[0], 1.0, 0.05);
 }
 
-TEST("a clutch: the force fades to 0 and stays there, the tool stays where it presses, and the force ramps in again")
+TEST("with the clutch held the force fades to 0 and the tool keeps pressing in place; then the force ramps in again")
 {
     OWN(rig) *r = rig_make("material=jelly");
     press(r, 0.003);
@@ -692,7 +693,7 @@ TEST("a clutch: the force fades to 0 and stays there, the tool stays where it pr
     CHECK(r->servo.safety[0].faults == 0);
 }
 
-TEST("a deadline is told when it changes and by every checkpoint, and each step keeps it")
+TEST("a deadline is reported when it changes and in every checkpoint, and each step keeps it")
 {
     OWN(rig) *r = rig_make(NULL);
     r->in.deadline = 100000;
@@ -712,7 +713,7 @@ TEST("a deadline is told when it changes and by every checkpoint, and each step 
     CHECK(r->out.event[0].kind == KNEAD_EVENT_T_KIND_CHECKPOINT && r->out.event[0].arg[5] == 100000);
 }
 
-TEST("ticks of 9 ms, 0.1 s running, are a fault of their own: the hand fades, is told why, and comes back by lifting")
+TEST("ticks of 9 ms for 0.1 s are an overload fault: the force fades, the fault is reported, and it clears by lifting")
 {
     OWN(rig) *r = rig_make(NULL), *log = rig_make(NULL);
     press_and_rest(r);
@@ -740,7 +741,7 @@ TEST("ticks of 9 ms, 0.1 s running, are a fault of their own: the hand fades, is
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_ENGAGED));
 }
 
-TEST("a tick or two that take long, or ten that end within 0.1 s, are no overload")
+TEST("nine slow ticks, or slow ticks that end within 0.1 s, are no overload")
 {
     OWN(rig) *r = rig_make(NULL);
     press_and_rest(r);

@@ -111,7 +111,7 @@ static int files_in(const char *path)
 
 // --- bits ---
 
-TEST("a servo that goes on from a file has the forces, events and states of the one that went on, to the bit")
+TEST("a servo resumed from a file has the same forces, events and states as the original, to the bit")
 {
     // in air, engaged, in contact, after lost poses, with the clutch held, latched, braked by another quality
     static const int at[] = {3, 250, 700, 806, 1010, 1190, 1320, 1600};
@@ -154,7 +154,7 @@ TEST("a servo that goes on from a file has the forces, events and states of the 
 
 // --- S4: bytes ---
 
-TEST("every flipped byte and every truncation of a file is refused with a reason, and the generation before is taken")
+TEST("a file with any byte changed or cut off is refused with a reason, and the previous generation is used")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     work(r, 600);
@@ -229,7 +229,7 @@ static size_t mutate(uint8_t *bytes, size_t size)
     }
 }
 
-TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of them, 1000)")
+TEST("a large file mutated at random is refused with a reason (KN_MUTATIONS of them, 1000)")
 {
     const char *text = getenv("KN_MUTATIONS");
     int most = text ? atoi(text) : 1000, refused = 0, unchanged = 0;
@@ -254,7 +254,7 @@ TEST("a large file, mutated at random, is refused with a reason (KN_MUTATIONS of
     free(bad);
 }
 
-TEST("a file of another scene, lattice, material or version is refused by name")
+TEST("a file of another scene, lattice, material or version is refused with the reason")
 {
     static const struct {
         const char *scene, *set, *why;
@@ -293,7 +293,7 @@ TEST("a file of another scene, lattice, material or version is refused by name")
     free(bytes);
 }
 
-TEST("the last eight generations stay; other lattices and scenes in the same directory are left alone and not taken")
+TEST("the last eight generations are kept; files of other lattices and scenes in the directory stay and are not loaded")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL), *o = rig_of("dough-small.yaml", "object.spacing=5 mm"),
              *j = rig_of("jelly.yaml", NULL), *m = rig_of("dough-small.yaml", "material.k1=600 gf/cm^3");
@@ -350,8 +350,7 @@ TEST("the last eight generations stay; other lattices and scenes in the same dir
     kn_store_close(&s);
 }
 
-TEST(
-    "a directory that is not there, not ours or everybody's ends with 2, one that is locked with 3; links are not read")
+TEST("a missing, foreign or world-writable directory gives exit code 2, a locked one 3; symbolic links are not read")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     kn_store s = store_of(r), second;
@@ -422,7 +421,7 @@ static int bad_unlink(int dir, const char *name) { return fails() ? -1 : kn_file
 static const kn_files bad_files = {bad_open,  bad_read,   bad_write,    bad_sync,
                                    bad_close, bad_rename, bad_sync_dir, bad_unlink};
 
-TEST("whatever call fails, and how: what there was is there, why is told, and the next snapshot is taken")
+TEST("after any failed system call the old snapshot exists, the reason is reported, and the next save works")
 {
     static const int with[] = {ENOSPC, EIO, EROFS, EDQUOT};
     OWN(rig) *r = rig_of("dough-small.yaml", NULL);
@@ -474,7 +473,7 @@ TEST("whatever call fails, and how: what there was is there, why is told, and th
     kn_store_close(&s);
 }
 
-TEST("an emergency stop whose file or its removal fails in any call is not said to be kept")
+TEST("an emergency stop is reported as kept only if every call that writes or removes its file succeeds")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     kn_store s = store_of(r);
@@ -661,7 +660,7 @@ static int lose_power(rig *r, bool sync, bool sync_dir, long *cuts)
     return wrong;
 }
 
-TEST("power cut after any call, with any of what was not synced lost, torn or reordered: the old object or the new one")
+TEST("after a power cut at any call, with unsynced data lost, torn or reordered, the old or the new object is found")
 {
     OWN(rig) *r = rig_of("dough-small.yaml", NULL);
     long cuts = 0, without = 0;

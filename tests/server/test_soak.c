@@ -4,9 +4,11 @@
 #include "core/hash.h"
 #include "server/loop.h"
 #include "server/receiver.h"
+#include "server/snapshot.h"
 #include "server/wire.h"
 #include "tests/check.h"
 #include "tests/server/datagram.h"
+#include "tests/server/loop_fixture.h"
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -43,12 +45,8 @@ static int hand_at(int64_t n, kn_pose *pose)
 // --- the daemon ---
 
 typedef struct server {
-    kn_scene *scene;
-    kn_model *model;
-    kn_backend backend;
-    kn_audit *audit;
+    kn_loop_fixture fixture;
     kn_undo undo;
-    kn_loop loop;
 } server;
 
 typedef struct soak {
@@ -63,25 +61,18 @@ static server *start_server(void)
 {
     static const char *const size = "object.size=[3 cm, 3 cm, 2 cm]"; // 48 nodes, for short ticks
     server *d = calloc(1, sizeof *d);
-    d->scene = load_scene("dough-small.yaml", &size, 1);
-    d->model = build(&d->scene->model);
-    d->audit = kn_audit_create(d->model);
-    if (!d->audit || !kn_backend_cpu(&d->backend, d->model) || !kn_undo_init(&d->undo, d->model) ||
-        !kn_loop_init(&d->loop, d->scene, d->model, &d->backend, NULL, d->audit))
-        exit(1);
-    d->loop.servo.undo = &d->undo;
-    d->loop.free = true;
+    kn_loop_fixture_open(&d->fixture, size);
+    if (!kn_undo_init(&d->undo, d->fixture.model)) exit(1);
+    d->fixture.loop.skin = NULL; // nobody looks at the object
+    d->fixture.loop.servo.undo = &d->undo;
+    d->fixture.loop.free = true;
     return d;
 }
 
 static void end_server(server *d)
 {
-    kn_loop_free(&d->loop);
     kn_undo_free(&d->undo);
-    kn_audit_destroy(d->audit);
-    d->backend.destroy(d->backend.self);
-    kn_model_destroy(d->model);
-    kn_scene_destroy(d->scene);
+    kn_loop_fixture_close(&d->fixture);
     free(d);
 }
 
@@ -90,17 +81,17 @@ static void restart(soak *s, int64_t tick)
 {
     char why[200] = "too large";
     server *d = s->d, *next = start_server();
-    size_t room = kn_saved_size_max(d->model);
+    size_t room = kn_saved_size_max(d->fixture.model);
     uint8_t *bytes = malloc(room);
-    kn_saved saved = {.servo = d->loop.servo, .tick = tick, .utime = 1700000000000000, .generation = 1};
-    kn_saved found = {.servo = next->loop.servo, .state = kn_state_keep(next->model)};
-    saved.state = kn_state_keep(d->model);
-    kn_state_copy(d->model, saved.state, d->backend.state(d->backend.self));
-    size_t size = kn_saved_encode(d->scene, d->model, &saved, bytes, room);
-    if (size == 0 || !kn_saved_decode(next->scene, next->model, bytes, size, &found, why, sizeof why))
+    kn_saved saved = {.servo = d->fixture.loop.servo, .tick = tick, .utime = 1700000000000000, .generation = 1};
+    kn_saved found = {.servo = next->fixture.loop.servo, .state = kn_state_keep(next->fixture.model)};
+    saved.state = kn_state_keep(d->fixture.model);
+    kn_state_copy(d->fixture.model, saved.state, d->fixture.backend.state(d->fixture.backend.self));
+    size_t size = kn_saved_encode(d->fixture.scene, d->fixture.model, &saved, bytes, room);
+    if (size == 0 || !kn_saved_decode(next->fixture.scene, next->fixture.model, bytes, size, &found, why, sizeof why))
         printf("%s\n", why), exit(1);
-    next->backend.restore(next->backend.self, found.state);
-    kn_saved_resume(&found, &next->loop.servo);
+    next->fixture.backend.restore(next->fixture.backend.self, found.state);
+    kn_saved_resume(&found, &next->fixture.loop.servo);
     kn_state_destroy(saved.state);
     kn_state_destroy(found.state);
     free(bytes);
@@ -124,16 +115,16 @@ static void hear(soak *s, int64_t n, int64_t now_ns)
         int probe;
         kn_pose taken;
         if (kn_receiver_judge(&s->receiver, &d, now_ns, &probe, &taken) == KN_ACCEPTED)
-            kn_loop_post(&s->d->loop, probe, &taken);
+            kn_loop_post(&s->d->fixture.loop, probe, &taken);
     }
     unsigned ended = kn_receiver_expire(&s->receiver, now_ns);
     for (int q = 0; q < s->receiver.probes; q++)
-        if (ended >> q & 1) kn_loop_post(&s->d->loop, q, NULL);
+        if (ended >> q & 1) kn_loop_post(&s->d->fixture.loop, q, NULL);
 }
 
 static void say(soak *s)
 {
-    kn_ring *records = &s->d->loop.records;
+    kn_ring *records = &s->d->fixture.loop.records;
     for (const kn_record *r; (r = kn_ring_front(records)); kn_ring_pop(records))
         for (int p = 0; p < r->out.probes; p++) {
             const kn_force *f = &r->out.force[p];
@@ -179,7 +170,7 @@ static int64_t ticks_of_run(void)
 static int64_t advance_counters(soak *s, int64_t ticks)
 {
     int64_t from = far_along - ticks / 2;
-    kn_loop *loop = &s->d->loop;
+    kn_loop *loop = &s->d->fixture.loop;
     s->seq = from;
     s->receiver.received = s->receiver.accepted = s->receiver.rejected[KN_REJECT_STALE] = from;
     loop->servo.ticks = loop->servo.capped = from;
@@ -191,7 +182,7 @@ static int64_t advance_counters(soak *s, int64_t ticks)
 
 static void check_counters(const soak *s, int64_t from, int64_t ticks, int64_t restarts, const char *name)
 {
-    const kn_loop *loop = &s->d->loop;
+    const kn_loop *loop = &s->d->fixture.loop;
     const kn_receiver *r = &s->receiver;
     int64_t faults = loop->servo.safety[1].faults - from;
     printf("     %s: %lld poses, %lld ticks in touch, peak %.2f N, %lld faults, %lld resets, %lld missed\n", name,
@@ -206,7 +197,7 @@ static void check_counters(const soak *s, int64_t from, int64_t ticks, int64_t r
     CHECK(restarts > 0 || atomic_load(&loop->account.missed) == from + s->missed);
     CHECK(faults >= ticks / STORY_MS && loop->servo.capped >= from);
     CHECK(loop->servo.diverged == 0 && s->not_finite == 0 && s->unread == 0);
-    CHECK(!s->d->backend.state(s->d->backend.self)->bad);
+    CHECK(!s->d->fixture.backend.state(s->d->fixture.backend.self)->bad);
     CHECK(s->touching > ticks / 20 && s->peak_n > 1);
     CHECK(s->missed > 0 && s->resets >= ticks / STORY_MS / FRESH_STORIES);
 }
@@ -214,7 +205,7 @@ static void check_counters(const soak *s, int64_t from, int64_t ticks, int64_t r
 static result run(int64_t ticks, int64_t restart_ticks, const char *name)
 {
     soak s = {.d = start_server(), .hash = KN_HASH_SEED};
-    kn_receiver_init(&s.receiver, &s.d->model->def);
+    kn_receiver_init(&s.receiver, &s.d->fixture.model->def);
     int64_t from = advance_counters(&s, ticks), restarts = 0, tick = from,
             told = ticks < 10000000 ? ticks / 10 : 1000000;
     double warm_mb = 0;
@@ -223,24 +214,26 @@ static result run(int64_t ticks, int64_t restart_ticks, const char *name)
     for (int64_t n = 0; n < ticks; n++, tick++) {
         int64_t now_ns = 1000000 * tick;
         if (n > 0 && restart_ticks > 0 && n % restart_ticks == 0) restart(&s, tick - 1), restarts++;
-        if (n % (FRESH_STORIES * STORY_MS) == 0) kn_loop_order(&s.d->loop, KN_ORDER_RESET, KN_QUALITY_OWN), s.resets++;
+        if (n % (FRESH_STORIES * STORY_MS) == 0)
+            kn_orders_give(&s.d->fixture.loop.orders, KN_ORDER_RESET, KN_QUALITY_OWN), s.resets++;
         hear(&s, n, now_ns);
         kn_wake wake = {.tick = tick, .missed = n % 7001 == 7000, .due_ns = now_ns, .now_ns = time.now_ns = now_ns};
         if (wake.missed) wake.tick = ++tick, s.missed++; // a missed tick is skipped for good, and the grid goes on
-        kn_loop_tick(&s.d->loop, &wake);
-        s.unread += s.d->loop.account.unpublished > 0;
+        kn_loop_tick(&s.d->fixture.loop, &wake);
+        s.unread += s.d->fixture.loop.account.unpublished > 0;
         say(&s);
         if ((n + 1) % told != 0) continue;
         double now_mb = resident_mb();
         if (warm_mb == 0) warm_mb = now_mb;
         printf("     %s: %10lld ticks, %.3f MB, state %016llx\n", name, (long long)(n + 1), now_mb,
-               (unsigned long long)kn_state_hash(s.d->model, s.d->backend.state(s.d->backend.self)));
+               (unsigned long long)kn_state_hash(s.d->fixture.model,
+                                                 s.d->fixture.backend.state(s.d->fixture.backend.self)));
         fflush(stdout);
     }
     kn_clock_hand(NULL);
     check_counters(&s, from, ticks, restarts, name);
-    result r = {s.hash, kn_state_hash(s.d->model, s.d->backend.state(s.d->backend.self)), resident_mb() - warm_mb,
-                true};
+    result r = {s.hash, kn_state_hash(s.d->fixture.model, s.d->fixture.backend.state(s.d->fixture.backend.self)),
+                resident_mb() - warm_mb, true};
     end_server(s.d);
     return r;
 }
@@ -267,7 +260,7 @@ static result result_of(int fd, pid_t child)
     return r;
 }
 
-TEST("a long run grows by less than a megabyte, counts past 32 bits, and is the same to the bit through restarts")
+TEST("a long run grows by less than a megabyte, counts past 32 bits, and gives the same bits through restarts")
 {
     int64_t ticks = ticks_of_run(), hour = 120 * STORY_MS, part = ticks < hour ? STORY_MS : hour;
     pid_t straight, resumed;

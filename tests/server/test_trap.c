@@ -5,12 +5,12 @@
 // KN_TICKS=N: ticks of the first run, 1e5. KN_LIVE_TICKS=N: ticks of each live run, 4000, 1 ms each.
 // without sanitizers: they allocate themselves
 // a program of its own: malloc and its kin are interposed
-#include "clients/knead/path.h"
+#include "clients/hand/tool_path.h"
 #include "server/keeper.h"
 #include "tests/allocations.h"
 #include "tests/check.h"
 #include "tests/server/board.h"
-#include "tests/server/lent.h"
+#include "tests/server/loop_fixture.h"
 #include <dlfcn.h>
 #include <errno.h>
 #include <ev.h>
@@ -36,7 +36,7 @@ int pthread_mutex_lock(pthread_mutex_t *mutex)
 }
 
 typedef struct rig {
-    kn_lent lent;
+    kn_loop_fixture fixture;
     kn_board board; // simulated board of a circuit
     const char *const *how;
     int kills;
@@ -45,7 +45,7 @@ typedef struct rig {
     long faulted;
     kn_keeper keeper;
     char directory[32];
-    kn_path *path;
+    kn_tool_path *path;
     int64_t forces, contacts, pressed, ticks;
 } rig;
 
@@ -56,17 +56,19 @@ static void rig_open(rig *r, const char *const *how)
     memset(r, 0, sizeof *r);
     if (how) r->board = kn_board_start(r->how = how);
     if (how) strcat(r->board.uri, "?miss=10"); // allows for a busy machine
-    kn_lent_open_on(&r->lent, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
-    r->path = kn_path_press(&(kn_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
+    kn_loop_fixture_open_on(&r->fixture, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
+    r->path =
+        kn_tool_path_press(&(kn_tool_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
     // a tick then does all it can do
-    bool identifies = how || kn_backend_cpu_identify(&r->lent.backend, (kn_coupling){600, 1.5});
+    bool identifies = how || kn_backend_cpu_identify(&r->fixture.backend, (kn_coupling){600, 1.5});
     if (!r->path || !identifies) exit(1);
     char error[256] = "";
     strcpy(r->directory, "/tmp/knead_trap_XXXXXX");
     if (!mkdtemp(r->directory) ||
-        kn_keeper_open(&r->keeper, r->directory, r->lent.scene, r->lent.model, error, sizeof error) != 0)
+        kn_keeper_open(&r->keeper, r->directory, r->fixture.scene, r->fixture.model, error, sizeof error) != 0)
         fprintf(stderr, "%s\n", error), exit(1);
-    kn_keeper_start(&r->keeper, &r->lent.loop);
+    r->fixture.loop.keeper = &r->keeper;
+    kn_keeper_start(&r->keeper, &r->fixture.loop.servo, &r->fixture.loop.orders);
 }
 
 static void remove_saved(const rig *r)
@@ -81,15 +83,16 @@ static void remove_saved(const rig *r)
 
 static void rig_close(rig *r)
 {
-    kn_path_destroy(r->path);
+    kn_tool_path_destroy(r->path);
     remove_saved(r);
     kn_keeper_close(&r->keeper);
-    kn_lent_close(&r->lent);
+    kn_loop_fixture_close(&r->fixture);
 }
 
 static void rig_drain(rig *r)
 {
-    for (const kn_record *record; (record = kn_ring_front(&r->lent.loop.records)); kn_ring_pop(&r->lent.loop.records)) {
+    for (const kn_record *record; (record = kn_ring_front(&r->fixture.loop.records));
+         kn_ring_pop(&r->fixture.loop.records)) {
         r->ticks++;
         r->forces += record->out.force[0].live;
         r->contacts += record->out.local && record->out.contact[0]->contact_count > 0;
@@ -117,17 +120,17 @@ static long faults(void) // page faults of this thread
 static void play(rig *r, int64_t round, int ms)
 {
     double stall_ms = 500 + 1e3 * r->path->hold_end_s - 100;
-    kn_path_point point;
-    kn_path_at(r->path, 1e-3 * (ms - 500), &point);
-    if (ms == 5900) kn_loop_post(&r->lent.loop, 0, NULL);
+    kn_tool_path_point point;
+    kn_tool_path_at(r->path, 1e-3 * (ms - 500), &point);
+    if (ms == 5900) kn_loop_post(&r->fixture.loop, 0, NULL);
     if ((ms >= stall_ms && ms < stall_ms + 50) || ms >= 5700) return;
     kn_pose pose = {.session = 1 + round, .seq = 1 + ms, .orientation_wxyz = {1}};
     memcpy(pose.position_m, point.position_m, sizeof pose.position_m);
     memcpy(pose.velocity_m_s, point.velocity_m_s, sizeof pose.velocity_m_s);
-    kn_loop_post(&r->lent.loop, 0, &pose);
+    kn_loop_post(&r->fixture.loop, 0, &pose);
 }
 
-TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no allocation, lock or page fault")
+TEST("ticks with contact, faults, recoveries, sessions, resets, undos and copies do not allocate, lock or page-fault")
 {
     static rig r;
     rig_open(&r, NULL);
@@ -137,19 +140,19 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     for (int64_t n = 0; n < most; n++) {
         play(&r, n / ROUND, (int)(n % ROUND));
         // Reset, because the dent would keep later rounds from touching.
-        if (n % ROUND == 0) kn_loop_order(&r.lent.loop, KN_ORDER_RESET, 0);
-        if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_loop_order(&r.lent.loop, KN_ORDER_ESTOP, 0);
-        if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_loop_order(&r.lent.loop, KN_ORDER_RECOVER, 0);
-        if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_loop_order(&r.lent.loop, KN_ORDER_UNDO, 0);
+        if (n % ROUND == 0) kn_orders_give(&r.fixture.loop.orders, KN_ORDER_RESET, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2500) kn_orders_give(&r.fixture.loop.orders, KN_ORDER_ESTOP, 0);
+        if (n / ROUND % 3 == 2 && n % ROUND == 2700) kn_orders_give(&r.fixture.loop.orders, KN_ORDER_RECOVER, 0);
+        if (n / ROUND % 4 == 1 && n % ROUND == 3000) kn_orders_give(&r.fixture.loop.orders, KN_ORDER_UNDO, 0);
         r.keeper.ending = true;
         if (n % 50 == 0) kn_keeper_run(&r.keeper); // does the work of the keeper's thread
         kn_quality other = n / ROUND % 2 ? KN_QUALITY_FAST : KN_QUALITY_ACCURATE;
-        if (n % ROUND == 2000) kn_loop_order(&r.lent.loop, KN_ORDER_QUALITY, other);
+        if (n % ROUND == 2000) kn_orders_give(&r.fixture.loop.orders, KN_ORDER_QUALITY, other);
         kn_wake wake = {.tick = n + n / 997, .missed = n > 0 && n % 997 == 0, .now_ns = kn_now_ns()};
         long before = faults();
         armed = true;
-        kn_loop_tick(&r.lent.loop, &wake);
-        r.lent.loop.execution_ns = 0; // a slow machine would report an overload
+        kn_loop_tick(&r.fixture.loop, &wake);
+        r.fixture.loop.execution_ns = 0; // a slow machine would report an overload
         armed = false;
         faulted += faults() - before;
         rig_drain(&r);
@@ -162,8 +165,8 @@ TEST("ticks of touching, faults, recoveries, sessions, resets, undos, copies: no
     CHECK(faulted == 0 || !locked);
     CHECK(r.ticks == most && r.forces > most / 2 && r.pressed > most / 10); // the run really had contacts
     CHECK(r.contacts > most / 10);
-    CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.lent.loop.servo.generation > most / ROUND);
-    CHECK(r.lent.loop.account.faults >= most / ROUND); // and faults
+    CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.fixture.loop.servo.generation > most / ROUND);
+    CHECK(r.fixture.loop.account.faults >= most / ROUND); // and faults
     rig_close(&r);
 }
 
@@ -234,7 +237,7 @@ static void *servo_main(void *arg)
         return NULL;
     }
     armed = true;
-    kn_loop_run(&r->lent.loop);
+    kn_loop_run(&r->fixture.loop);
     armed = false;
     long during = calls;
     syscall(SYS_getppid); // test of the trap
@@ -261,23 +264,24 @@ static void on_ticked(struct ev_loop *loop, ev_async *w, int revents)
 {
     (void)revents;
     rig *r = w->data;
-    bool done = r->lent.loop.done;
+    bool done = r->fixture.loop.done;
     rig_drain(r);
     play(r, r->ticks / ROUND, (int)(r->ticks % ROUND));
-    if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900) kn_loop_order(&r->lent.loop, KN_ORDER_RESET, 0);
-    if (r->ticks % ROUND == 3600) kn_loop_order(&r->lent.loop, KN_ORDER_UNDO, 0);
+    if (r->ticks % ROUND == 3500 || r->ticks % ROUND == 5900)
+        kn_orders_give(&r->fixture.loop.orders, KN_ORDER_RESET, 0);
+    if (r->ticks % ROUND == 3600) kn_orders_give(&r->fixture.loop.orders, KN_ORDER_UNDO, 0);
     if (r->faulted == 0 && r->ticks >= 200) r->faulted = faults_of(r->tid);
     kn_fpga_counts n = {0};
-    if (r->how) kn_backend_fpga_counts(&r->lent.backend, &n);
+    if (r->how) kn_backend_fpga_counts(&r->fixture.backend, &n);
     const int64_t kills = live_ticks / 1500;
     bool missed = r->kills == 0 || n.losses > r->losses; // the last kill has been noticed
     if (n.in_step && missed && r->kills < kills && r->ticks / 1500 > r->kills) replug(r, n.losses); // during a press
     // On a busy machine the hand may fall silent, and a lost circuit comes back late.
     bool all_killed = !r->how || (r->kills == kills && missed);
     bool enough = all_killed && r->ticks >= live_ticks && r->pressed > live_ticks / 8;
-    if ((enough || r->ticks >= 10 * live_ticks) && !r->lent.loop.stop) {
+    if ((enough || r->ticks >= 10 * live_ticks) && !r->fixture.loop.stop) {
         r->faulted = faults_of(r->tid) - r->faulted;
-        r->lent.loop.stop = true;
+        r->fixture.loop.stop = true;
     }
     if (done) ev_break(loop, EVBREAK_ALL);
 }
@@ -290,15 +294,15 @@ static void run_live(rig *r, const char *const *how)
     ev_async_init(&ticked, on_ticked);
     ticked.data = r;
     ev_async_start(events, &ticked);
-    r->lent.loop.notify = notify;
-    r->lent.loop.notify_arg = &ticked;
-    kn_loop_start(&r->lent.loop, kn_now_ns() + 20 * KN_PERIOD_NS);
+    r->fixture.loop.notify = notify;
+    r->fixture.loop.notify_arg = &ticked;
+    kn_loop_start(&r->fixture.loop, kn_now_ns() + 20 * KN_PERIOD_NS);
     allocations = locks = calls = 0;
     finished = 0;
     live_ticks = wanted("KN_LIVE_TICKS", 4000);
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, servo_main, r) == 0);
-    while (!finished && !r->lent.loop.done) ev_run(events, EVRUN_ONCE);
+    while (!finished && !r->fixture.loop.done) ev_run(events, EVRUN_ONCE);
     while (!finished) {
     }
     ev_async_stop(events, &ticked);
@@ -331,14 +335,14 @@ static void run_on_circuit(rig *r, const char *const *how)
 {
     kn_fpga_counts n;
     run_live(r, how);
-    CHECK(kn_backend_fpga_counts(&r->lent.backend, &n));
+    CHECK(kn_backend_fpga_counts(&r->fixture.backend, &n));
     printf("%lld ticks on the circuit, lost %lld times, loaded %lld\n", (long long)n.on_circuit, (long long)n.losses,
            (long long)n.loads);
     CHECK(n.on_circuit > live_ticks / 20 && n.losses >= r->kills && n.different == 0);
     CHECK(r->kills > 0 && r->kills == live_ticks / 1500);
 }
 
-TEST("with a circuit in memory, killed and started again, it calls no more than that")
+TEST("with a circuit in memory, killed and restarted, the servo thread makes no other system calls")
 {
     static rig r;
     static char name[32];
@@ -347,7 +351,7 @@ TEST("with a circuit in memory, killed and started again, it calls no more than 
     run_on_circuit(&r, how);
 }
 
-TEST("with a circuit behind a line it reads and writes that, and waits for it, and calls no more than that")
+TEST("with a circuit behind a serial line the servo thread also reads, writes and waits for the line, and nothing else")
 {
     static rig r;
     static char name[64];

@@ -13,7 +13,7 @@ static size_t encode(void)
     return (size_t)knead_scene_t_encode(bytes, 0, sizeof bytes, &scene);
 }
 
-TEST("a scene message that holds what it says fits, with and without a code behind it")
+TEST("a well-formed scene message is accepted with and without an authentication trailer")
 {
     size_t size = encode();
     CHECK(kn_wire_scene_fits(bytes, size));
@@ -21,7 +21,7 @@ TEST("a scene message that holds what it says fits, with and without a code behi
     CHECK(!kn_wire_scene_fits(bytes, size + 1));
 }
 
-TEST("a cut one does not, nor one of another type")
+TEST("a truncated scene message or one of another type is refused")
 {
     size_t size = encode();
     for (size_t cut = 0; cut < size; cut++) CHECK(!kn_wire_scene_fits(bytes, cut));
@@ -29,7 +29,7 @@ TEST("a cut one does not, nor one of another type")
     CHECK(!kn_wire_scene_fits(bytes, size));
 }
 
-TEST("strings of a negative, huge or empty length, or without their end, do not")
+TEST("a scene message with a wrong string length or a missing terminator is refused")
 {
     static const uint32_t lies[] = {0, 1, 5, 7, 0x7fffffff, 0x80000000, 0xffffffff, 0xfffffff0};
     const size_t at = 8 + 3 * 8 + 4; // offset of the first string's length, which is 6
@@ -43,7 +43,7 @@ TEST("strings of a negative, huge or empty length, or without their end, do not"
     CHECK(!kn_wire_scene_fits(bytes, size));
 }
 
-TEST("a contact comes out of the wire as it went in")
+TEST("a contact unit is decoded exactly as it was encoded")
 {
     kn_contact_unit in = {.utime = 1,
                           .session = 2,
@@ -74,7 +74,7 @@ TEST("a contact comes out of the wire as it went in")
     CHECK(memcmp(&in, &out, sizeof in) == 0);
 }
 
-TEST("a touch patch stands on the wire as it was made, in the tool's frame")
+TEST("a touch patch is decoded as it was encoded, in the tool's frame")
 {
     kn_touch touch = {.area_m2 = 1,
                       .centre_m = {2, 3, 4},
@@ -93,7 +93,7 @@ TEST("a touch patch stands on the wire as it was made, in the tool's frame")
     CHECK(memcmp(heard.pressure_pa, touch.pressure_pa, sizeof touch.pressure_pa) == 0);
 }
 
-TEST("every message of a fixed size goes into one datagram, its code and the longest channel with it")
+TEST("every message of fixed size fits into one datagram with its trailer and the longest channel name")
 {
     const int room = 1435 - 8 - 64 - KN_AUTH_TRAILER; // LCM's limit, less its header and a channel's name
     CHECK(knead_status_t_encoded_size(&(knead_status_t){0}) <= room);

@@ -40,7 +40,7 @@ static inline double kn_presser_clamp(double x, double limit) { return fmax(-lim
 static inline void kn_presser_tick(kn_tactile *device, int elapsed_ms)
 {
     kn_presser *p = (kn_presser *)device;
-    const kn_tether *t = &p->bridge->now.tether;
+    const kn_device_session *t = &p->bridge->now.session;
     p->now.came = t->heard - p->heard;
     if (p->now.ms > 0) kn_rules_take(&p->rules, &p->now);
     p->now.ms = elapsed_ms;
@@ -49,7 +49,7 @@ static inline void kn_presser_tick(kn_tactile *device, int elapsed_ms)
     p->heard = t->heard;
 
     bool in =
-        t->mode == KN_TETHER_HELD && (t->flags & (KN_FLAG_ENGAGED | KN_FLAG_RAMPING)) && !(t->flags & KN_FLAG_LATCHED);
+        t->mode == KN_SESSION_HELD && (t->flags & (KN_FLAG_ENGAGED | KN_FLAG_RAMPING)) && !(t->flags & KN_FLAG_LATCHED);
     p->away_ms = in ? 0 : p->away_ms + 1;
     if (in) p->engaged_ms++;
     if (p->away_ms > 50) p->engaged_ms = 0; // lift and wait to be let in again
@@ -69,7 +69,7 @@ static inline void kn_presser_give(kn_tactile *device, const double force_n[3], 
 }
 
 // Start at x_m. render: the definition used by the bridge.
-static inline void kn_presser_init(kn_presser *p, double x_m, const kn_render_def *render)
+static inline void kn_presser_init(kn_presser *p, double x_m, const kn_haptic_render_def *render)
 {
     *p = (kn_presser){.base = {.name = "presser",
                                .open = kn_presser_open,

@@ -1,7 +1,7 @@
 #ifndef KN_TESTS_RULES_H
 #define KN_TESTS_RULES_H
-// The rules of core/safety.h and clients/tactile/tether.h, checked from one millisecond to the next. They apply to
-// the forces that kneadd publishes, or to the force of a device's motors by the device's own clock.
+// The rules of core/safety.h and clients/tactile/device_session.h, checked from one millisecond to the next. They apply
+// to the forces that kneadd publishes, or to the force of a device's motors by the device's own clock.
 //
 //     contact      |change| <= guard per ms since the last news, for 3 ms at most: so long a force may be held
 //     transition   |change| <= max(0.5 N, clamp/17) per ms: the force fades, or news are missing

@@ -4,7 +4,7 @@
 set -u
 PATH=$KN_BUILD/tests/tools:$PATH
 source "$KN_SOURCE/tests/clients/refuses.sh"
-has() { grep -qF -- "$1" out || fail "not said: $1"; }
+has() { grep -qF -- "$1" out || fail "the output lacks: $1"; }
 hasnt() { ! grep -qF -- "$1" out || fail "said: $1"; }
 usb() { # usb PLACE VENDOR PRODUCT NAME
     mkdir -p "root/sys/bus/usb/devices/$1"
@@ -26,7 +26,7 @@ has 'fix: apt install spacenavd; systemctl start spacenavd'
 has 'the Inverse Service does not answer at localhost:10001: Connection refused'
 
 mkdir root
-knead devices --root root >out || fail "exit $? on nothing"
+knead devices --root root >out || fail "exit $? without any device"
 has 'no serial device is plugged in'
 
 usb 1-1 2341 0043 'Arduino Uno'
@@ -55,7 +55,7 @@ for _ in 1 2 3 4 5 6 7 8 9 10; do
     knead devices --root root --json >out
     [ "$(grep -c '"ready": true' out)" -ge 4 ] && break # both services, the Arduino, the puck
 done
-/usr/bin/python3 - <<'END' || fail "not the JSON that was promised"
+/usr/bin/python3 - <<'END' || fail "the JSON differs from its documented form"
 import json
 found = json.load(open("out"))["devices"]
 assert [f["kind"] for f in found] == ["spacenavd", "haply", "tty", "tty", "usb", "usb"]
@@ -73,6 +73,6 @@ if [ "$(id -u)" = 0 ] && command -v setpriv >/dev/null; then
     grep -q 'tty' out && { has 'no permission'; has 'fix: sudo usermod -aG dialout $USER, and log in again'; }
 fi
 
-knead devices --wood >out 2>err && fail "an unknown option is taken"
-[ "$(wc -l <err)" = 1 ] || fail "an unknown option is not one line"
+knead devices --wood >out 2>err && fail "an unknown option is accepted"
+[ "$(wc -l <err)" = 1 ] || fail "an unknown option is not refused in one line"
 exit $failed

@@ -3,20 +3,20 @@
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 knead doctor --seconds 1 >out 2>err
-[ $? -le 1 ] || fail "exit on this machine"
+[ $? -le 1 ] || fail "the exit code on this machine is above 1"
 [ ! -s err ] || fail "on stderr: $(cat err)"
 cat out
-grep -q '^ok    route ' out || fail "the route of this namespace is loopback"
-grep -q '^\(ok   \|LACKS\) wakes  *of 1000, ' out || fail "no measurement"
+grep -q '^ok    route ' out || fail "the loopback route of this namespace is not reported as ok"
+grep -q '^\(ok   \|LACKS\) wakes  *of 1000, ' out || fail "no measurement of the wake-ups"
 
 if ip route del 224.0.0.0/4 dev lo; then
     knead doctor --seconds 1 >out
-    [ $? = 1 ] || fail "something is missing, exit 1"
-    grep -q '^LACKS route ' out || fail "the route is not there"
+    [ $? = 1 ] || fail "the exit code without a route is not 1"
+    grep -q '^LACKS route ' out || fail "the missing route is not reported"
     fix=$(sed -n '/^LACKS route/{n;s/.*fix: as root: //p}' out)
-    sh -c "$fix" || fail "its fix cannot be carried out: $fix"
+    sh -c "$fix" || fail "the proposed fix fails: $fix"
     knead doctor --seconds 1 --json >out
-    python3 - <<'END' || fail "not the JSON that was promised, or the fix is none"
+    python3 - <<'END' || fail "the JSON differs from its documented form, or the fix did not work"
 import json
 checks = {c["check"]: c for c in json.load(open("out"))["checks"]}
 assert checks["route"]["good"] and checks["route"]["fix"] == ""
@@ -27,8 +27,8 @@ if setpriv --reuid 65534 --regid 65534 --clear-groups true 2>/dev/null; then # a
     cp "$(command -v knead)" .
     chmod 755 . knead
     prlimit --rtprio=0 --memlock=65536 setpriv --reuid 65534 --regid 65534 --clear-groups ./knead doctor --seconds 1 >out
-    grep -q '^LACKS priority ' out && grep -q 'fix: .*rtprio 80' out || fail "no real-time priority, and no fix"
-    grep -q '^LACKS memory ' out && grep -q 'fix: .*memlock unlimited' out || fail "no locked memory, and no fix"
+    grep -q '^LACKS priority ' out && grep -q 'fix: .*rtprio 80' out || fail "missing real-time priority is not reported with a fix"
+    grep -q '^LACKS memory ' out && grep -q 'fix: .*memlock unlimited' out || fail "missing locked memory is not reported with a fix"
 fi
 
 # The groups: 4001 may command the service, 4002 owns the serial lines. 4003 owns a line that only root may open, so
@@ -48,28 +48,28 @@ if chown 0:4002 root/dev/ttyACM? 2>/dev/null && chown 0:4003 root/dev/ttyUSB0 &&
         done
         unshare -m sh -c 'mount --bind group /etc/group && exec setpriv --reuid 65534 --regid 65534 --groups "$1" \
             ./knead doctor --root root --seconds 1' as_nobody "$1" >out
-        [ $? = 1 ] || fail "groups $1, in $2: an exit that is not 1"
+        [ $? = 1 ] || fail "groups $1, member of $2: the exit code is not 1"
     }
     line() { sed -n "/^$1 *group *$2, /{n;s/^ *fix: //p}" out; }
     as_nobody 65534 ""
-    [ "$(line LACKS knead)" = 'sudo usermod -aG knead $USER; log in again' ] || fail "no member of knead: $(cat out)"
-    [ "$(line LACKS serial)" = 'sudo usermod -aG serial $USER; log in again' ] || fail "no member of serial: $(cat out)"
-    [ "$(grep -c ' group  *serial, owns /dev/ttyACM0' out)" = 1 ] || fail "one line for one group: $(cat out)"
-    grep -q 'closed' out && fail "a group that the mode grants nothing: $(cat out)"
+    [ "$(line LACKS knead)" = 'sudo usermod -aG knead $USER; log in again' ] || fail "a missing membership of knead is not reported: $(cat out)"
+    [ "$(line LACKS serial)" = 'sudo usermod -aG serial $USER; log in again' ] || fail "a missing membership of serial is not reported: $(cat out)"
+    [ "$(grep -c ' group  *serial, owns /dev/ttyACM0' out)" = 1 ] || fail "the group of two serial lines is not reported once: $(cat out)"
+    grep -q 'closed' out && fail "a group without access by the file mode is reported: $(cat out)"
     as_nobody 65534 "knead serial"
     for group in knead serial; do
-        [ "$(line LACKS $group)" = 'log in again: this session is older than the membership' ] || fail "older than $group: $(cat out)"
+        [ "$(line LACKS $group)" = 'log in again: this session is older than the membership' ] || fail "a session older than the membership of $group is not reported: $(cat out)"
     done
     as_nobody 4001,4002 "knead serial"
-    [ "$(grep -c '^ok  *group .*: a member$' out)" = 2 ] && ! grep -q '^LACKS group' out || fail "a member of both: $(cat out)"
-    grep -q '^ok    tty  *.*/dev/ttyACM1' out || fail "a line that the group opens: $(cat out)"
+    [ "$(grep -c '^ok  *group .*: a member$' out)" = 2 ] && ! grep -q '^LACKS group' out || fail "a member of both groups is not reported as ok: $(cat out)"
+    grep -q '^ok    tty  *.*/dev/ttyACM1' out || fail "a serial line open to the group is not reported as ok: $(cat out)"
     knead doctor --root root --seconds 1 >out
-    grep -q '^LACKS group' out && fail "root needs no group: $(cat out)"
+    grep -q '^LACKS group' out && fail "root is asked for a group: $(cat out)"
 else
-    echo "nothing tried of groups: no root, no mount namespace"
+    echo "groups not tested: no root or no mount namespace"
 fi
 LCM_DEFAULT_URL=tcpq://localhost knead doctor --seconds 1 >out
-grep -q '^LACKS route ' out && grep -q 'fix: unset LCM_DEFAULT_URL' out || fail "a bus that is none"
+grep -q '^LACKS route ' out && grep -q 'fix: unset LCM_DEFAULT_URL' out || fail "a bus URL of another kind is not reported with a fix"
 for wrong in "--seconds 0" "--seconds 2x" "now" "--fast" "--root"; do
     knead doctor $wrong >out 2>err
     [ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && [ ! -s out ] || fail "knead doctor $wrong: $(cat err)"

@@ -27,5 +27,5 @@ expect "--reach 8: expected something like '8 cm'" spacenav --reach 8
 expect '--url localhost: expected ws://HOST:PORT' haply --url localhost
 expect '--device a"b: expected an id' haply --device 'a"b'
 expect '--preset : expected a name' haply --preset ''
-knead hand --help | grep -q 'UNTESTED ON HARDWARE' || fail "--help hides what is untested"
+knead hand --help | grep -q 'UNTESTED ON HARDWARE' || fail "--help does not say what is untested on hardware"
 exit $failed

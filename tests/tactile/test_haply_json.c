@@ -17,7 +17,7 @@ static kn_haply_heard hear(const char *text, const char *device_id)
     "\"cursor_velocity\":{\"x\":0.0,\"y\":0.5,\"z\":-1e-3},\"body_orientation\":{\"w\":0,\"x\":1,\"y\":0,\"z\":0},"    \
     "\"control_mode\":\"idle\"},\"status\":{\"calibrated\":" calibrated ",\"ready\":true}}"
 
-TEST("a state is the first arm's, metres and m/s as they stand there")
+TEST("by default the state of the first arm is read, in metres and m/s")
 {
     CHECK(hear("{\"session_id\":7,\"inverse3\":[" ARM("049D", "0.03", "true") "," ARM("04BA", "0", "true") "]}", "") ==
           KN_HAPLY_STATE);
@@ -28,7 +28,7 @@ TEST("a state is the first arm's, metres and m/s as they stand there")
     CHECK(state.pose.orientation_wxyz[0] == 1.0); // without a grip the arm's orientation is not the tool's
 }
 
-TEST("or of the arm that was asked for, and one that is not there is not malformed")
+TEST("the state of the requested arm is read, and a missing arm is absent, not malformed")
 {
     const char *two = "{\"inverse3\":[" ARM("049D", "0.03", "true") "," ARM("04BA", "1", "false") "]}";
     CHECK(hear(two, "04BA") == KN_HAPLY_STATE && state.pose.position_m[0] == 1.0 && !state.calibrated);
@@ -36,7 +36,7 @@ TEST("or of the arm that was asked for, and one that is not there is not malform
     CHECK(hear("{\"inverse3\":[]}", "") == KN_HAPLY_ABSENT && hear("{}", "") == KN_HAPLY_ABSENT);
 }
 
-TEST("a grip turns the tool and presses its buttons, whichever of the two kinds it is")
+TEST("a grip of either kind sets the orientation and the buttons of the tool")
 {
     CHECK(hear("{\"inverse3\":[" ARM("A", "0",
                                      "true") "],\"wireless_verse_grip\":[{\"state\":{\"orientation\":"
@@ -58,7 +58,7 @@ TEST("a grip turns the tool and presses its buttons, whichever of the two kinds 
     CHECK(!state.grip && state.pose.orientation_wxyz[0] == 1.0);
 }
 
-TEST("what is no state is one line of plain letters, and nothing of it is used")
+TEST("a malformed state is refused with a message in printable ASCII")
 {
     const char *wrong[] = {"",
                            "[",
@@ -86,7 +86,7 @@ TEST("what is no state is one line of plain letters, and nothing of it is used")
     }
 }
 
-TEST("an id that could close a string is no id")
+TEST("an id with a quote, blank or backslash, or with 32 characters, is refused")
 {
     CHECK(kn_haply_id_known("049D") && kn_haply_id_known("a_b-9"));
     CHECK(!kn_haply_id_known("") && !kn_haply_id_known("a\"") && !kn_haply_id_known("a b") && !kn_haply_id_known("\\"));
@@ -94,7 +94,7 @@ TEST("an id that could close a string is no id")
     CHECK(hear("{\"inverse3\":[" ARM("A\\\"}", "0", "true") "]}", "") == KN_HAPLY_ABSENT);
 }
 
-TEST("what is said to the service is JSON that says it, however long the id and large the force")
+TEST("messages to the service are valid JSON, even with the longest id")
 {
     char text[KN_HAPLY_MESSAGE];
     const char *longest = "0123456789012345678901234567890";
@@ -119,7 +119,7 @@ TEST("what is said to the service is JSON that says it, however long the id and 
     json_decref(root);
 }
 
-TEST("an address is ws://HOST:PORT and nothing else")
+TEST("only an address of the form ws://HOST:PORT is accepted")
 {
     char host[KN_HAPLY_HOST];
     int port = 0;

@@ -1,6 +1,6 @@
 // The forces of kneadd and of the motors of two devices, one of which renders forces and the other the local model.
 // The cases are a bad link, a delay, a kill and a freeze, all in virtual time.
-#include "clients/knead/profile.h"
+#include "clients/hand/haptic_loop.h"
 #include "tests/check.h"
 #include "tests/dice.h"
 #include "tests/rig.h"
@@ -39,11 +39,11 @@ static void join(kn_presser *presser, const char *probe, double x_m, bool local,
     kn_rig_end *e = kn_rig_join(&p.rig, fault, delay_ms, 370000 + 340000 * n);
     kn_bridge_def def = {
         .url = KN_MEMORY_URL, .probe = probe, .session = 1000 * (n + 1), .render = {.radius_m = 0.015, .local = local}};
-    CHECK(kn_profile_load(&def.render.device, "presser", "touch", NULL, 0) == 0);
+    CHECK(kn_device_profile_load(&def.render.device, "presser", "touch", NULL, 0) == 0);
     kn_presser_init(presser, x_m, &def.render);
     e->bridge = &p.bridge[n];
     bool opened = kn_bridge_open(e->bridge, &def, &presser->base, error, sizeof error);
-    kn_rig_joined(e, opened, kn_join_memory(e->bridge->bus), error);
+    kn_rig_joined(e, opened, kn_bus_client_memory(e->bridge->bus), error);
 }
 
 static void begin(void) // end the servers and hands that ran before
@@ -55,10 +55,10 @@ static void begin(void) // end the servers and hands that ran before
 static void serve(bool local_model)
 {
     static const char *const coarse = "object={size: [6 cm, 3 cm, 3 cm], spacing: 1.5 cm, structure: diagonals}";
-    kn_rig_serve(&p.rig, &(kn_served_def){.scene_path = KN_SOURCE_DIR "/tests/e2e/two_fingers.yaml",
-                                          .sets = &coarse,
-                                          .set_count = 1,
-                                          .local_model = local_model});
+    kn_rig_serve(&p.rig, &(kn_served_object_def){.scene_path = KN_SOURCE_DIR "/tests/e2e/two_fingers.yaml",
+                                                 .sets = &coarse,
+                                                 .set_count = 1,
+                                                 .local_model = local_model});
 }
 
 static void start(const kn_link_fault *fault, double delay_ms, kn_auth *auth)
@@ -108,7 +108,7 @@ static void run_row(const char *name, const kn_link_fault *fault, kn_auth *auth)
     check_rules(name);
 }
 
-TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kneadd lacks and counts what the link did")
+TEST("a lossy, repeating, swapping, delaying or flipping link breaks no safety rule, and kneadd counts its faults")
 {
     static const struct {
         const char *name;
@@ -136,7 +136,7 @@ TEST("a link that loses, repeats, swaps, delays or flips breaks no rule, and kne
     }
 }
 
-TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300, and no rule is broken")
+TEST("after a kill or freeze of kneadd in a press a device gives 0 N by 20 ms, with the local model by 300 ms")
 {
     const int kills = times("KN_KILLS", 1, KILLS);
     start(&(kn_link_fault){0}, 0, NULL);
@@ -156,7 +156,7 @@ TEST("kneadd killed or frozen in a press: 0 N in 20 ms, the local model's in 300
     CHECK(p.near.rules.zero_at <= 20 && p.far.rules.zero_at <= 300);
 }
 
-TEST("a freeze of 5 to 200 ms: cycles are missed, counted and skipped, none made up for, and no rule is broken")
+TEST("in a freeze of 5 to 200 ms the missed cycles are counted and skipped, and no safety rule is broken")
 {
     static const int freeze_ms[] = {5, 20, 50, 200};
     start(&(kn_link_fault){0}, 0, NULL);
@@ -200,25 +200,26 @@ static double restless(int ms, double *mean_n)
     return changes_n / sum_n;
 }
 
-TEST("the local model gives what kneadd gives, calmly; behind 20 ms it still does, and forces are refused, in words")
+TEST("the local model gives kneadd's force calmly, even 20 ms away; plain forces from 20 ms away are refused")
 {
     double far_n, behind_n;
     start(&(kn_link_fault){0}, 0, NULL);
     CHECK(restless(2500, &far_n) < 0.03);
-    const kn_render *near = &p.bridge[0].now.tether.render, *far = &p.bridge[1].now.tether.render;
+    const kn_haptic_render *near = &p.bridge[0].now.session.render, *far = &p.bridge[1].now.session.render;
     CHECK(far->guards == 0 && far->reflexes == 0 && far->model.taken > 2000 && p.far.rules.pressed > 1000);
     CHECK_NEAR(p.far.rules.largest_n, p.near.rules.largest_n, 0.1 * p.near.rules.largest_n);
 
     start(&(kn_link_fault){0}, 20, NULL);
     CHECK(restless(2500, &behind_n) < 0.03);
-    CHECK(near->stop == KN_RENDER_FAR && near->refusals == 1 && strstr(kn_render_why(near->stop), "--local render"));
+    CHECK(near->stop == KN_HAPTIC_RENDER_FAR && near->refusals == 1 &&
+          strstr(kn_haptic_render_why(near->stop), "--local render"));
     CHECK(p.near.rules.largest_n == 0);
     CHECK(far->round_trip_s > 0.015 && far->guards == 0 && p.far.rules.pressed > 1000);
     CHECK_NEAR(behind_n, far_n, 0.1 * far_n);
     check_rules("behind 20 ms");
 }
 
-TEST("a device with the local model on a kneadd that sends no contacts gives 0 N")
+TEST("a device with the local model gives 0 N if kneadd sends no contacts")
 {
     begin();
     serve(false);
@@ -236,11 +237,11 @@ static void be_wild(kn_rig_end *end, knead_contact_force_t *force)
     if (wild_left > 0 && force->force_n[2] > 0.3) force->force_n[2] = 60, wild_left--;
 }
 
-TEST("a wild force in kneadd's name trips the guard of the device: it fades in steps, and a new session begins")
+TEST("a forged force of 60 N trips the device's guard; the force fades in steps and a new session begins")
 {
     start(&(kn_link_fault){0}, 0, NULL);
     for (int i = 0; i < 1500 && p.near.now.force_n[2] < 1; i++) kn_rig_run(&p.rig, 1);
-    const kn_tether *t = &p.bridge[0].now.tether;
+    const kn_device_session *t = &p.bridge[0].now.session;
     int64_t session = t->session;
     double last_n = p.near.now.force_n[2];
     CHECK(last_n > 0.9 && p.near.live && t->render.reflexes == 0);
@@ -256,7 +257,7 @@ TEST("a wild force in kneadd's name trips the guard of the device: it fades in s
     CHECK(t->session == session + 1 && p.near.rules.pressed > 1000 && t->render.reflexes == 1);
 }
 
-TEST("with a key nothing flipped is taken, and everything else is")
+TEST("with a key every flipped or replayed message is rejected, and all others are accepted")
 {
     static kn_auth auth;
     char path[] = "link-key-XXXXXX", error[200] = "";
@@ -283,14 +284,14 @@ TEST("with a key nothing flipped is taken, and everything else is")
     start(&(kn_link_fault){0}, 0, &auth); // poses of another life are not accepted, but the hands find the new life
     kn_rig_run(&p.rig, 1500);
     kn_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
-    int64_t life = auth.life, session = p.bridge[0].now.tether.session, pressed = p.near.rules.pressed;
+    int64_t life = auth.life, session = p.bridge[0].now.session.session, pressed = p.near.rules.pressed;
     kn_rig_kill(&p.rig);
     kn_rig_run(&p.rig, 50);
     serve(true);
     kn_exchange_hear(&p.rig.exchange, &recorded);
     CHECK(auth.life != life && r->rejected[KN_REJECT_REPLAYED] == 1 && r->accepted == 0);
     kn_rig_run(&p.rig, 4000);
-    CHECK(p.bridge[0].now.tether.session == session + 1 && p.near.rules.pressed > pressed + 1000);
+    CHECK(p.bridge[0].now.session.session == session + 1 && p.near.rules.pressed > pressed + 1000);
     CHECK(r->rejected[KN_REJECT_HELLO] > 0 && r->rejected[KN_REJECT_MAC] == 0);
     check_rules("another life");
     unlink(path);

@@ -1,4 +1,4 @@
-#include "clients/tactile/mount.h"
+#include "clients/tactile/bridge.h"
 #include "tests/check.h"
 
 static kn_device_def mount(const char *basis)
@@ -20,7 +20,7 @@ static void rotate(const double q[4], const double v[3], double out[3])
     }
 }
 
-TEST("the n-th letter of a basis is the device's axis along the scene's n-th")
+TEST("the n-th letter of a basis names the device axis along the n-th axis of the scene")
 {
     double scene[3];
     kn_device_def m = mount("Y-XZ");
@@ -31,7 +31,7 @@ TEST("the n-th letter of a basis is the device's axis along the scene's n-th")
     CHECK(scene[0] == 2 && scene[1] == 3 && scene[2] == 1);
 }
 
-TEST("24 bases keep hands right; what mirrors, repeats, lacks or adds an axis is refused with a reason")
+TEST("24 right-handed bases are accepted, and left-handed or malformed ones are refused with a reason")
 {
     const char *orders[] = {"XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"};
     const char *wrong[] = {"", "X", "XY", "XXZ", "XYZX", "XYW", "--XYZ", "XYZ "};
@@ -60,7 +60,7 @@ TEST("24 bases keep hands right; what mirrors, repeats, lacks or adds an axis is
     }
 }
 
-TEST("turning a vector and then the frame is turning the frame and then the vector")
+TEST("a basis turns vectors and orientations consistently")
 {
     const double q[4] = {0.5, 0.1, -0.7, sqrt(1 - 0.25 - 0.01 - 0.49)}, v[3] = {1, 2, 3};
     const char *bases[] = {"Y-XZ", "YZX", "-XZY", "-X-YZ"};

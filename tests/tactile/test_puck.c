@@ -1,4 +1,4 @@
-#include "clients/tactile/puck.h"
+#include "clients/tactile/spacenav.h"
 #include "tests/check.h"
 
 static kn_puck puck;
@@ -10,7 +10,7 @@ static void steer(int ms, int x, int y, int z, int rx, int ry, int rz)
 
 static void begin(const kn_puck_def *def) { kn_puck_init(&puck, def ? def : &(kn_puck_def){.floor_m = -1}); }
 
-TEST("full deflection is full speed, and what goes beyond is no faster")
+TEST("full deflection gives full speed, and larger deflections give no more")
 {
     begin(NULL);
     steer(500, KN_PUCK_FULL, 0, 0, 0, 0, 0);
@@ -21,7 +21,7 @@ TEST("full deflection is full speed, and what goes beyond is no faster")
     CHECK(puck.pose.velocity_m_s[2] == 0.0 && puck.pose.position_m[2] == 0.0);
 }
 
-TEST("a puck that rests moves nothing, in any of its six ways, and one that is let go stops within 2 mm")
+TEST("deflections within the dead zone move nothing on any axis, and a released puck stops within 3 mm")
 {
     begin(&(kn_puck_def){.turn_rad_s = 1, .floor_m = -1});
     steer(5000, 15, -15, 15, -15, 15, -15);
@@ -33,7 +33,7 @@ TEST("a puck that rests moves nothing, in any of its six ways, and one that is l
     CHECK_NEAR(puck.pose.velocity_m_s[1], 0.0, 1e-9);
 }
 
-TEST("speed is what the position does, and never jumps")
+TEST("the velocity is the change of the position, and changes by at most 2 mm/s per ms")
 {
     double last_m_s = 0.0, last_m = 0.0, most = 0.0;
     begin(NULL);
@@ -49,7 +49,7 @@ TEST("speed is what the position does, and never jumps")
     CHECK(most > 0.0 && most <= 0.1 / 50 + 1e-12);
 }
 
-TEST("it stays within its reach and above its floor, at rest there")
+TEST("the position stays within the reach and above the floor, with zero velocity at the limit")
 {
     begin(&(kn_puck_def){.floor_m = -0.03});
     steer(10000, 350, -350, -350, 0, 0, 0);
@@ -59,7 +59,7 @@ TEST("it stays within its reach and above its floor, at rest there")
     CHECK(puck.pose.position_m[2] > -0.03);
 }
 
-TEST("a twist of one radian per second turns the tool by pi in pi seconds, by the right hand, and stays a rotation")
+TEST("a twist of 1 rad/s for pi seconds turns the tool by pi about the right-handed axis")
 {
     for (int axis = 0; axis < 3; axis++) {
         int twist[3] = {0};
@@ -73,7 +73,7 @@ TEST("a twist of one radian per second turns the tool by pi in pi seconds, by th
     }
 }
 
-TEST("a process that stood still does not make up for it")
+TEST("after a stall of 1 s the position moves by less than 0.3 mm")
 {
     begin(NULL);
     steer(500, 350, 0, 0, 0, 0, 0);

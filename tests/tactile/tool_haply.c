@@ -9,8 +9,8 @@
 //
 // Rows: ms, position, force that the arm gives, messages, wrong messages (no JSON, no force, another arm's),
 // greetings.
-#include "clients/knead/arm.h"
-#include "clients/knead/join.h"
+#include "clients/hand/haptic_loop.h"
+#include "clients/hand/bus_client.h"
 #include "tests/tactile/person.h"
 #include <ev.h>
 #include <jansson.h>
@@ -23,7 +23,7 @@ enum { MALFORMED, MUTE, HANGUP, GONE, COLD, STICKY, TROUBLES, FORGET_MS = 20 };
 static const char *const trouble[TROUBLES] = {"malformed", "mute", "hangup", "gone", "cold", "sticky"};
 static int in[TROUBLES];
 
-static kn_arm arm;
+static kn_held_device arm;
 static double force_n[3];
 static int now_ms, force_age_ms, seconds, timer_fd, clients;
 static long long messages, wrong, greetings;
@@ -131,7 +131,7 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
         double path_m[3] = {0}, path_m_s[3] = {0};
         force_age_ms += !in[STICKY];
         if (begun) path_m[2] = kn_person_z(now_ms, &path_m_s[2]);
-        kn_arm_tick(&arm, force_age_ms <= FORGET_MS ? force_n : (double[3]){0}, path_m, path_m_s);
+        kn_held_device_tick(&arm, force_age_ms <= FORGET_MS ? force_n : (double[3]){0}, path_m, path_m_s);
         now_ms += begun;
     }
     if (in[HANGUP]) lws_callback_on_writable_all_protocol(watcher->data, &protocols[0]);
@@ -161,13 +161,13 @@ static void on_line(struct ev_loop *ev, ev_io *watcher, int events)
 int main(int argc, char **argv)
 {
     // An Inverse3 as felt at its cursor: 0.1 kg, little friction, 10 N at most.
-    const kn_arm_def def = {.mass_kg = 0.1,
-                            .damping_n_s_m = 0.2,
-                            .coulomb_n = 0.05,
-                            .encoder_m = 20e-6,
-                            .force_limit_n = 10.0,
-                            .axes = 3,
-                            .grip = KN_GRIP_NORMAL};
+    const kn_held_device_def def = {.mass_kg = 0.1,
+                                    .damping_n_s_m = 0.2,
+                                    .coulomb_n = 0.05,
+                                    .encoder_m = 20e-6,
+                                    .force_limit_n = 10.0,
+                                    .axes = 3,
+                                    .grip = KN_GRIP_NORMAL};
     const struct itimerspec every = {{0, 1000000}, {0, 1000000}};
     struct ev_loop *ev = ev_default_loop(0);
     void *loops[1] = {ev};
@@ -181,8 +181,8 @@ int main(int argc, char **argv)
     if (seconds <= 0 || info.port <= 0) return fprintf(stderr, "usage: haply PORT SECONDS\n"), 2;
     lws_set_log_level(LLL_ERR, NULL);
     setvbuf(stdout, NULL, _IOLBF, 0);
-    kn_join_priority(60);
-    kn_arm_init(&arm, &def, (double[3]){0});
+    kn_bus_client_priority(60);
+    kn_held_device_init(&arm, &def, (double[3]){0});
     struct lws_context *context = lws_create_context(&info);
     timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK);
     if (!context || timer_fd < 0 || timerfd_settime(timer_fd, 0, &every, NULL)) return 3;

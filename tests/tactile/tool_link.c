@@ -12,7 +12,7 @@
 //
 // At the end, or on SIGTERM, the counts of each direction:  poses carried N lost N flipped N twice N swapped N
 #include "tests/tactile/link.h"
-#include "clients/knead/join.h"
+#include "clients/hand/bus_client.h"
 #include <poll.h>
 #include <signal.h>
 #include <time.h>
@@ -72,7 +72,7 @@ int main(int argc, char **argv)
     static kn_way down, up;
     kn_link_fault f = {.burst = 1, .seed = 1};
     char error[256] = "usage: link NEAR_URL FAR_URL DELAY_MS SECONDS [FAULT=VALUE]...";
-    kn_join_priority(60);
+    kn_bus_client_priority(60);
     signal(SIGTERM, on_signal);
     bool known = argc >= 5 && take_faults(&f, argc - 5, argv + 5);
     lcm_t *near = known ? lcm_create(argv[1]) : NULL, *far = near ? lcm_create(argv[2]) : NULL;

@@ -2,7 +2,7 @@
 // end, or on a signal, print the judgement of rules.h. local: render KNEAD_CONTACT instead of KNEAD_FORCE.
 // LCM_DEFAULT_URL and KNEAD_KEY apply as for all clients.
 #include "tests/tactile/presser.h"
-#include "clients/knead/profile.h"
+#include "clients/hand/haptic_loop.h"
 #include "server/clock.h"
 #include <signal.h>
 #include <stdlib.h>
@@ -31,7 +31,7 @@ int main(int argc, char **argv)
         else return fprintf(stderr, "%s\n", error), 2;
     }
     def.probe = argv[1];
-    if (kn_profile_load(&def.render.device, "presser", profile, NULL, 0) != 0) return 2;
+    if (kn_device_profile_load(&def.render.device, "presser", profile, NULL, 0) != 0) return 2;
     signal(SIGTERM, on_signal);
     signal(SIGINT, on_signal);
     kn_presser_init(&p, x_m, &def.render);

@@ -1,0 +1,116 @@
+#ifndef KN_CLIENTS_POINTER_HAND_H
+#define KN_CLIENTS_POINTER_HAND_H
+// Simulated hand that a pointer (a mouse or a finger on a touch screen) steers. It is used as the hand of a device
+// (virtual_hand.h). A wish states the wanted place, the button and the wanted depth. The hand turns a few dozen wishes
+// per second into one pose per millisecond. The functions are pure, so that a test can play the part of kneadd.
+//
+//     wishes --> follow: hover above, come down, press, stroke, lift --> pose with bounded speed and acceleration
+//     force  --> watch:  own watchdog of 20 ms, kneadd's latch --> let go: lift, then wait for the button to come up
+//                        a fault that lifting does not clear: leave, and begin a new session
+//
+// The tool moves fast in the air only. It touches the object at the touch speed and presses at the press speed. Dough
+// at rest is as hard as a wall, and a tool that runs into a wall trips the impulse guard. The contact of a round tool
+// begins at a single point, so a round tool may arrive at its press speed. A flat tool must brake before it touches.
+#include "clients/hand/tool_height.h"
+#include "clients/hand/virtual_hand.h"
+#include "clients/viewer/camera.h"
+#include "core/model.h"
+
+typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all positions are positions of the tool
+    bool held;     // true: somebody uses the tool. false: the hand lifts the tool and ends its session
+    bool pressed;  // true: the button of the mouse is down, or the finger touches the screen
+    int32_t press; // number of the press; a new number while pressed means that the button was released in between
+    // Wanted x and y of the tool. If they change while news.depth_m > 0, the tool moves sideways through the object at
+    // constant depth.
+    double at_m[2];
+    double hover_z_m; // z of the tool at which it touches the object nowhere
+    double touch_z_m; // z at which the tool, above at_m, touches the object as the press begins; used while pressed
+    double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
+    double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
+    int32_t event;    // number of this wish, larger than that of every earlier wish; 0: no wish yet
+    // True: the wish is too old, so the tool is lifted and does not press before the button is released.
+    bool stale;
+} kn_pointer_hand_wish;
+
+typedef enum kn_pointer_hand_mode {
+    KN_POINTER_HAND_ABSENT, // the hand has let go of the tool, so no poses are sent
+    KN_POINTER_HAND_FOLLOW, // the tool follows the user's wishes
+    KN_POINTER_HAND_LET_GO, // after a fault, the hand lifts the tool and waits until kneadd clears the fault
+    KN_POINTER_HAND_SILENT  // the hand sends no poses, so that kneadd ends the session; then a new session begins
+} kn_pointer_hand_mode;
+
+typedef struct kn_pointer_hand_news { // state of the hand after one millisecond
+    kn_pointer_hand_mode mode;
+    // force_n: magnitude of the force on the hand. depth_m: depth of the tool below touch_z_m; 0 if the tool does not
+    // press.
+    double force_n, depth_m;
+    // Flags and fault in the newest force message; 0 if there is no message or the newest is too old.
+    int32_t flags, fault;
+    bool contact;
+    bool heard;    // true: kneadd answers the poses of this hand
+    bool released; // false: the button must be released before the tool presses again, for example after a fault
+    int32_t event; // number of the newest wish that kneadd has answered
+    int64_t tick;  // tick in which kneadd answered the wish `event`
+} kn_pointer_hand_news;
+
+typedef struct kn_pointer_hand {
+    bool flat; // true: the tool has a flat underside, see tool_height.h
+    kn_pointer_hand_wish wish;
+    kn_pointer_hand_mode mode;
+    kn_watchdog watchdog;
+    kn_hand_force force;
+    kn_tool_path_point point;
+    int64_t session, seq;
+    int mode_ms;
+    // Lowest z that the tool has reached in this press, at most touch_z_m; INFINITY: the tool is not pressing.
+    double ground_m;
+    // placed: `point` has a position. barred: the tool must not press before the button is released.
+    bool placed, barred;
+    int32_t asked_event; // number of the wish that was sent with pose asked_seq and is not answered yet; 0: none
+    int64_t asked_seq;
+    kn_pointer_hand_news news;
+} kn_pointer_hand;
+
+// Initialise a pointer in mode ABSENT. shape: shape of the tool that the pointer moves. session: the first session has
+// the number session + 1, and the number of every later session is larger by one.
+void kn_pointer_hand_init(kn_pointer_hand *pointer, kn_probe_shape shape, int64_t session);
+
+// Advance the hand by one ms and update pointer->news. wish: the newest wish of the user, which may be the same as in
+// the last call. force, elapsed_ms: as for kn_virtual_device_hand.
+kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
+                                 int elapsed_ms);
+
+// Translation of a pointer's place in a picture into a wish for a tool: the place and height at which the
+// tool hovers, the height at which it would touch the object, and the largest depth of a press.
+
+typedef struct kn_pointer_hand_reach {
+    const kn_model_def *def; // model of the scene; def and tool must outlive the reach
+    const kn_probe_def *tool;
+    uint8_t *top;       // marks the vertices of the top face, see kn_tool_height_top
+    int vertices;       // number of vertices of the scene's mesh
+    double extent_m[3]; // size of the undeformed object along x, y, z
+    kn_camera camera;   // camera that draws the picture in which the user points
+} kn_pointer_hand_reach;
+
+// Prepare a reach for one tool and the camera of one picture. Return false when memory is short.
+bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *reach, const kn_model_def *def, const kn_probe_def *tool,
+                                const kn_camera_view *view);
+// Change the camera of the picture in which the user points.
+void kn_pointer_hand_reach_look(kn_pointer_hand_reach *reach, const kn_camera_view *view);
+void kn_pointer_hand_reach_close(kn_pointer_hand_reach *reach);
+
+// Return true if the mesh is complete and belongs to the reach's scene. The functions below may only be called with
+// such a mesh.
+bool kn_pointer_hand_reach_fits(const kn_pointer_hand_reach *reach, const kn_mesh *mesh);
+// Set wish->hover_z_m above the highest point of the mesh.
+void kn_pointer_hand_reach_hover(const kn_pointer_hand_reach *reach, const kn_mesh *mesh, kn_pointer_hand_wish *wish);
+// Set wish->at_m to the place in the plane of the object's top that is seen at (u, v) in the picture. If the plane is
+// not seen at (u, v), leave the wish unchanged.
+void kn_pointer_hand_reach_aim(const kn_pointer_hand_reach *reach, double u, double v, kn_pointer_hand_wish *wish);
+// Set wish->touch_z_m and wish->flush_z_m at wish->at_m. Return false if no part of the object is under the tool.
+bool kn_pointer_hand_reach_touch(const kn_pointer_hand_reach *reach, const kn_mesh *mesh, kn_pointer_hand_wish *wish);
+// Return the largest depth of a press below wish->touch_z_m, m. While nothing is pressed, return the largest depth
+// below the top of the undeformed object.
+double kn_pointer_hand_reach_deepest(const kn_pointer_hand_reach *reach, const kn_pointer_hand_wish *wish);
+
+#endif

@@ -1,0 +1,488 @@
+#include "clients/identify/table_reader.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include <ctype.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define GRAVITY 9.80665 // m/s^2, turns a mass into a weight; the same value as in core/scene/units.h
+
+// ---- units
+
+// Units that core/scene/units.h lacks. A scene needs only one spelling of each unit, but measured files use many.
+static const struct also {
+    const char *text, *si;
+    double times, over;
+} also[] = {{"-", "1", 1, 1},          {"percent", "1", 1, 100}, {"pct", "1", 1, 100},    {"sec", "s", 1, 1},
+            {"seconds", "s", 1, 1},    {"second", "s", 1, 1},    {"min", "s", 60, 1},     {"minutes", "s", 60, 1},
+            {"h", "s", 3600, 1},       {"hr", "s", 3600, 1},     {"hours", "s", 3600, 1}, {"kHz", "1/s", 1e3, 1},
+            {"mHz", "1/s", 1, 1e3},    {"mPa", "Pa", 1, 1e3},    {"GPa", "Pa", 1e9, 1},   {"kN", "N", 1e3, 1},
+            {"uN", "N", 1, 1e6},       {"bar", "Pa", 1e5, 1},    {"dyn", "N", 1, 1e5},    {"dyn/cm^2", "Pa", 1, 10},
+            {"1/kPa", "1/Pa", 1, 1e3}, {"1/MPa", "1/Pa", 1, 1e6}};
+
+typedef struct spelling {
+    const char *as, *is;
+} spelling;
+
+// A longer spelling must come before a shorter one that it begins with.
+static const spelling unit_spellings[] = {{"\xc2\xb5", "u"},
+                                          {"\xce\xbc", "u"},
+                                          {"\xc2\xb2", "^2"},
+                                          {"\xc2\xb3", "^3"},
+                                          {"\xe2\x81\xbb\xc2\xb9", "^-1"},
+                                          {"\xe2\x81\xbb\xc2\xb2", "^-2"},
+                                          {"\xc2\xb7", "*"},
+                                          {"\xe2\x8b\x85", "*"},
+                                          {"\xc2\xb0", "deg"},
+                                          {"\xb5", "u"},
+                                          {"\xb2", "^2"},
+                                          {"\xb0", "deg"}};
+
+static const spelling name_spellings[] = {{"\xcf\x89", "omega"}, {"\xce\xb4", "delta"},
+                                          {"\xce\xb3", "gamma"}, {"\xce\xb5", "epsilon"},
+                                          {"\xcf\x83", "sigma"}, {"\xcf\x84", "tau"},
+                                          {"\xe2\x80\xb2", "'"}, {"\xe2\x80\xb3", "''"},
+                                          {"\xe2\x80\x99", "'"}, {"\xe2\x80\x9d", "''"},
+                                          {"\"", "''"},          {"_", " "},
+                                          {"\t", " "},           {":", " "},
+                                          {"\xce\x94", "delta "}};
+
+// Copy text with the listed spellings replaced, as far as there is room.
+static void respell(char *to, size_t size, const char *text, const spelling *list, size_t count)
+{
+    size_t n = 0;
+    while (*text && n + 8 < size) {
+        size_t i = 0;
+        while (i < count && strncmp(text, list[i].as, strlen(list[i].as)) != 0) i++;
+        if (i < count) {
+            text += strlen(list[i].as);
+            n += (size_t)sprintf(to + n, "%s", list[i].is);
+        } else {
+            to[n++] = *text++;
+        }
+    }
+    to[n] = '\0';
+}
+
+// Parse a unit with core/scene/units.h. A negative power of ten goes into `over`, which keeps the conversion exact.
+static bool measure_of(kn_column_unit *m, const char *text, char *error, size_t error_size)
+{
+    kn_unit unit;
+    if (!kn_unit_parse(&unit, text, error, error_size)) return false;
+    *m = (kn_column_unit){.dimension = {.m = unit.m, .kg = unit.kg, .s = unit.s, .rad = unit.rad}, .over = 1};
+    // powers of ten are exact in double precision up to 1e22
+    for (; unit.ten < 0 && m->over < 1e22; unit.ten++) m->over *= 10;
+    kn_quantity one = {.digits = "1", .unit = unit};
+    m->times = kn_quantity_in(&one, &m->dimension);
+    return isfinite(m->times) && m->times > 0;
+}
+
+// Normalise a unit: "Pa.s" becomes a product, "cm2" a power.
+static void tidy(char *to, size_t size, const char *text)
+{
+    char plain[KN_HEADING_NAME];
+    size_t n = 0;
+    respell(plain, sizeof plain, text, unit_spellings, sizeof unit_spellings / sizeof *unit_spellings);
+    for (const char *p = plain; *p && n + 3 < size; p++) {
+        const bool after_letter = p > plain && isalpha((unsigned char)p[-1]);
+        if (*p == '.' && after_letter && isalpha((unsigned char)p[1])) to[n++] = '*';
+        else {
+            if (isdigit((unsigned char)*p) && after_letter) to[n++] = '^';
+            to[n++] = *p;
+        }
+    }
+    while (n > 0 && to[n - 1] == ' ') n--;
+    to[n] = '\0';
+}
+
+bool kn_column_unit_parse(kn_column_unit *m, const char *text, char *error, size_t error_size)
+{
+    char clean[KN_HEADING_NAME], unsaid[100];
+    tidy(clean, sizeof clean, text + strspn(text, " "));
+    if (!error) error = unsaid, error_size = sizeof unsaid;
+    for (size_t i = 0; i < sizeof also / sizeof *also; i++) {
+        if (strcmp(clean, also[i].text) != 0) continue;
+        measure_of(m, also[i].si, error, error_size);
+        m->times = also[i].times;
+        m->over = also[i].over;
+        return true;
+    }
+    return measure_of(m, clean, error, error_size);
+}
+
+bool kn_column_unit_is(const kn_column_unit *m, const char *unit)
+{
+    kn_column_unit other;
+    return measure_of(&other, unit, (char[100]){0}, 100) && kn_unit_same_dimension(&m->dimension, &other.dimension);
+}
+
+double kn_column_unit_si(const kn_column_unit *m, double number) { return number * m->times / m->over; }
+
+// ---- headings
+
+void kn_text_clean(char *text)
+{
+    for (char *p = text; *p; p++)
+        if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
+}
+
+// Copy without blanks at either end and without control characters.
+static void copy(char *to, size_t size, const char *text, size_t length)
+{
+    while (length > 0 && isspace((unsigned char)*text)) text++, length--;
+    while (length > 0 && isspace((unsigned char)text[length - 1])) length--;
+    snprintf(to, size, "%.*s", (int)length, text);
+    kn_text_clean(to);
+}
+
+// Take the text as the unit of the heading, if it is one.
+static bool take_unit(kn_heading *h, const char *text, size_t length)
+{
+    char unit[KN_HEADING_NAME];
+    if (length >= sizeof unit) return false;
+    copy(unit, sizeof unit, text, length);
+    if (!kn_column_unit_parse(&h->unit, unit, NULL, 0)) return false;
+    snprintf(h->unit_text, sizeof h->unit_text, "%s", unit);
+    return h->has_unit = true;
+}
+
+// "name (unit)" or "name [unit]": take the last pair of brackets that holds a unit, as in "G(t) [Pa] (mean)".
+static bool in_brackets(kn_heading *h, char *text)
+{
+    for (char *open = text + strlen(text); open-- > text;) {
+        if (*open != '(' && *open != '[') continue;
+        const char *close = strchr(open, *open == '(' ? ')' : ']');
+        if (!close || !take_unit(h, open + 1, (size_t)(close - open - 1))) continue;
+        memmove(open, close + 1, strlen(close + 1) + 1);
+        size_t n = strlen(text);
+        while (n > 0 && strchr(" /,", text[n - 1])) text[--n] = '\0';
+        return true;
+    }
+    return false;
+}
+
+// "name / unit" or "name, unit".
+static bool after_mark(kn_heading *h, char *text, char mark)
+{
+    for (char *at = strchr(text, mark); at; at = strchr(at + 1, mark)) {
+        if (at == text || isdigit((unsigned char)at[-1]) || !take_unit(h, at + 1, strlen(at + 1))) continue;
+        *at = '\0';
+        return true;
+    }
+    return false;
+}
+
+// Read a suffix like _pa, _rad_s or _per_pa as a unit. Small letters stand for capitals, and _ stands for characters
+// that a name cannot hold.
+static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
+{
+    static const spelling small[] = {{"pa", "Pa"}, {"kpa", "kPa"}, {"mpa", "MPa"}, {"gpa", "GPa"},
+                                     {"n", "N"},   {"mn", "mN"},   {"hz", "Hz"},   {"khz", "kHz"}};
+    char unit[KN_HEADING_NAME] = "", part[KN_HEADING_NAME];
+    if (length >= 24) return false;
+    for (size_t at = 0; at <= length;) {
+        size_t n = at;
+        while (n < length && suffix[n] != '_') n++;
+        copy(part, sizeof part, suffix + at, n - at);
+        for (size_t i = 0; i < sizeof small / sizeof *small; i++)
+            if (!strcmp(part, small[i].as)) snprintf(part, sizeof part, "%s", small[i].is);
+        const bool per = !strcmp(part, "per");
+        snprintf(unit + strlen(unit), sizeof unit - strlen(unit), "%s%.20s",
+                 at && !per && *unit && !strstr(unit, "1/") ? "/" : "", per ? *unit ? "" : "1/" : part);
+        at = n + 1;
+    }
+    return take_unit(h, unit, strlen(unit));
+}
+
+// Take the longest suffix after an underscore that is a unit. The first word with such a suffix counts: "omega_rad_s",
+// "displacement_mm 10 gf".
+static bool after_underscore(kn_heading *h, char *text)
+{
+    for (char *word = text; *word; word += strspn(word, " ")) {
+        size_t length = strcspn(word, " ");
+        for (char *at = word + 1; length > 0 && at < word + length; at++) {
+            if (*at != '_' || !take_suffix(h, at + 1, (size_t)(word + length - at - 1))) continue;
+            memmove(at, word + length, strlen(word + length) + 1);
+            return true;
+        }
+        word += length;
+    }
+    return false;
+}
+
+// Take the last word as the unit, as in "Strain %". A word after a number is not taken: "displacement 10 gf" names a
+// load.
+static bool last_word(kn_heading *h, char *text)
+{
+    char *at = strrchr(text, ' ');
+    if (!at || at == text || isdigit((unsigned char)at[1]) || !strcmp(at + 1, "-")) return false;
+    char *before = at;
+    while (before > text && before[-1] != ' ') before--;
+    if (isdigit((unsigned char)*before) || !take_unit(h, at + 1, strlen(at + 1))) return false;
+    *at = '\0';
+    return true;
+}
+
+// Make the form of the name that is compared: small letters, single blanks, Greek letters spelt out.
+static void simplify(char word[KN_HEADING_NAME], const char *name)
+{
+    char spelt[KN_HEADING_NAME];
+    size_t n = 0;
+    respell(spelt, sizeof spelt, name, name_spellings, sizeof name_spellings / sizeof *name_spellings);
+    for (const char *p = spelt; *p; p++) {
+        if (*p == ' ' && (n == 0 || word[n - 1] == ' ')) continue;
+        if (*p == '.' && !isdigit((unsigned char)p[1])) continue;
+        word[n++] = (char)tolower((unsigned char)*p);
+    }
+    while (n > 0 && word[n - 1] == ' ') n--;
+    word[n] = '\0';
+}
+
+// Text in square brackets at the end is meant as a unit, even if it is unknown: "displacement [furlong]".
+static void unknown_unit(kn_heading *h, char *text)
+{
+    const size_t n = strlen(text);
+    char *open = strrchr(text, '[');
+    if (!open || open == text || text[n - 1] != ']' || open + 2 == text + n) return;
+    copy(h->unit_text, sizeof h->unit_text, open + 1, (size_t)(text + n - 2 - open));
+    *open = '\0';
+}
+
+void kn_heading_read(kn_heading *h, const char *text)
+{
+    char left[KN_HEADING_NAME];
+    memset(h, 0, sizeof *h);
+    copy(left, sizeof left, text, strlen(text));
+    // Try the notations of a unit from the most to the least explicit.
+    const bool known = in_brackets(h, left) || after_mark(h, left, '/') || after_mark(h, left, ',') ||
+                       after_underscore(h, left) || last_word(h, left);
+    if (!known) unknown_unit(h, left);
+    copy(h->name, sizeof h->name, left, strlen(left));
+    simplify(h->word, h->name);
+}
+
+bool kn_heading_quantity(const char *text, const char *unit, double *value, char *error, size_t error_size)
+{
+    char number[48], *end;
+    kn_column_unit m;
+    text += strspn(text, " ");
+    size_t n = strspn(text, "+-0123456789.,eE");
+    // an e or E at the end of the number is the first letter of the unit, not an exponent
+    while (n > 0 && (text[n - 1] == 'e' || text[n - 1] == 'E')) n--;
+    snprintf(number, sizeof number, "%.*s", (int)n, text);
+    if (strchr(number, ',') && !strchr(number, '.')) *strchr(number, ',') = '.';
+    *value = strtod(number, &end);
+    const bool bare = !text[n + strspn(text + n, " ")];
+    if (n == 0 || n >= sizeof number || *end || !isfinite(*value))
+        return snprintf(error, error_size, "'%.24s' is no quantity, expected a number with a unit, like 1 %s", text,
+                        unit),
+               false;
+    if (bare && strcmp(unit, "1") != 0)
+        return snprintf(error, error_size, "'%.24s' has no unit, expected e.g. %.20s %s", text, number, unit), false;
+    if (bare) return true;
+    if (!kn_column_unit_parse(&m, text + n, error, error_size)) return false;
+    if (!strcmp(unit, "N") && kn_column_unit_is(&m, "kg")) *value *= GRAVITY;
+    else if (!kn_column_unit_is(&m, unit))
+        return snprintf(error, error_size, "'%.24s' is not in units of %s", text, unit), false;
+    *value = kn_column_unit_si(&m, *value);
+    return true;
+}
+
+// ---- the quantity of a column
+
+// Each quantity: its name, its SI unit, and the names of its column in small letters, preferred names first. A name
+// that begins with a blank, " time", also matches as part of a longer name, "test time". The time of the whole test is
+// preferred to the time within a step or interval.
+enum { NAME, UNIT, COLUMNS };
+static const char *const quantities[][17] = {
+    [KN_TIME] = {"time", "s", "total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t",
+                 "zeit", "step time", "interval time", " time"},
+    [KN_HEIGHT] = {"height", "m", "height", "h", "gap", "thickness", "sample height", "l", " height", " gap",
+                   " thickness"},
+    [KN_DISPLACEMENT] = {"displacement", "m", "displacement", "disp", "deformation", "deflection", "compression",
+                         "indentation", "stroke", "extension", "distance", "travel", "d", " displacement",
+                         " deformation", " distance"},
+    [KN_STRAIN] = {"strain", "1", "strain", "compressive strain", "engineering strain", "shear strain", "gamma",
+                   "epsilon", "deformation", "compression", "x", " strain"},
+    [KN_COMPLIANCE] = {"compliance", "1/Pa", "compliance", "creep compliance", "j", "j(t)", "d(t)", " compliance"},
+    [KN_LOAD] = {"load", "N", "load", "force", "weight", "f", "w", "compressive force", "kraft", " load", " force"},
+    [KN_STRESS] = {"stress", "Pa", "stress", "shear stress", "compressive stress", "sigma", "tau", "pressure", "p",
+                   " stress"},
+    [KN_MODULUS] = {"modulus", "Pa", "modulus", "relaxation modulus", "g(t)", "e(t)", "g", "e", "complex modulus",
+                    "shear modulus", "|g*|", "|e*|", "g*", "e*", "dynamic modulus", " relaxation modulus"},
+    [KN_FREQUENCY] = {"frequency", "1/s", "frequency", "freq", "f", "angular frequency", "omega", "w", "ang. frequency",
+                      " frequency"},
+    [KN_STORAGE] = {"storage modulus", "Pa", "g'", "e'", "storage modulus", "storage", "gp", "elastic modulus",
+                    "shear storage modulus", " storage modulus"},
+    [KN_LOSS] = {"loss modulus", "Pa", "g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus",
+                 "shear loss modulus", "shear modulus (viscous component)", " loss modulus"},
+    [KN_TANGENT] = {"tan delta", "1", "tan delta", "tan(delta)", "tandelta", "tan d", "loss tangent", "loss factor",
+                    "damping factor", "tan(d)"},
+    [KN_PHASE] = {"phase angle", "rad", "phase angle", "delta", "phase", "phase shift", "phase shift angle",
+                  "phase lag", " phase angle"}};
+
+const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q][NAME]; }
+
+// Return whether the unit fits the quantity. A load may be in grams or kilograms, which mean gf and kgf. A frequency
+// may be in rad/s.
+static bool fits(const kn_heading *h, kn_column_quantity q)
+{
+    if (kn_column_unit_is(&h->unit, quantities[q][UNIT])) return true;
+    if (q == KN_LOAD) return kn_column_unit_is(&h->unit, "kg");
+    if (q == KN_PHASE) return kn_column_unit_is(&h->unit, "1");
+    return q == KN_FREQUENCY && kn_column_unit_is(&h->unit, "rad/s");
+}
+
+// Convert grams-force to newtons and rad/s to Hz in the heading. A second call changes nothing.
+static void convert(kn_heading *h, kn_column_quantity q)
+{
+    const bool angular = kn_column_unit_is(&h->unit, "rad/s") || strstr(h->word, "ang") || strstr(h->word, "omega") ||
+                         !strcmp(h->word, "w");
+    if (q == KN_LOAD && kn_column_unit_is(&h->unit, "kg")) {
+        h->unit.times *= GRAVITY;
+        kn_column_unit newton;
+        if (kn_column_unit_parse(&newton, "N", NULL, 0)) h->unit.dimension = newton.dimension;
+    } else if (q == KN_FREQUENCY && angular && strcmp(h->unit_text, "Hz") != 0) {
+        h->unit.over *= 2 * M_PI;
+        h->unit.dimension.rad = 0;
+        snprintf(h->unit_text, sizeof h->unit_text, "Hz");
+    }
+}
+
+static bool ends_with(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+    return n > m && !strcmp(text + n - m, end);
+}
+
+// Return whether the column has this name, or contains it if the name begins with a blank. A strain rate is not a
+// strain.
+static bool is_called(const kn_heading *h, const char *name)
+{
+    if (*name != ' ') return !strcmp(h->word, name);
+    if (!strcmp(h->word, name + 1)) return true;
+    const char *rest = h->word + strlen(name + 1);
+    return !ends_with(h->word, " rate") &&
+           (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
+}
+
+// Return whether the unit of the column is one of the quantity. A strain and tan delta need no unit.
+static bool is_it(const kn_heading *h, kn_column_quantity q)
+{
+    return h->has_unit ? fits(h, q) : (q == KN_STRAIN || q == KN_TANGENT) && !*h->unit_text;
+}
+
+// Return whether the quantity in the column is certain: the column has a unit, or its name is the quantity's own word
+// or letter. A column named x without a unit may hold anything.
+bool kn_column_is_sure(const kn_heading *h, kn_column_quantity q)
+{
+    const bool letter = q == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
+    return h->has_unit || letter || strstr(h->word, quantities[q][NAME]);
+}
+
+// Return a second column with exactly the same name and dimension as `column`, or -1. An uncertain second column does
+// not count if `column` is certain. If there are two columns, the intended one is unknown.
+static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name, int column)
+{
+    const bool sure = kn_column_is_sure(&s->column[column].heading, q);
+    for (int c = column + 1; *name != ' ' && c < s->columns; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        if (is_called(h, name) && is_it(h, q) && (kn_column_is_sure(h, q) || !sure)) return c;
+    }
+    return -1;
+}
+
+// Return the first column with a name and the unit of the quantity, or -1. Preferred names come first. `sure`: only a
+// column whose quantity is certain. *other is the first column that has the name, but a wrong unit or no unit.
+static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, const char **name, int *other)
+{
+    *other = -1;
+    for (const char *const *n = quantities[q] + COLUMNS; (*name = *n); n++)
+        for (int c = 0; c < s->columns; c++) {
+            const kn_heading *h = &s->column[c].heading;
+            if (!is_called(h, *n)) continue;
+            if (is_it(h, q) && (!sure || kn_column_is_sure(h, q))) return c;
+            // a name other than the own word of the quantity may mean something else
+            const bool its_own = !strcmp(*n, quantities[q][NAME]);
+            if (*other < 0 && !is_it(h, q) && **n != ' ' && (its_own || !h->has_unit)) *other = c;
+        }
+    return -1;
+}
+
+int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
+{
+    const char *name, *its_name = quantities[q][NAME], *its_unit = quantities[q][UNIT];
+    int other, column = match(s, q, true, &name, &other);
+    // If the quantity is certain in no column, take an uncertain one.
+    if (column < 0) column = match(s, q, false, &name, &other);
+    const int again = column >= 0 && code ? twin(s, q, name, column) : -1;
+    if (again >= 0) {
+        *code = kn_table_reader_complain(s, s->header_line, s->column[again].at,
+                                         "a second column of %s, '%s', expected one: remove the other", its_name,
+                                         s->column[again].heading.name);
+        return -1;
+    }
+    if (column >= 0) convert(&s->column[column].heading, q);
+    if (column >= 0 || other < 0 || !code) return column;
+    // No column fits. Say what is wrong with the unit of the column that has the name.
+    const kn_heading *h = &s->column[other].heading;
+    const int at = s->column[other].at;
+    if (!h->has_unit && *h->unit_text)
+        *code =
+            kn_table_reader_complain(s, s->header_line, at, "%s: the unit '%s' is unknown, expected one of %s, e.g. %s",
+                                     h->name, h->unit_text, its_name, its_unit);
+    else if (h->has_unit)
+        *code = kn_table_reader_complain(s, s->header_line, at, "%s in '%s', expected a %s, e.g. in %s", h->name,
+                                         h->unit_text, its_name, its_unit);
+    else
+        *code = kn_table_reader_complain(s, s->header_line, at,
+                                         "%s has no unit, expected one, e.g. '%s [%s]', or --units '%s=%s'", h->name,
+                                         h->name, its_unit, h->word, its_unit);
+    return -1;
+}
+
+int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity *wanted, kn_column_quantity *q,
+                         int *code)
+{
+    int bare = -1;
+    kn_column_quantity bare_is = *wanted;
+    for (int i = 0; i < count; i++) {
+        // the column that is not sure is kept as a fallback
+        if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
+        const int column = kn_column_find(s, *q = wanted[i], code);
+        if (*code != KN_EXIT_OK) return -1;
+        if (column >= 0 && kn_column_is_sure(&s->column[column].heading, *q)) return column;
+        if (column >= 0) bare = column, bare_is = *q;
+    }
+    *q = bare_is;
+    return bare;
+}
+
+// Find a load within a name: "10 gf", "0.1N", "W = 10 gf".
+static bool load_in(const char *name, double *load_n)
+{
+    char error[100], text[KN_HEADING_NAME];
+    for (const char *at = name; (at = strpbrk(at, "0123456789")); at += strspn(at, "0123456789.,")) {
+        const size_t number = strspn(at, "0123456789.,"), blanks = strspn(at + number, " ");
+        size_t end = number + blanks;
+        while (isalpha((unsigned char)at[end])) end++;
+        snprintf(text, sizeof text, "%.*s", (int)end, at);
+        if (kn_heading_quantity(text, "N", load_n, error, sizeof error) && *load_n > 0) return true;
+    }
+    return false;
+}
+
+int kn_column_find_loads(const kn_table_reader *s, int most, int column[], double load_n[])
+{
+    int count = 0;
+    for (int c = 0; c < s->columns && count < most; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        if (!load_in(h->name, &load_n[count])) continue;
+        if (h->has_unit ? !kn_column_unit_is(&h->unit, "m") && !kn_column_unit_is(&h->unit, "1")
+                        : *h->unit_text != '\0')
+            continue;
+        column[count++] = c;
+    }
+    return count;
+}

@@ -1,0 +1,633 @@
+// Read creep curves: the strain of a specimen under loads that are applied and removed. See measured_curve.h.
+#include "clients/identify/measured_series.h"
+#include "clients/rheometer/rheometer.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---- load steps: spans of time in which a recorded load stays near one value; readings taken while the load changes
+// ---- belong to no step
+
+enum { LOAD_STEPS = 32 };
+
+typedef struct load_step {
+    double load; // mean load of the step; a mean below 2 % of the largest load is set to 0
+    // The step began between the reading at early_s and the reading at late_s. If early_s = late_s, the begin of the
+    // step is known exactly.
+    double early_s, late_s;
+    int begin, end; // the readings begin..end-1 belong to the step
+} load_step;
+
+typedef struct load_steps {
+    int count; // number of steps; 0: the load has more than LOAD_STEPS steps, or none
+    load_step step[LOAD_STEPS];
+    int between; // number of readings that belong to no step; the values of these readings are set to NAN
+} load_steps;
+
+// Limits as shares of the largest load: loads closer than `near_load` count as one load, loads below `zero_load` as no
+// load. The noise of a load cell is below these limits, a change of load by a weight is above.
+static const double near_load = 0.04, zero_load = 0.02;
+
+// Return the end of the plateau of the load that begins at the reading `begin`, and set *mean to the mean load of the
+// plateau. Single readings off the plateau are skipped.
+static int plateau(int count, const double *load, int begin, double tolerance, double *mean)
+{
+    double sum = 0;
+    int n = 0, i = begin;
+    for (; i < count; i++) {
+        const bool here = n == 0 || fabs(load[i] - sum / n) <= tolerance;
+        if (!here && !(i + 1 < count && fabs(load[i + 1] - sum / n) <= tolerance)) break;
+        if (here) sum += load[i], n++;
+    }
+    *mean = sum / n;
+    return i;
+}
+
+// Return whether the next reading confirms the load of reading i.
+static bool confirmed(int count, const double *load, int i, double tolerance)
+{
+    return i == 0 || i + 1 == count || fabs(load[i + 1] - load[i]) <= tolerance;
+}
+
+// Find the steps. A new step begins where the load changes by more than 4 % of the largest load and the next reading
+// confirms the change. The first and the last reading need no confirmation.
+static void find_steps(load_steps *s, kn_curve *c)
+{
+    const double most = kn_largest_magnitude(c->count, c->load), tolerance = near_load * most;
+    *s = (load_steps){0};
+    for (int i = 0; i < c->count;) {
+        // A reading that the next one does not confirm belongs to no step.
+        if (!confirmed(c->count, c->load, i, tolerance)) {
+            c->value[i++] = NAN;
+            s->between++;
+            continue;
+        }
+        if (s->count == LOAD_STEPS) {
+            s->count = 0;
+            return;
+        }
+        load_step *step = &s->step[s->count++];
+        step->begin = i;
+        step->end = i = plateau(c->count, c->load, i, tolerance, &step->load);
+        // Readings off the plateau belong to no step.
+        for (int k = step->begin; k < step->end; k++) {
+            if (fabs(c->load[k] - step->load) <= tolerance) continue;
+            c->value[k] = NAN;
+            s->between++;
+        }
+        step->late_s = c->time_s[step->begin];
+        step->early_s = s->count > 1 ? c->time_s[step[-1].end - 1] : step->late_s;
+        if (fabs(step->load) <= zero_load * most) step->load = 0;
+        for (int k = step->begin; k < step->end; k++) c->load[k] = step->load;
+    }
+}
+
+// Count the plateaus. Set *scatter to the sum of squared differences from their means.
+static int pieces(int count, const double *load, double *scatter)
+{
+    const double tolerance = near_load * kn_largest_magnitude(count, load);
+    int n = 0;
+    double mean;
+    *scatter = 0;
+    for (int i = 0, end; i < count; i = end, n++) {
+        end = plateau(count, load, i, tolerance, &mean);
+        for (int k = i; k < end; k++)
+            if (fabs(load[k] - mean) <= tolerance) *scatter += (load[k] - mean) * (load[k] - mean);
+    }
+    return n;
+}
+
+// Return whether the load a[] consists of steps more clearly than the load b[]. This is the case if a[] has fewer steps
+// than b[], or if both have equally many steps and a[] scatters less than half as much around its steps.
+static bool is_flatter(int count, const double *a, const double *b)
+{
+    double of_a, of_b;
+    const int more = pieces(count, a, &of_a) - pieces(count, b, &of_b);
+    return more < 0 || (more == 0 && of_a < 0.5 * of_b);
+}
+
+// ---- the onset of the strain
+
+static const double sure = 4; // a difference of more than this many standard deviations of the noise counts as certain
+// least number of readings in a fitted line; with three readings, residuals show a stray reading
+enum { LEAST = 3 };
+
+typedef struct level {
+    double strain, variance;
+} level;
+
+// Return the initial level: the mean of the first readings if they are flat, else 0.
+static level level_of(int count, const double *strain, double noise)
+{
+    double low = INFINITY, high = -INFINITY, sum = 0;
+    for (int i = 0; i < LEAST && i < count; i++) {
+        low = fmin(low, strain[i]);
+        high = fmax(high, strain[i]);
+        sum += strain[i];
+    }
+    if (count < LEAST || !(high - low <= sure * noise)) return (level){0, 0};
+    return (level){sum / LEAST, noise * noise / LEAST};
+}
+
+// Find where the line through n readings meets the level, and the standard deviation of that moment. Return false if
+// the noise hides the slope.
+static bool meets(int n, const double *t, const double *x, level from, double noise, double *at_s, double *error_s)
+{
+    double time = 0, strain = 0, tt = 0, tx = 0, left = 0;
+    for (int i = 0; i < n; i++) time += t[i] / n, strain += x[i] / n;
+    for (int i = 0; i < n; i++) {
+        tt += (t[i] - time) * (t[i] - time);
+        tx += (t[i] - time) * (x[i] - strain);
+    }
+    const double slope = tx / tt;
+    for (int i = 0; i < n; i++) left += pow(x[i] - strain - slope * (t[i] - time), 2) / (n - 2);
+    // Use the larger of two variances: that of the known noise and that of the residuals of the line.
+    const double variance = fmax(noise * noise, left);
+    if (!(slope > sure * sqrt(variance / tt))) return false;
+    *at_s = time - (strain - from.strain) / slope;
+    *error_s = sqrt(variance * (1.0 / n + pow(*at_s - time, 2) / tt) + from.variance) / slope;
+    return true;
+}
+
+double kn_strain_onset(int count, const double *t, const double *x, double noise, double *least_s)
+{
+    const level from = level_of(count, x, noise);
+    double most = 0, best_s = -INFINITY, at_s, error_s;
+    int begin = 0;
+    *least_s = -INFINITY;
+    for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
+    // If the first strain is clearly below the mean strain before the load, the gauge was not set to 0, and no onset can
+    // be found.
+    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
+    // Skip the readings that are still at the level. Then try lines of 3, 6, 12, ... readings up to half of the strain.
+    // Keep the line whose lower limit of the time (the meeting time minus four standard deviations) is the latest.
+    while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
+    for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
+        if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)
+            continue;
+        *least_s = at_s - sure * error_s;
+        best_s = at_s;
+    }
+    return best_s;
+}
+
+// ---- the load of a curve
+
+// Convert the stress to the nominal stress, the load W over the initial area S0. The data may hold the true stress
+// instead. For a specimen of height h, initially h0, the true stress is W h/(S0 h0); divided by 1 - strain, it is
+// constant under each load. If the stress is nominal already, set c->constant_area.
+static void to_nominal(const kn_curve_file *f, kn_curve *c)
+{
+    c->constant_area = true;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > 0.95) return; // so large a strain cannot be compression, so leave the stress unchanged
+    double *nominal = malloc((size_t)c->count * sizeof *nominal);
+    if (!nominal) return;
+    for (int i = 0; i < c->count; i++) nominal[i] = c->load[i] / (1 - c->value[i]);
+    if (is_flatter(c->count, nominal, c->load)) {
+        c->constant_area = f->constant_area;
+        memcpy(c->load, nominal, (size_t)c->count * sizeof *nominal);
+    }
+    free(nominal);
+}
+
+// Return the time at which the load changed. The strain is continuous, and only its slope jumps with the load. So the
+// load changed where the lines through the readings before and after meet. If noise hides the jump, return the middle
+// between the readings.
+static double moment(const kn_curve *c, const load_step *s, double noise)
+{
+    const double *t = c->time_s + s->begin, *x = c->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
+    const int a = s->begin - 1;
+    if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
+    const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
+    // after the change the slope of the strain falls, so the slope right after the change is extrapolated from the
+    // slopes of the next two intervals
+    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
+    const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
+    // The time at which both lines meet is used only if its noise is below a quarter of the time between the readings.
+    if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
+    return fmin(fmax(meet, s->early_s), s->late_s);
+}
+
+// Add the first load. No reading comes before it, so the readings do not show its time. If no note gives the time,
+// report a strain that begins later than the assumed time of the load. If the height is counted from the first reading,
+// the strain is 0 there by definition, so only a begin after the first reading is reported.
+static void add_first_load(const kn_curve_file *f, kn_curve *c, double stress_pa, double noise)
+{
+    const double begin = kn_curve_begin(f, c), span = c->time_s[c->count - 1] - c->time_s[0];
+    const bool from_first = c->height_m > 0 && !isfinite(f->height_m);
+    double least_s;
+    c->step[c->steps++] = (kn_curve_step){begin, stress_pa, begin, begin};
+    const double at_s = kn_strain_onset(c->count, c->time_s, c->value, noise, &least_s);
+    if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, c->time_s[0]) : begin) + 1e-3 * span)) return;
+    kn_curve_say(f,
+                 "the strain begins at %.6g s, but the load is assumed to begin at %.6g s, since the file does not say "
+                 "when it was applied: add a line '# begin: %.6g s' or use --late",
+                 at_s, begin, at_s);
+}
+
+// Convert the plateaus of the recorded load to load steps of the curve.
+static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, double noise)
+{
+    for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
+        const load_step *s = &found->step[i];
+        if (s->load == 0 && c->steps == 0) continue; // skip times without load before the first load
+        if (s->load < 0)
+            return kn_curve_refuse(f, c->line[s->begin], -1,
+                                   "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
+        if (i == 0) add_first_load(f, c, s->load, noise);
+        else c->step[c->steps++] = (kn_curve_step){moment(c, s, noise), s->load, s->early_s, s->late_s};
+    }
+    return KN_EXIT_OK;
+}
+
+// Take the load steps from the column of load or stress beside the strain. The column is converted to nominal stress.
+// Readings that belong to no load step get the value NAN.
+static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity load_is)
+{
+    load_steps found;
+    const char *name = kn_column_quantity_name(load_is);
+    if (load_is == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    kn_curve_upright(f, c->count, c->load, name);
+    if (load_is == KN_STRESS) to_nominal(f, c);
+    for (int i = 0; i < c->count && load_is == KN_LOAD; i++) c->load[i] /= f->area_m2;
+    const double noise = kn_curve_noise(c->count, c->time_s, c->value);
+    find_steps(&found, c);
+    if (found.count == 0)
+        return kn_curve_refuse(f, c->line[0], -1, "the %s changes more than %d times, expected steps", name,
+                               LOAD_STEPS);
+    char while_it_changed[60];
+    snprintf(while_it_changed, sizeof while_it_changed, "while the %s changed", name);
+    kn_curve_say_left_out(f, found.between, while_it_changed);
+    const int code = take_steps(f, c, &found, noise);
+    if (code != KN_EXIT_OK || c->steps > 0) return code;
+    return kn_curve_refuse(f, c->line[0], -1, "the %s is 0 in all readings, expected a load on the specimen", name);
+}
+
+// Take one constant load, which is given by the name of the strain's column (`load_n`; NAN: not given), or else by a
+// note or option.
+static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, double load_n)
+{
+    double stress_pa = f->stress_pa;
+    c->constant_area |= compliance;
+    // Compliance under an unknown stress: with 1 Pa the strain equals the compliance in number.
+    if (compliance && !isfinite(stress_pa)) stress_pa = 1;
+    if (isfinite(load_n) || !isfinite(stress_pa)) {
+        if (!isfinite(load_n)) load_n = f->load_n;
+        if (!isfinite(load_n))
+            return kn_curve_refuse(f, 0, -1,
+                                   "no load, expected a column like 'load_gf', a line '# load: 50 gf' or --load 50gf");
+        if (kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+        stress_pa = load_n / f->area_m2;
+    }
+    add_first_load(f, c, stress_pa, kn_curve_noise(c->count, c->time_s, c->value));
+    return KN_EXIT_OK;
+}
+
+// Print the error that the load was removed outside the times of the curve. The message names the note or the option
+// that gives the time of the removal.
+static int bad_release(const kn_curve_file *f, double from_s, double to_s)
+{
+    const kn_table_reader *s = &f->table;
+    int n = 0;
+    while (n < s->notes && strcmp(s->note[n].key, "release") != 0) n++;
+    char text[160];
+    snprintf(text, sizeof text, "released at %g s, expected a time between the load, %g s, and the last reading, %g s",
+             f->release_s, from_s, to_s);
+    if (n < s->notes) return kn_table_reader_complain(s, s->note[n].line, s->note[n].at, "%s", text);
+    return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: %s", s->file, text);
+}
+
+// Take the time at which the load was removed from a note or option. That time is more exact than the times of the
+// readings before and after the removal.
+static int take_release(kn_curve_file *f, kn_curve *c)
+{
+    if (!isfinite(f->release_s)) return KN_EXIT_OK;
+    kn_curve_step *last = &c->step[c->steps - 1];
+    if (f->release_s <= c->step[0].time_s || f->release_s > c->time_s[c->count - 1])
+        return bad_release(f, c->step[0].time_s, c->time_s[c->count - 1]);
+    // The recorded load never ends: add the release as a step. Else refine the recorded release, if the given moment
+    // lies between the readings around it.
+    if (last->stress_pa > 0) {
+        if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
+        last = &c->step[c->steps++];
+    } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
+        kn_curve_say(f, "released at %g s according to the load, not at %g s", last->time_s, f->release_s);
+        return KN_EXIT_OK;
+    }
+    *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};
+    return KN_EXIT_OK;
+}
+
+// ---- columns
+
+static const kn_column_quantity values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE},
+                                loads[] = {KN_STRESS, KN_LOAD};
+
+typedef struct columns { // indices of columns of the table; -1: the table has no such column
+    int time, load, value;
+    kn_column_quantity what, load_is;
+    int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
+    double load_n[KN_CURVES_MAX];
+} columns;
+
+// Choose the column of the strain, or of a quantity to compute it from. A column of strain is preferred, since the
+// instrument has computed it from the true size of the specimen. Then choose the column of the load. A compliance needs
+// no load. A column of stress is preferred to one of load, since a stress needs no area.
+static int choose_single(kn_curve_file *f, columns *c)
+{
+    int code = KN_EXIT_OK;
+    c->load = -1;
+    c->value = kn_column_find_first(&f->table, 4, values, &c->what, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (c->value < 0)
+        return kn_curve_refuse(
+            f, 0, -1, "no column of height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
+    for (int i = 0; i < 2 && c->what != KN_COMPLIANCE && c->load < 0 && code == KN_EXIT_OK; i++)
+        c->load = kn_column_find(&f->table, c->load_is = loads[i], &code);
+    return code;
+}
+
+// Choose the columns of time, strain and load.
+static int choose(kn_curve_file *f, columns *c)
+{
+    int code = KN_EXIT_OK;
+    c->time = kn_column_find(&f->table, KN_TIME, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (c->time < 0) return kn_curve_refuse(f, 0, -1, "no time, expected a column like 'time_s'");
+    c->loads = kn_column_find_loads(&f->table, KN_CURVES_MAX, c->of_load, c->load_n);
+    if (c->loads == 0) return choose_single(f, c);
+    // A wide file has one column per load. All these columns hold the same quantity as the first one.
+    const kn_heading *h = &f->table.column[c->of_load[0]].heading;
+    c->what = h->has_unit && kn_column_unit_is(&h->unit, "m") ? KN_DISPLACEMENT : KN_STRAIN;
+    if (c->what == KN_DISPLACEMENT && (strstr(h->word, "height") || strstr(h->word, "gap"))) c->what = KN_HEIGHT;
+    c->load = c->value = -1;
+    return KN_EXIT_OK;
+}
+
+// ---- readings -> strain
+
+// Count the first readings with less than 2 % of the largest load, which were taken before the load was applied.
+static int before_load(const kn_curve *c)
+{
+    if (!c->load) return 0;
+    const double most = kn_largest_magnitude(c->count, c->load);
+    int n = 0;
+    while (n < c->count && fabs(c->load[n]) <= 0.02 * most) n++;
+    return n < c->count ? n : 0;
+}
+
+static double mean(const double *value, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += value[i];
+    return sum / count;
+}
+
+// Compute the strain from the height. If no note or option gives the initial height, it is the mean of the readings
+// before the load, else the first reading.
+static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int column)
+{
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] <= 0)
+            return kn_curve_refuse(f, c->line[i], column, "height of %g m, expected one above 0", c->value[i]);
+    if (!isfinite(f->height_m))
+        kn_curve_take_height(f, c, unloaded ? mean(c->value, unloaded) : c->value[0],
+                             unloaded ? "readings before the load"
+                                      : "first reading; a line '# height: 1 cm' sets another height");
+    for (int i = 0; i < c->count; i++) c->value[i] = 1 - c->value[i] / c->height_m;
+    if (mean(c->value, c->count) >= 0) return KN_EXIT_OK;
+    return kn_curve_refuse(f, c->line[0], -1,
+                           "the height grows under the load or exceeds the initial height, expected compression");
+}
+
+// Compute the strain from the quantity of the column, counted from the readings before the load.
+static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int column)
+{
+    const int unloaded = before_load(c);
+    if (what == KN_HEIGHT) return height_to_strain(f, c, unloaded, column);
+    if (what == KN_DISPLACEMENT && kn_curve_need_height(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    for (int i = 0; i < c->count && what == KN_DISPLACEMENT; i++) c->value[i] /= f->height_m;
+    const double zero = unloaded ? mean(c->value, unloaded) : 0;
+    for (int i = 0; i < c->count; i++) c->value[i] -= zero;
+    kn_curve_upright(f, c->count, c->value, kn_column_quantity_name(what));
+    if (unloaded && zero != 0)
+        kn_curve_say(f, "%s is counted from its mean before the load", kn_column_quantity_name(what));
+    for (int i = 0; i < c->count && what == KN_COMPLIANCE && isfinite(f->stress_pa); i++) c->value[i] *= f->stress_pa;
+    return KN_EXIT_OK;
+}
+
+// If a strain is 1 or more, print an error and return an exit code. Under a constant nominal stress, as in shear, any
+// strain is possible, so there is no check.
+static int check_strain(kn_curve_file *f, const kn_curve *c, int column)
+{
+    for (int i = 0; i < c->count && !c->constant_area; i++)
+        if (c->value[i] >= 1)
+            return kn_curve_refuse(
+                f, c->line[i], column,
+                "strain of %.3g, more than the whole height, expected less than 1; is the height right?", c->value[i]);
+    return KN_EXIT_OK;
+}
+
+// ---- a curve
+
+// Report readings, stress and release of a curve.
+static void say_steps(const kn_curve_file *f, const kn_curve *c, kn_column_quantity what)
+{
+    const kn_curve_step *last = &c->step[c->steps - 1];
+    char until[80] = "never taken off";
+    if (last->stress_pa == 0 && last->late_s > last->early_s)
+        snprintf(until, sizeof until, "taken off at %.5g s, between readings at %.5g and %.5g s", last->time_s,
+                 last->early_s, last->late_s);
+    else if (last->stress_pa == 0) snprintf(until, sizeof until, "taken off at %.5g s", last->time_s);
+    char stress[40];
+    if (what == KN_COMPLIANCE && c->step[0].stress_pa == 1) snprintf(stress, sizeof stress, "stress unknown");
+    else snprintf(stress, sizeof stress, "%.4g kPa of nominal stress", 1e-3 * c->step[0].stress_pa);
+    kn_curve_say(f, "%s: %d readings of %s, %s%s, %s", c->name, c->count, kn_column_quantity_name(what), stress,
+                 c->steps > 1 + (last->stress_pa == 0) ? ", in steps" : "", until);
+}
+
+// Shift the times so that the first load is applied at time 0. Readings before the first load, and readings without a
+// value, are removed.
+static int begin_at_load(kn_curve_file *f, kn_curve *c, const char *name)
+{
+    const double begin = c->step[0].time_s;
+    int line = 0, early = 0;
+    kn_curve_compact(c, &line);
+    while (early < c->count &&
+           (c->time_s[early] < begin || (c->load && c->load[early] == 0 && c->time_s[early] <= begin)))
+        early++;
+    kn_curve_skip(c, early);
+    kn_curve_say_left_out(f, early, "before the load");
+    for (int i = 0; i < c->count; i++) c->time_s[i] -= begin;
+    for (int i = 0; i < c->steps; i++) {
+        c->step[i].time_s -= begin;
+        c->step[i].early_s -= begin;
+        c->step[i].late_s -= begin;
+    }
+    return kn_curve_order(f, c, name);
+}
+
+// Add one curve of these rows: order, strain, steps of the load, time from the load on, noise and thinning.
+static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, double load_n, const char *part)
+{
+    const char *name = kn_column_quantity_name(cols->what);
+    kn_curve *c = NULL;
+    int code = kn_curve_add(f, part, cols->loads > 0, rows, &c);
+    if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
+    if (code == KN_EXIT_OK) code = to_strain(f, c, cols->what, rows.value);
+    if (code == KN_EXIT_OK)
+        code = c->load ? take_recorded_load(f, c, cols->load_is)
+                       : take_given_load(f, c, cols->what == KN_COMPLIANCE, load_n);
+    if (code == KN_EXIT_OK) code = take_release(f, c);
+    if (code == KN_EXIT_OK) code = begin_at_load(f, c, name);
+    if (code == KN_EXIT_OK) code = check_strain(f, c, rows.value);
+    if (code != KN_EXIT_OK) return code;
+    say_steps(f, c, cols->what);
+    double changes[KN_CURVE_STEPS];
+    // a reading at exactly the time of a load step belongs to the time before the step
+    for (int i = 0; i < c->steps; i++) changes[i] = i ? nextafter(c->step[i].time_s, INFINITY) : c->step[i].time_s;
+    return kn_curve_finish(f, c, c->steps, changes);
+}
+
+// Add one curve per column of a wide file.
+static int add_wide(kn_curve_file *f, const columns *c)
+{
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < c->loads && code == KN_EXIT_OK; i++) {
+        char part[32];
+        snprintf(part, sizeof part, "%.4g gf", c->load_n[i] / KN_GF_N);
+        code = add_curve(f, c, (kn_curve_rows){0, f->table.rows, c->time, c->of_load[i], -1, -1}, c->load_n[i], part);
+    }
+    return code;
+}
+
+// Return the column whose value separates one curve from the next: the load, or the stress if there is no load. The
+// load is preferred, since a stress may fall within a curve as the section grows.
+static int key_of(kn_curve_file *f, const columns *c)
+{
+    if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
+    const int load = kn_column_find(&f->table, KN_LOAD, NULL);
+    return load >= 0 ? load : c->load;
+}
+
+// Return the largest magnitude in rows begin..end-1 of a column; 0 without a column.
+static double largest(const kn_table_reader *s, int column, int begin, int end)
+{
+    return column < 0 ? 0 : kn_largest_magnitude(end - begin, s->column[column].value + begin);
+}
+
+static double last_time(const double *t, int begin, int end)
+{
+    double last = 0;
+    for (int i = begin; i < end; i++)
+        if (isfinite(t[i])) last = t[i];
+    return last;
+}
+
+// Join recoveries to their curves. Instruments write a recovery as a new interval without load, whose time begins at 0
+// again. The times of this interval are shifted so that they continue those of the interval before.
+static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
+{
+    const kn_table_reader *s = &f->table;
+    double *t = s->column[c->time].value;
+    for (int begin = 0, end; (end = kn_curve_range_end(s, c->time, begin)) < s->rows;) {
+        const int next = kn_curve_range_end(s, c->time, end);
+        const double from = last_time(t, begin, end);
+        if (largest(s, key, end, next) < 0.02 * largest(s, key, begin, end) && from > 0 && t[end] >= 0) {
+            kn_curve_say(f, "time restarts in line %d without load: read as the recovery, which begins at %.5g s",
+                         s->line[end], from);
+            for (int i = end; i < next; i++) t[i] += from;
+        } else {
+            begin = end;
+        }
+    }
+}
+
+// Print the error that a second table has the same load as the table before, and return an exit code. Time may also
+// fall because of a separator of thousands: in a file with decimal commas, 1,002 after 999 is read as 1.002.
+static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
+{
+    const double *t = f->table.column[c->time].value, last = last_time(t, begin, end), next = 1000 * t[end];
+    const bool thousand = f->table.commas && next >= last && next < 1.1 * last;
+    return kn_curve_refuse(
+        f, f->table.line[end], c->time, "%s",
+        thousand ? "time restarts where it reaches a thousand, expected numbers without thousands separators"
+                 : "time restarts, as in a second table, expected one rising time, or another load from here on");
+}
+
+// Add one curve per range of rising time. Each range must have another load than the one before it.
+static int add_long(kn_curve_file *f, const columns *c, int key)
+{
+    const kn_table_reader *s = &f->table;
+    const int rows = s->rows;
+    int code = KN_EXIT_OK;
+    for (int begin = 0, end; begin < rows && code == KN_EXIT_OK; begin = end) {
+        end = kn_curve_range_end(s, c->time, begin);
+        const double here = largest(s, key, begin, end),
+                     next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
+        char part[32] = "";
+        if (end < rows && (key < 0 || fabs(next - here) <= 0.01 * here)) return refuse_second(f, c, begin, end);
+        // Curves of one file are named after their loads.
+        const bool stress = key >= 0 && kn_column_unit_is(&s->column[key].heading.unit, "Pa");
+        if (key >= 0 && (begin > 0 || end < rows))
+            snprintf(part, sizeof part, "%.4g %s", here / (stress ? 1e3 : KN_GF_N), stress ? "kPa" : "gf");
+        code = add_curve(f, c, (kn_curve_rows){begin, end, c->time, c->value, -1, c->load}, NAN, part);
+    }
+    return code;
+}
+
+static bool has_numbers(const kn_table_reader *s, int column)
+{
+    for (int i = 0; i < s->rows; i++)
+        if (isfinite(s->column[column].value[i])) return true;
+    return false;
+}
+
+// Report which column is used if two columns give the same quantity in different forms.
+static void say_unused(kn_curve_file *f, const columns *c)
+{
+    const char *what = kn_column_quantity_name(c->what), *load = kn_column_quantity_name(c->load_is);
+    for (int i = 0; i < 4; i++) {
+        const int other = values[i] == c->what ? -1 : kn_column_find(&f->table, values[i], NULL);
+        if (other < 0 || other == c->value) continue;
+        const kn_heading *h = &f->table.column[other].heading;
+        if (kn_column_is_sure(h, values[i]))
+            kn_curve_say(f, "the column of %s is used, not that of %s", what, kn_column_quantity_name(values[i]));
+        else kn_curve_say(f, "the column of %s is used, not '%s', which has no unit", what, h->name);
+    }
+    for (int i = 0; i < 2 && c->load >= 0; i++) {
+        const int other = loads[i] == c->load_is ? -1 : kn_column_find(&f->table, loads[i], NULL);
+        if (other >= 0 && other != c->load)
+            kn_curve_say(f, "the column of %s is used, not that of %s", load, kn_column_quantity_name(loads[i]));
+    }
+    for (int i = 0; i < f->table.notes && c->load >= 0; i++)
+        if (!strcmp(f->table.note[i].key, "load") || !strcmp(f->table.note[i].key, "stress"))
+            kn_curve_say(f, "the column of %s is used, not what line %d says", load, f->table.note[i].line);
+}
+
+int kn_curve_load_creep(kn_curve_file *f)
+{
+    columns c = {0};
+    int wanted[KN_CURVES_MAX + 4], n = 0, code = choose(f, &c);
+    if (code != KN_EXIT_OK) return code;
+    // Read the columns that are needed: time, strain or several strains, load, and the key.
+    int key = c.loads ? -1 : key_of(f, &c);
+    wanted[n++] = c.time;
+    for (int i = 0; i < c.loads; i++) wanted[n++] = c.of_load[i];
+    if (c.value >= 0) wanted[n++] = c.value;
+    if (c.load >= 0) wanted[n++] = c.load;
+    if (key >= 0 && key != c.load) wanted[n++] = key;
+    code = kn_curve_read(f, n, wanted);
+    if (code != KN_EXIT_OK) return code;
+    // the load column has a name but no numbers, so ignore it
+    if (c.load >= 0 && !has_numbers(&f->table, c.load)) c.load = key = -1;
+    if (c.loads) return add_wide(f, &c);
+    if (key >= 0) join_recoveries(f, &c, key);
+    code = add_long(f, &c, key);
+    if (code == KN_EXIT_OK) say_unused(f, &c);
+    if (code == KN_EXIT_OK && c.what == KN_STRAIN) kn_curve_say_bare(f, c.value);
+    return code;
+}

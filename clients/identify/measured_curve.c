@@ -1,0 +1,593 @@
+#include "clients/identify/measured_series.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+void kn_curve_free(kn_curve *c)
+{
+    free(c->time_s);
+    free(c->value);
+    free(c->other);
+    free(c->load);
+    free(c->weight);
+    free(c->line);
+    memset(c, 0, sizeof *c);
+}
+
+// ---- messages
+
+void kn_curve_say(const kn_curve_file *f, const char *format, ...)
+{
+    va_list args;
+    printf("%s: ", f->table.file);
+    va_start(args, format);
+    vprintf(format, args);
+    va_end(args);
+    putchar('\n');
+}
+
+void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which)
+{
+    if (count > 0) kn_curve_say(f, "%d reading%s %s, left out", count, count > 1 ? "s" : "", which);
+}
+
+int kn_curve_refuse(const kn_curve_file *f, int line, int column, const char *format, ...)
+{
+    char text[800];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return kn_table_reader_complain(&f->table, line ? line : f->table.header_line,
+                                    column < 0 ? 1 : kn_table_reader_at(&f->table, line, column), "%s", text);
+}
+
+static int short_of_memory(const kn_curve_file *f)
+{
+    return kn_complain(f->table.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->table.file);
+}
+
+int kn_curve_need_height(const kn_curve_file *f)
+{
+    if (isfinite(f->height_m)) return KN_EXIT_OK;
+    return kn_curve_refuse(f, 0, -1,
+                           "a displacement without the specimen's height, expected a line '# height: 1 cm' or --height "
+                           "'1 cm'");
+}
+
+int kn_curve_need_area(const kn_curve_file *f)
+{
+    if (isfinite(f->area_m2)) return KN_EXIT_OK;
+    return kn_curve_refuse(f, 0, -1,
+                           "a load without the specimen's area, expected a line '# area: 1 cm^2' or --area '1 cm^2'");
+}
+
+void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, const char *source)
+{
+    c->height_m = height_m;
+    kn_curve_say(f, "initial height %.5g mm, from the %s", 1e3 * height_m, source);
+}
+
+// ---- readings
+
+// Copy `count` items of `size` bytes. An empty copy still gets memory, so that NULL means out of memory.
+static void *copy(const void *from, int count, size_t size)
+{
+    void *to = malloc((size_t)(count > 0 ? count : 1) * size);
+    if (to) memcpy(to, from, (size_t)count * size);
+    return to;
+}
+
+// Fill the arrays of a curve from the table.
+static int take_rows(kn_curve_file *f, kn_curve *c, bool shared, const kn_curve_rows *rows)
+{
+    kn_table_reader *s = &f->table;
+    const int column[] = {rows->time, rows->value, rows->other, rows->load};
+    double **const to[] = {&c->time_s, &c->value, &c->other, &c->load};
+    const bool move = !shared && rows->begin == 0 && rows->end == s->rows;
+    bool ok = true;
+    c->count = rows->end - rows->begin;
+    for (int i = 0; i < 4 && ok; i++) {
+        if (column[i] < 0) continue;
+        double **from = &s->column[column[i]].value;
+        *to[i] = move ? *from : copy(*from + rows->begin, c->count, sizeof **from);
+        if (move) *from = NULL;
+        ok = *to[i];
+    }
+    c->line = move ? s->line : ok ? copy(s->line + rows->begin, c->count, sizeof *s->line) : NULL;
+    if (move) s->line = NULL;
+    c->weight = malloc((size_t)(c->count > 0 ? c->count : 1) * sizeof *c->weight);
+    for (int i = 0; c->weight && i < c->count; i++) c->weight[i] = 1;
+    return ok && c->line && c->weight ? KN_EXIT_OK : short_of_memory(f);
+}
+
+// a series of fewer than FEW successive rows counts as single rows out of place, not as a new table
+enum { FEW = 3 };
+
+// Return whether the time between row i and the next row is longer than `longer_s`.
+static bool strides(const kn_table_reader *s, const double *t, int i, double longer_s)
+{
+    int next = i + 1;
+    while (next < s->rows && isnan(t[next])) next++;
+    return next < s->rows && t[next] - t[i] > longer_s;
+}
+
+// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. Return 0 if one or two rows are only out of
+// place. In that case one of the first FEW rows continues the old time: it is at most three old steps after `last`, the
+// largest time so far, and the next row follows within ten old steps. Longer steps belong to another table.
+static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
+{
+    double before = t[at];
+    int rows = 0;
+    for (int i = at; i < s->rows && rows < KN_CURVE_LEAST; i++) {
+        if (isnan(t[i])) continue;
+        if (t[i] < before) break;
+        if (rows < FEW && t[i] >= last && t[i] <= last + 3 * step && !strides(s, t, i, 10 * step)) return 0;
+        before = t[i];
+        rows++;
+    }
+    return rows;
+}
+
+int kn_curve_range_end(const kn_table_reader *s, int time, int begin)
+{
+    const double *t = s->column[time].value;
+    double first = NAN, last = NAN, step = 0, before = NAN;
+    // number of rows at which time falls; in a disordered file time falls often, and may rise in three successive rows
+    // by chance
+    int falls = 0;
+    for (int i = begin; i < s->rows; i++) {
+        if (isnan(t[i])) continue;
+        if (isnan(first)) first = last = before = t[i];
+        if (t[i] > last) step = t[i] - last;
+        // A second table begins if time falls back into the first half of its range and then rises for enough rows. If
+        // time fell before, the file may be in disorder, so more rows must rise.
+        if (t[i] < before) {
+            if (i - begin >= KN_CURVE_LEAST && i - begin >= 4 * falls && t[i] <= 0.5 * (last + first) &&
+                rows_anew(s, t, i, last, step) >= (falls ? KN_CURVE_LEAST : FEW))
+                return i;
+            falls++;
+        }
+        last = fmax(last, t[i]);
+        before = t[i];
+    }
+    return s->rows;
+}
+
+// Print an error and return an exit code if there are too few readings, or if the value never changes.
+static int check_enough(const kn_curve_file *f, const kn_curve *c, const char *name)
+{
+    if (c->count < KN_CURVE_LEAST)
+        return kn_curve_refuse(f, c->count ? c->line[0] : 0, -1, "%d usable reading%s of %s, expected at least %d",
+                               c->count, c->count == 1 ? "" : "s", name, KN_CURVE_LEAST);
+    int i = 1;
+    while (i < c->count && c->value[i] == c->value[0]) i++;
+    if (i < c->count) return KN_EXIT_OK;
+    return kn_curve_refuse(f, c->line[0], -1, "%s is %g in all readings, expected one that changes", name, c->value[0]);
+}
+
+// If a number that was computed from cells is out of range, print an error and return an exit code. The table has
+// already checked the numbers in the cells themselves.
+static int check_sane(const kn_curve_file *f, const kn_curve *c)
+{
+    const double *const all[] = {c->time_s, c->value, c->other, c->load};
+    for (int i = 0; i < c->count; i++)
+        for (int k = 0; k < 4; k++)
+            if (all[k] && fabs(all[k][i]) > KN_TABLE_MOST)
+                return kn_curve_refuse(f, c->line[i], -1, "%g in SI units, expected at most %g", all[k][i],
+                                       KN_TABLE_MOST);
+    return KN_EXIT_OK;
+}
+
+int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name)
+{
+    const int sane = check_sane(f, c);
+    if (sane != KN_EXIT_OK) return sane;
+    int line = 0, out = kn_curve_compact(c, &line);
+    if (out > 0)
+        kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
+                     line);
+    // The readings of a sweep are sorted by frequency, which is stored in time_s.
+    const char *along = f->kind == KN_CURVE_SWEEP ? "frequency" : "time";
+    int moved = kn_curve_sort(c);
+    if (moved > 0) kn_curve_say(f, "the rows are not in the order of %s: %d moved", along, moved);
+    if (moved < 0) return short_of_memory(f);
+    int merged = kn_curve_merge(c);
+    if (merged > 0)
+        kn_curve_say(f, "%d reading%s the %s of another: averaged", merged, merged > 1 ? "s have" : " has", along);
+    return check_enough(f, c, name);
+}
+
+void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
+{
+    // The signs are changed only if the sum of the negative values is twenty times the sum of the positive values.
+    double below = 0, above = 0;
+    for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
+    if (!(below > 20 * above)) return;
+    for (int i = 0; i < count; i++) value[i] = -value[i];
+    kn_curve_say(f, "%s is negative, as in a file where compression is negative: its sign is changed", name);
+}
+
+void kn_curve_say_bare(const kn_curve_file *f, int column)
+{
+    const kn_heading *h = &f->table.column[column].heading;
+    if (h->has_unit) return;
+    kn_curve_say(
+        f, "'%s' has no unit and is read as a fraction of the height (0.05 is 5 %%); for per cent, name it '%s [%%]'",
+        h->name, h->name);
+}
+
+double kn_curve_begin(const kn_curve_file *f, const kn_curve *c)
+{
+    if (isfinite(f->begin_s)) return f->begin_s;
+    const double first = c->time_s[0], span = c->time_s[c->count - 1] - first;
+    if (first <= span) return 0; // readings may also begin before the load
+    kn_curve_say(f,
+                 "time does not begin near 0: it is counted from the first reading, %.6g s; a line '# begin: TIME' "
+                 "sets another begin",
+                 first);
+    return first;
+}
+
+// ---- curves
+
+// Name the curve after its file without folder and ending, and after the part of the file.
+static void name_curve(kn_curve *c, const char *file, const char *part)
+{
+    const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file, *dot = strrchr(base, '.');
+    const int length = dot && dot > base ? (int)(dot - base) : (int)strlen(base);
+    snprintf(c->name, sizeof c->name, "%.*s%s%s", length > 40 ? 40 : length, base, *part ? " " : "", part);
+    for (char *p = c->name; *p; p++)
+        if ((unsigned char)*p < ' ') *p = ' ';
+}
+
+int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve)
+{
+    if (*f->count == KN_CURVES_MAX)
+        return kn_complain(f->table.subcommand, KN_EXIT_USAGE, "%s: more than %d curves, expected fewer", f->table.file,
+                           KN_CURVES_MAX);
+    kn_curve *c = *curve = &f->curve[(*f->count)++];
+    *c = (kn_curve){.kind = f->kind, .file = f->table.file, .constant_area = f->constant_area};
+    if (isfinite(f->height_m)) c->height_m = f->height_m;
+    if (isfinite(f->area_m2)) c->area_m2 = f->area_m2;
+    name_curve(c, f->table.file, part);
+    return take_rows(f, c, shared, &rows);
+}
+
+int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *change_s)
+{
+    const int before = c->count;
+    // The noise of single readings is estimated before thinning.
+    kn_curve_take_noise(c);
+    if (!kn_curve_thin(c, KN_CURVE_READINGS, changes, change_s)) return short_of_memory(f);
+    free(c->load); // the load has become the steps of the curve
+    c->load = NULL;
+    if (c->count < before)
+        kn_curve_say(f, "%s: %d readings thinned to %d means, denser after a change of load", c->name, before,
+                     c->count);
+    return KN_EXIT_OK;
+}
+
+// ---- relaxation: the stress of a specimen that is held at a strain
+
+typedef struct relax_columns { // indices of columns of the table; -1: the table has no such column
+    int time, value, strain;
+    kn_column_quantity what, strain_is;
+} relax_columns;
+
+static int choose_relax(kn_curve_file *f, relax_columns *c)
+{
+    static const kn_column_quantity values[] = {KN_STRESS, KN_LOAD, KN_MODULUS},
+                                    strains[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT};
+    kn_table_reader *s = &f->table;
+    int code = KN_EXIT_OK;
+    *c = (relax_columns){.value = -1, .strain = -1};
+    c->time = kn_column_find(s, KN_TIME, &code);
+    for (int i = 0; i < 3 && c->value < 0 && code == KN_EXIT_OK; i++)
+        c->value = kn_column_find(s, c->what = values[i], &code);
+    if (code == KN_EXIT_OK) c->strain = kn_column_find_first(s, 3, strains, &c->strain_is, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (c->time < 0) return kn_curve_refuse(f, 0, -1, "no time, expected a column like 'time_s'");
+    if (c->value >= 0) return KN_EXIT_OK;
+    return kn_curve_refuse(f, 0, -1, "no column of stress, load or modulus, expected one, e.g. 'stress_kPa'");
+}
+
+// Compute the strain from displacement or height. Without a note, the first height is the initial one.
+static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+{
+    if (what == KN_DISPLACEMENT && kn_curve_need_height(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (what == KN_HEIGHT && !isfinite(f->height_m))
+        kn_curve_take_height(f, c, c->other[0], "first reading; a line '# height: 1 cm' sets another height");
+    for (int i = 0; i < c->count && what != KN_STRAIN; i++)
+        c->other[i] = what == KN_HEIGHT ? 1 - c->other[i] / c->height_m : c->other[i] / c->height_m;
+    kn_curve_upright(f, c->count, c->other, kn_column_quantity_name(what));
+    for (int i = 0; i < c->count; i++)
+        if (c->other[i] >= 1)
+            return kn_curve_refuse(f, c->line[i], -1,
+                                   "strain of %.3g, more than the whole height, expected less than 1", c->other[i]);
+    return KN_EXIT_OK;
+}
+
+// Return the held strain: the mean of the later half of the readings within 2 % of the largest strain.
+static double held(const kn_curve *c)
+{
+    double most = 0, sum = 0;
+    int n = 0, seen = 0;
+    for (int i = 0; i < c->count; i++) most = fmax(most, c->other[i]);
+    for (int i = 0; i < c->count; i++) n += c->other[i] >= 0.98 * most;
+    for (int i = 0; i < c->count; i++)
+        if (c->other[i] >= 0.98 * most && seen++ >= n / 2) sum += c->other[i];
+    return n > 0 ? sum / (n - n / 2) : 0;
+}
+
+// Return the end of the ramp: the time at which the line through the middle reading and the last reading of the ramp
+// reaches the held strain. A ramp of fewer than three readings ends at the first reading with the held strain.
+static double ramp_end(const kn_curve *c, int reached)
+{
+    int middle = reached;
+    while (middle > 0 && c->other[middle] > 0.5 * c->strain) middle--;
+    const double t = c->time_s[middle], slope = (c->other[reached] - c->other[middle]) / (c->time_s[reached] - t);
+    return reached - middle < 3 || !(slope > 0) ? c->time_s[reached] : t + (c->strain - c->other[middle]) / slope;
+}
+
+// Keep the readings from the last one without strain to the end of the hold.
+static int keep_hold(kn_curve_file *f, kn_curve *c)
+{
+    c->strain = held(c);
+    if (!(c->strain > 0))
+        return kn_curve_refuse(f, c->line[0], -1, "the strain is 0 in all readings, expected a strain that is held");
+    int reached = 0, before = 0, end;
+    // `reached` is the first reading at the strain, `before` the last one without strain, `end` the first one after the
+    // hold.
+    while (reached < c->count && c->other[reached] < 0.99 * c->strain) reached++;
+    for (int i = 0; i < reached; i++)
+        if (c->other[i] <= 0.002 * c->strain) before = i;
+    for (end = reached; end < c->count && c->other[end] > 0.95 * c->strain;) end++;
+    c->begin_s = isfinite(f->begin_s) ? f->begin_s : reached > 0 ? ramp_end(c, reached) : kn_curve_begin(f, c);
+    kn_curve_say_left_out(f, c->count - end, "after the strain was released");
+    kn_curve_say_left_out(f, before, "before the strain");
+    c->count = end;
+    kn_curve_skip(c, before);
+    return KN_EXIT_OK;
+}
+
+// Return the time at which the hold begins if the file has no column of strain: the time of the largest stress, if the
+// stress rises up to that reading.
+static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
+{
+    int peak = 0;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > c->value[peak]) peak = i;
+    if (isfinite(f->begin_s) || c->value[0] > 0.8 * c->value[peak] || c->count - peak < KN_CURVE_LEAST)
+        return kn_curve_begin(f, c);
+    kn_curve_say(
+        f,
+        "the stress rises until %.5g s: the hold is assumed to begin there; a line '# begin: TIME' sets another begin",
+        c->time_s[peak]);
+    return c->time_s[peak];
+}
+
+static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_is)
+{
+    // The file has a column of strain: find the hold in it.
+    if (c->other) {
+        int code = to_strain(f, c, strain_is);
+        return code == KN_EXIT_OK ? keep_hold(f, c) : code;
+    }
+    // The file has no column of strain, so the strain comes from a note or option, and the hold begins at the largest
+    // stress.
+    if (isfinite(f->strain)) c->strain = f->strain;
+    if (c->strain >= 1)
+        return kn_complain(f->table.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
+                           f->table.file, c->strain);
+    c->begin_s = begin_of_hold(f, c);
+    int before = 0;
+    while (before < c->count && c->time_s[before] < c->begin_s) before++;
+    kn_curve_say_left_out(f, before, "before the strain was reached");
+    kn_curve_skip(c, before);
+    return KN_EXIT_OK;
+}
+
+// Compute the stress from load or modulus. The section grows with the strain unless it is constant.
+static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+{
+    if (what == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (what == KN_LOAD && !(c->strain > 0) && !c->constant_area)
+        return kn_curve_refuse(f, 0, -1,
+                               "a load without the strain, which is needed for the area, expected a line '# strain: "
+                               "10 %%' or '# section: constant', --strain or --constant-area");
+    for (int i = 0; i < c->count; i++) {
+        const double strain = c->other ? c->other[i] : c->strain;
+        // Compute the stress: a load is divided by the current area, a modulus is multiplied by the strain.
+        if (what == KN_LOAD) c->value[i] *= (c->constant_area ? 1 : 1 - strain) / f->area_m2;
+        else if (what == KN_MODULUS && c->strain > 0) c->value[i] *= strain;
+    }
+    return KN_EXIT_OK;
+}
+
+static void say_relax(const kn_curve_file *f, const kn_curve *c, kn_column_quantity what)
+{
+    char strain[60] = "strain unknown";
+    if (c->strain > 0) snprintf(strain, sizeof strain, "strain of %.4g %%", 100 * c->strain);
+    kn_curve_say(f, "%s: %d readings of %s, %s%s from %.4g s on, to %.5g s", c->name, c->count,
+                 kn_column_quantity_name(what), strain, c->other ? " and the rise to it, held" : ", held", c->begin_s,
+                 c->time_s[c->count - 1]);
+}
+
+static int load_relax(kn_curve_file *f)
+{
+    relax_columns cols;
+    kn_curve *c = NULL;
+    int code = choose_relax(f, &cols);
+    if (code != KN_EXIT_OK) return code;
+    code = kn_curve_read(f, cols.strain >= 0 ? 3 : 2, (int[]){cols.time, cols.value, cols.strain});
+    if (code != KN_EXIT_OK) return code;
+    const char *name = kn_column_quantity_name(cols.what);
+    const int end = kn_curve_range_end(&f->table, cols.time, 0), rows = f->table.rows;
+    if (end < rows)
+        return kn_curve_refuse(f, f->table.line[end], cols.time, "time restarts, expected one relaxation per file");
+    code = kn_curve_add(f, "", false, (kn_curve_rows){0, rows, cols.time, cols.value, cols.strain, -1}, &c);
+    if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
+    if (code == KN_EXIT_OK) kn_curve_upright(f, c->count, c->value, name);
+    if (code == KN_EXIT_OK) code = take_strain(f, c, cols.strain_is);
+    if (code == KN_EXIT_OK) code = to_stress(f, c, cols.what);
+    if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
+    if (code != KN_EXIT_OK) return code;
+    say_relax(f, c, cols.what);
+    if (cols.strain >= 0 && cols.strain_is == KN_STRAIN) kn_curve_say_bare(f, cols.strain);
+    return kn_curve_finish(f, c, 1, &c->begin_s);
+}
+
+// ---- sweeps: storage and loss modulus over frequency
+
+// Indices of columns of the table; -1: the table has no such column. `modulus`, `tangent` and `phase` are searched only
+// if the table lacks G' or G''.
+typedef struct sweep_columns {
+    int frequency, storage, loss, modulus, tangent, phase;
+} sweep_columns;
+
+static bool is_whole(const sweep_columns *c) { return c->storage >= 0 && c->loss >= 0; }
+
+static int choose_sweep(kn_curve_file *f, sweep_columns *c)
+{
+    kn_table_reader *s = &f->table;
+    int code = KN_EXIT_OK;
+    *c = (sweep_columns){-1, -1, -1, -1, -1, -1};
+    c->frequency = kn_column_find(s, KN_FREQUENCY, &code);
+    if (code == KN_EXIT_OK) c->storage = kn_column_find(s, KN_STORAGE, &code);
+    if (code == KN_EXIT_OK) c->loss = kn_column_find(s, KN_LOSS, &code);
+    if (code == KN_EXIT_OK && c->storage < 0) c->modulus = kn_column_find(s, KN_MODULUS, &code);
+    if (code == KN_EXIT_OK && !is_whole(c)) c->tangent = kn_column_find(s, KN_TANGENT, &code);
+    if (code == KN_EXIT_OK && !is_whole(c) && c->tangent < 0) c->phase = kn_column_find(s, KN_PHASE, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (c->frequency < 0)
+        return kn_curve_refuse(f, 0, -1, "no frequency, expected a column like 'frequency_hz' or 'omega [rad/s]'");
+    if (is_whole(c) || ((c->storage >= 0 || c->modulus >= 0) && (c->tangent >= 0 || c->phase >= 0))) return KN_EXIT_OK;
+    return kn_curve_refuse(f, 0, -1,
+                           "no storage and loss modulus, expected two columns like G' [Pa] and G'' [Pa], or |G*| and "
+                           "tan delta or phase angle");
+}
+
+// Check that the phase angle is between 0 and 90 degrees. Beyond a right angle, cosine and tangent change their signs,
+// so a later complaint would name negative moduli, which are not in the file.
+static int check_phase(kn_curve_file *f, const kn_curve *c)
+{
+    const double right = acos(-1.0) / 2;
+    for (int i = 0; i < c->count; i++)
+        if (c->other[i] <= 0 || c->other[i] >= right * (1 - 1e-9))
+            return kn_curve_refuse(f, c->line[i], -1, "phase angle of %.6g deg, expected one between 0 and 90",
+                                   90 * c->other[i] / right);
+    return KN_EXIT_OK;
+}
+
+// Compute G' and G'' from |G*| or G' with tan delta or the phase angle.
+static void to_parts(kn_curve *c, const sweep_columns *cols)
+{
+    for (int i = 0; i < c->count; i++) {
+        const double tangent = cols->tangent >= 0 ? c->other[i] : tan(c->other[i]);
+        if (cols->storage < 0) c->value[i] /= sqrt(1 + tangent * tangent);
+        c->other[i] = c->value[i] * tangent;
+    }
+}
+
+static int check_sweep(kn_curve_file *f, const kn_curve *c)
+{
+    for (int i = 0; i < c->count; i++) {
+        if (!(c->time_s[i] > 0))
+            return kn_curve_refuse(f, c->line[i], -1, "frequency of %g Hz, expected one above 0", c->time_s[i]);
+        if (!(c->value[i] > 0 && c->other[i] > 0 && isfinite(c->value[i]) && isfinite(c->other[i])))
+            return kn_curve_refuse(f, c->line[i], -1,
+                                   "storage modulus %g Pa and loss modulus %g Pa, expected both above 0", c->value[i],
+                                   c->other[i]);
+    }
+    return KN_EXIT_OK;
+}
+
+static int load_sweep(kn_curve_file *f)
+{
+    sweep_columns cols;
+    kn_curve *c = NULL;
+    int code = choose_sweep(f, &cols);
+    if (code != KN_EXIT_OK) return code;
+    // Read G' or |G*| first, and G'', tan delta or the phase angle second.
+    const int first = cols.storage >= 0 ? cols.storage : cols.modulus;
+    const int second = is_whole(&cols) ? cols.loss : cols.tangent >= 0 ? cols.tangent : cols.phase;
+    code = kn_curve_read(f, 3, (int[]){cols.frequency, first, second});
+    if (code == KN_EXIT_OK)
+        code = kn_curve_add(f, "", false, (kn_curve_rows){0, f->table.rows, cols.frequency, first, second, -1}, &c);
+    if (code == KN_EXIT_OK && cols.phase >= 0) code = check_phase(f, c);
+    if (code == KN_EXIT_OK && !is_whole(&cols)) to_parts(c, &cols);
+    if (code == KN_EXIT_OK) code = kn_curve_order(f, c, "the modulus");
+    if (code == KN_EXIT_OK) code = check_sweep(f, c);
+    if (code != KN_EXIT_OK) return code;
+    kn_curve_say(f, "%s: %d frequencies, %.4g to %.4g Hz", c->name, c->count, c->time_s[0], c->time_s[c->count - 1]);
+    return kn_curve_finish(f, c, 0, NULL);
+}
+
+// ---- one file
+
+static int bad_note(const kn_curve_file *f, const char *key)
+{
+    const kn_table_reader *s = &f->table;
+    int n = 0;
+    while (strcmp(s->note[n].key, key) != 0) n++;
+    return kn_table_reader_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected one above 0, 1e15 at most",
+                                    key, s->note[n].value);
+}
+
+// Read the notes. The notes of a file override the options, which apply to all files.
+static int take_notes(kn_curve_file *f)
+{
+    const kn_curve_options *o = f->opt;
+    const struct {
+        const char *key, *unit;
+        double *value, option;
+    } notes[] = {{"height", "m", &f->height_m, o->height_m},    {"area", "m^2", &f->area_m2, o->area_m2},
+                 {"load", "N", &f->load_n, o->load_n},          {"stress", "Pa", &f->stress_pa, o->stress_pa},
+                 {"release", "s", &f->release_s, o->release_s}, {"strain", "1", &f->strain, o->strain}};
+    int code = KN_EXIT_OK;
+    for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
+        // A note overrides the option. A value must be from 1e-15 to 1e15.
+        *notes[i].value = NAN;
+        code = kn_table_reader_note(&f->table, notes[i].key, notes[i].unit, notes[i].value);
+        const double value = *notes[i].value;
+        if (code == KN_EXIT_OK && (value < 1e-15 || value > 1e15)) code = bad_note(f, notes[i].key);
+        if (isnan(*notes[i].value)) *notes[i].value = notes[i].option > 0 ? notes[i].option : NAN;
+    }
+    f->begin_s = NAN;
+    if (code == KN_EXIT_OK) code = kn_table_reader_note(&f->table, "begin", "s", &f->begin_s);
+    f->constant_area = o->constant_area;
+    // The note "section: constant" works like --constant-area.
+    for (int n = 0; n < f->table.notes; n++)
+        f->constant_area |= !strcmp(f->table.note[n].key, "section") && !strcmp(f->table.note[n].value, "constant");
+    return code;
+}
+
+// Notes may be above or below the table, so they are read after all rows.
+int kn_curve_read(kn_curve_file *f, int count, const int wanted[])
+{
+    int code = kn_table_reader_read(&f->table, count, wanted);
+    return code == KN_EXIT_OK ? take_notes(f) : code;
+}
+
+int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
+                  const kn_curve_options *options)
+{
+    static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, load_relax, load_sweep};
+    kn_curve_file *f = malloc(sizeof *f);
+    if (!f) return kn_complain(options->subcommand, KN_EXIT_DEVICE, "%s: out of memory", file);
+    // Open the table and let the loader of this kind read it.
+    *f = (kn_curve_file){.opt = options, .kind = kind, .curve = curve, .count = count};
+    const int before = *count;
+    int code = kn_table_reader_open(&f->table, file, options->units, options->subcommand);
+    if (code == KN_EXIT_OK) code = load[kind](f);
+    if (code == KN_EXIT_OK && f->table.commas) kn_curve_say(f, "the numbers have decimal commas");
+    // After an error, free the curves that were added from this file.
+    while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);
+    kn_table_reader_close(&f->table);
+    free(f);
+    return code;
+}

@@ -1,0 +1,341 @@
+#include "clients/identify/measured_series.h"
+#include "core/algebra/algebra.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ARRAYS = 5 }; // arrays of doubles of a curve
+
+static double *array_of(const kn_curve *c, int i)
+{
+    return (double *[ARRAYS]){c->time_s, c->value, c->other, c->load, c->weight}[i];
+}
+
+static void move(kn_curve *c, int to, int from)
+{
+    for (int i = 0; i < ARRAYS; i++)
+        if (array_of(c, i)) array_of(c, i)[to] = array_of(c, i)[from];
+    c->line[to] = c->line[from];
+}
+
+int kn_curve_compact(kn_curve *c, int *first_line)
+{
+    int kept = 0;
+    for (int i = 0; i < c->count; i++) {
+        if (isfinite(c->time_s[i]) && isfinite(c->value[i]) && (!c->other || isfinite(c->other[i])) &&
+            (!c->load || isfinite(c->load[i])))
+            move(c, kept++, i);
+        else if (kept == i) *first_line = c->line[i];
+    }
+    int out = c->count - kept;
+    c->count = kept;
+    return out;
+}
+
+void kn_curve_skip(kn_curve *c, int count)
+{
+    for (int i = count; i < c->count; i++) move(c, i - count, i);
+    c->count -= count;
+}
+
+typedef struct place {
+    double time_s;
+    int index;
+} place;
+
+static int by_time(const void *a, const void *b)
+{
+    const place *p = a, *q = b;
+    if (p->time_s != q->time_s) return p->time_s < q->time_s ? -1 : 1;
+    return (p->index > q->index) - (p->index < q->index);
+}
+
+// Return the length of the longest series of readings that are in order already. The other readings are the ones out of
+// place. If one of four hundred readings was moved to the end, one reading is out of place, not all the readings after
+// its proper place. `last` is scratch for `count` numbers.
+static int longest_in_order(const place *order, int count, int *last)
+{
+    int longest = 0;
+    for (int i = 0; i < count; i++) {
+        int low = 0, high = longest;
+        while (low < high) {
+            const int middle = low + (high - low) / 2;
+            if (last[middle] < order[i].index) low = middle + 1;
+            else high = middle;
+        }
+        last[low] = order[i].index; // last[i]: the smallest last index of all ordered series of length i + 1
+        longest += low == longest;
+    }
+    return longest;
+}
+
+int kn_curve_sort(kn_curve *c)
+{
+    bool sorted = true;
+    for (int i = 1; i < c->count && sorted; i++) sorted = c->time_s[i - 1] <= c->time_s[i];
+    if (sorted) return 0;
+    place *order = malloc((size_t)c->count * sizeof *order);
+    double *room = malloc((size_t)c->count * sizeof *room);
+    int moved = -1;
+    if (order && room) {
+        for (int i = 0; i < c->count; i++) order[i] = (place){c->time_s[i], i};
+        qsort(order, (size_t)c->count, sizeof *order, by_time);
+        // The scratch memory for doubles is also used for line numbers.
+        moved = c->count - longest_in_order(order, c->count, (int *)room);
+        for (int k = 0; k < ARRAYS; k++) {
+            double *values = array_of(c, k);
+            for (int i = 0; values && i < c->count; i++) room[i] = values[order[i].index];
+            if (values) memcpy(values, room, (size_t)c->count * sizeof *values);
+        }
+        int *lines = (int *)room;
+        for (int i = 0; i < c->count; i++) lines[i] = c->line[order[i].index];
+        memcpy(c->line, lines, (size_t)c->count * sizeof *lines);
+    }
+    free(order);
+    free(room);
+    return moved;
+}
+
+// Replace readings from..end-1 by one mean at `to`. Return the variance of their times.
+static double average(kn_curve *c, int to, int from, int end)
+{
+    double n = 0, time = 0, square = 0, value = 0, other = 0;
+    const double begin = c->time_s[from];
+    if (end - from == 1) {
+        move(c, to, from);
+        return 0;
+    }
+    for (int i = from; i < end; i++) {
+        const double w = c->weight[i], t = c->time_s[i] - begin;
+        n += w;
+        time += w * t;
+        square += w * t * t;
+        value += w * c->value[i];
+        if (c->other) other += w * c->other[i];
+    }
+    c->time_s[to] = begin + time / n;
+    c->value[to] = value / n;
+    if (c->other) c->other[to] = other / n;
+    if (c->load) c->load[to] = c->load[from];
+    c->weight[to] = n;
+    c->line[to] = c->line[from];
+    return fmax(0, square / n - (time / n) * (time / n));
+}
+
+static double range(const kn_curve *c)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < c->count; i++) low = fmin(low, c->value[i]), high = fmax(high, c->value[i]);
+    return high - low;
+}
+
+// Return whether reading i has the time and load of the one before and no jump between them.
+static bool is_twin(const kn_curve *c, int i, double jump)
+{
+    return c->time_s[i - 1] == c->time_s[i] && (!c->load || c->load[i - 1] == c->load[i]) &&
+           fabs(c->value[i] - c->value[i - 1]) <= jump;
+}
+
+int kn_curve_merge(kn_curve *c)
+{
+    const double jump = 0.25 * range(c);
+    int kept = 0;
+    for (int i = 0, end; i < c->count; i = end) {
+        for (end = i + 1; end < c->count && is_twin(c, end, jump);) end++;
+        average(c, kept++, i, end);
+    }
+    int out = c->count - kept;
+    c->count = kept;
+    return out;
+}
+
+// ---- thinning
+
+typedef struct piece { // readings between two changes of load
+    int begin, end;
+    double from_s;
+} piece;
+
+// Return the first of begin..end-1 that is not before time_s, by bisection.
+static int first_from(const kn_curve *c, int begin, int end, double time_s)
+{
+    while (begin < end) {
+        int middle = begin + (end - begin) / 2;
+        if (c->time_s[middle] < time_s) begin = middle + 1;
+        else end = middle;
+    }
+    return begin;
+}
+
+// Return the end of the group that begins at `begin`: times since the change grow by less than the factor.
+static int group_end(const kn_curve *c, const piece *p, int begin, double factor)
+{
+    int end = first_from(c, begin, p->end, p->from_s + factor * (c->time_s[begin] - p->from_s));
+    return end > begin ? end : begin + 1;
+}
+
+// Count the groups of a piece. Stop counting above `enough`.
+static int groups(const kn_curve *c, const piece *p, double factor, int enough)
+{
+    int n = 0;
+    for (int i = p->begin; i < p->end && n <= enough; n++) i = group_end(c, p, i, factor);
+    return n;
+}
+
+// Find the smallest factor that leaves at most `most` groups, by bisection of its logarithm.
+static double choose_factor(const kn_curve *c, const piece *p, int most)
+{
+    double low = 0, high = log(2);
+    while (groups(c, p, exp(high), most) > most && high < 100) high *= 2;
+    for (int i = 0; i < 40; i++) {
+        double middle = 0.5 * (low + high);
+        if (groups(c, p, exp(middle), most) > most) low = middle;
+        else high = middle;
+    }
+    return exp(high);
+}
+
+// Correct the means for curvature. The mean of a bent curve differs from its value at the mean time by half the
+// curvature times the variance of the times. The error is small beside the noise of one reading, but not beside that of
+// the mean of ten thousand.
+static void straighten(kn_curve *c, int begin, int end, const double *variance)
+{
+    double before = c->value[begin], bend = 0;
+    for (int i = begin + 1; i < end - 1; i++) {
+        const double *t = c->time_s + i, *y = c->value + i, here = *y;
+        const double left = t[0] - t[-1], right = t[1] - t[0];
+        if (left > 0 && right > 0) bend = 2 * ((y[1] - here) / right - (here - before) / left) / (left + right);
+        c->value[i] -= 0.5 * bend * variance[i];
+        before = here;
+    }
+    // the last mean has a neighbour on one side only, so the curvature of the mean before is used
+    c->value[end - 1] -= 0.5 * bend * variance[end - 1];
+}
+
+// Thin one piece into the readings from `to` on. Return the end of the new readings.
+static int thin_piece(kn_curve *c, const piece *p, int most, int to, double *variance)
+{
+    const int begin = to;
+    const double factor = p->end - p->begin > most ? choose_factor(c, p, most) : 1;
+    for (int i = p->begin, end; i < p->end; i = end, to++) {
+        end = group_end(c, p, i, factor);
+        variance[to] = average(c, to, i, end);
+    }
+    if (factor > 1 && to - begin > 2) straighten(c, begin, to, variance);
+    return to;
+}
+
+bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s)
+{
+    if (3 * c->count <= 4 * most) return true;
+    double *variance = malloc((size_t)c->count * sizeof *variance);
+    if (!variance) return false;
+    int to = 0, pieces = 1;
+    // Changes outside the time of the readings do not begin a piece. Each piece gets an equal share of `most`.
+    for (int i = 0; i < changes; i++) pieces += change_s[i] > c->time_s[0] && change_s[i] <= c->time_s[c->count - 1];
+    piece p = {.from_s = c->time_s[0]};
+    for (int i = 0; i <= changes; i++) {
+        p.end = i < changes ? first_from(c, p.begin, c->count, change_s[i]) : c->count;
+        to = thin_piece(c, &p, most / pieces, to, variance);
+        p.begin = p.end;
+        if (i < changes) p.from_s = change_s[i];
+    }
+    c->count = to;
+    free(variance);
+    return true;
+}
+
+// ---- noise
+
+// largest number of triples of neighbouring readings from which the noise is estimated; so many triples suffice for a
+// file of ten million readings, and are sorted quickly
+enum { SAMPLES = 100000 };
+
+double kn_largest_magnitude(int count, const double *value)
+{
+    double most = 0;
+    for (int i = 0; i < count; i++) most = fmax(most, fabs(value[i]));
+    return most;
+}
+
+double kn_curve_largest(const kn_curve *c)
+{
+    double most = 0;
+    for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
+    return most;
+}
+
+// Return the smallest difference between two unequal neighbouring readings, which is one step of the gauge.
+static double gauge(int count, const double *value)
+{
+    double least = INFINITY;
+    for (int i = 1; i < count; i++)
+        if (value[i] != value[i - 1]) least = fmin(least, fabs(value[i] - value[i - 1]));
+    return isfinite(least) ? least : 0;
+}
+
+static double share(const double *weight, int i) { return weight ? 1 / weight[i] : 1; }
+
+// Return the distance of the middle value from the line through its two neighbours. Independent noise of variance 1
+// gives this distance the variance 1 + a^2 + b^2, so the distance is divided by its root.
+static double bend(const double *t, const double *y, const double *weight)
+{
+    const double span = t[2] - t[0];
+    if (!(span > 0)) return NAN;
+    const double b = (t[1] - t[0]) / span, a = 1 - b;
+    return fabs(y[1] - a * y[0] - b * y[2]) /
+           sqrt(share(weight, 1) + a * a * share(weight, 0) + b * b * share(weight, 2));
+}
+
+// Return the noise as kn_curve_noise does. `weight`: number of readings in each mean; NULL: one reading in each.
+static double noise_of(int count, const double *time_s, const double *value, const double *weight)
+{
+    // median of |x| if x is normally distributed with standard deviation 1
+    static const double median_of_normal = 0.674489750196082;
+    const double floor = 1e-6 * kn_largest_magnitude(count, value);
+    const int step = count / SAMPLES + 1;
+    double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
+    int n = 0, same = 0, pairs = 0;
+    for (int i = 0; sizes && i + 2 < count; i += step) {
+        const double size = bend(time_s + i, value + i, weight ? weight + i : NULL);
+        same += value[i] == value[i + 1];
+        pairs++;
+        if (isfinite(size)) sizes[n++] = size;
+    }
+    // A coarse gauge repeats its readings. The noise of such readings is the standard deviation of rounding.
+    if (2 * same > pairs) {
+        noise = gauge(count, value) / sqrt(12);
+    } else if (n > 0) {
+        qsort(sizes, (size_t)n, sizeof *sizes, kn_ascending);
+        noise = 0.5 * (sizes[(n - 1) / 2] + sizes[n / 2]) / median_of_normal;
+    }
+    free(sizes);
+    return fmax(noise, floor > 0 ? floor : 1e-300);
+}
+
+double kn_curve_noise(int count, const double *time_s, const double *value)
+{
+    return noise_of(count, time_s, value, NULL);
+}
+
+// Return the noise of the logarithms of both moduli together.
+static double noise_of_sweep(const kn_curve *c)
+{
+    double *log_hz = malloc(3 * (size_t)c->count * sizeof *log_hz);
+    if (!log_hz) return 1e-6;
+    double *storage = log_hz + c->count, *loss = storage + c->count;
+    for (int i = 0; i < c->count; i++) {
+        log_hz[i] = log(c->time_s[i]);
+        storage[i] = log(c->value[i]);
+        loss[i] = log(c->other[i]);
+    }
+    const double first = noise_of(c->count, log_hz, storage, c->weight),
+                 second = noise_of(c->count, log_hz, loss, c->weight);
+    free(log_hz);
+    return hypot(first, second) / sqrt(2);
+}
+
+void kn_curve_take_noise(kn_curve *c)
+{
+    c->noise = c->kind == KN_CURVE_SWEEP ? noise_of_sweep(c) : noise_of(c->count, c->time_s, c->value, c->weight);
+}

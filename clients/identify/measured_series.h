@@ -1,0 +1,115 @@
+#ifndef KN_CLIENTS_IDENTIFY_MEASURED_SERIES_H
+#define KN_CLIENTS_IDENTIFY_MEASURED_SERIES_H
+// The readings of one curve on their way from the table (table_reader.h), which holds them as written in the file, to
+// the finished curve (measured_curve.h): they are sorted, cleaned and thinned to as many as a fit needs. The arrays of a
+// kn_curve that are NULL are left alone; while a curve is read, weight NULL means that each entry is one reading.
+#include "clients/identify/measured_curve.h"
+#include "clients/identify/table_reader.h"
+
+// Remove readings that lack a number. Set *first_line to the line number of the first removed reading. Return the
+// number of removed readings.
+int kn_curve_compact(kn_curve *c, int *first_line);
+
+// Sort the readings by time; readings of the same time keep their order. Return the number of readings that were out of
+// place, or -1 if memory runs out.
+int kn_curve_sort(kn_curve *c);
+
+// Replace readings of the same time and load by their mean. The weight of the mean is the number of these readings. If
+// the value jumps at one time by at least a quarter of the value's range, both readings are kept, since the file then
+// records the value before and after the jump. Return the number of removed readings.
+int kn_curve_merge(kn_curve *c);
+
+// Remove the first `count` readings.
+void kn_curve_skip(kn_curve *c, int count);
+
+// Thin the readings to about `most` readings if there are more than 4/3 `most`. The rising times change_s[changes]
+// divide the readings into pieces. Within a piece, neighbouring readings are averaged if their times since the begin of
+// the piece differ by less than a factor, which is the same for the whole piece. Each mean is placed at the mean time
+// of its readings. The mean of a bent curve is corrected by the curvature through the neighbouring means. Return false
+// if memory runs out.
+bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s);
+
+// Set the noise of the curve from its value[], or in a sweep from the logarithms of both moduli.
+void kn_curve_take_noise(kn_curve *c);
+
+// Return the largest magnitude of the numbers; NAN is ignored.
+double kn_largest_magnitude(int count, const double *value);
+
+// ---- one file while it is read (measured_curve.c)
+
+typedef struct kn_curve_file {
+    kn_table_reader table;
+    const kn_curve_options *opt;
+    kn_curve_kind kind;
+    kn_curve *curve; // [KN_CURVES_MAX]
+    int *count;      // number of curves in curve[]
+    // values from the notes of the file, or else from the options; NAN: neither a note nor an option gives the value
+    double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain;
+    bool constant_area;
+} kn_curve_file;
+
+// The rows begin..end-1 of the table that become a curve, and the columns of its arrays; -1: no column.
+typedef struct kn_curve_rows {
+    int begin, end, time, value, other, load;
+} kn_curve_rows;
+
+// Read creep curves (creep_curve.c): append the file's curves to f->curve. Return 0, or print an error and return an
+// exit code.
+int kn_curve_load_creep(kn_curve_file *f);
+
+// Read the rows of the columns wanted[], then the values of the notes and options. Return 0, or print an error and
+// return an exit code.
+int kn_curve_read(kn_curve_file *f, int count, const int wanted[]);
+
+// Find the end of the table that begins at row `begin`. The next table begins where time falls back and rises again.
+// Return the first row of the next table, or the number of rows of the file if there is no next table. `time` is the
+// index of the time column.
+int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
+
+// Append a curve to f->curve, name the curve after the file and `part`, and fill its arrays from the table. The columns
+// are moved into the curve if it takes all rows and is not `shared`; otherwise they are copied. Return 0, or print an
+// error and return an exit code.
+int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve);
+
+// Remove readings that lack a number, sort the readings by time, and average readings of the same time. Print each
+// change on stdout. It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal.
+// Return 0, or print an error and return an exit code.
+int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name);
+
+// Finish the curve: estimate the noise of the readings, and thin the readings within each span between two times
+// change_s[]. Return 0, or print an error and return an exit code.
+int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *change_s);
+
+// If nearly all values are below 0, change the sign of all values and report the change on stdout. Compression is
+// positive in a kn_curve, but negative in some files. `name` is the name of the quantity.
+void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name);
+
+// Return the time at which the load was applied: the value of the note `begin`, or else 0. Without the note, the first
+// reading may come later than 0 by more than the duration of the whole curve. In that case return the time of the first
+// reading and report the assumption on stdout.
+double kn_curve_begin(const kn_curve_file *f, const kn_curve *c);
+
+// Print an error and return an exit code if neither a note nor an option gives the specimen's height or its area, which
+// a displacement or a load needs. Otherwise return 0.
+int kn_curve_need_height(const kn_curve_file *f);
+int kn_curve_need_area(const kn_curve_file *f);
+
+// Set the initial height of the specimen and report its source on stdout.
+void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, const char *source);
+
+// Print one line on stdout that begins with the file's name, such as "creep.csv: ...".
+__attribute__((format(printf, 2, 3))) void kn_curve_say(const kn_curve_file *f, const char *format, ...);
+
+// Report on stdout that `count` readings were left out, if there are any; `which` follows their number.
+void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which);
+
+// Report on stdout that the strain in `column`, which has no unit, is taken as a share of the height. The user may have
+// meant per cent, since files often give per cent without a unit.
+void kn_curve_say_bare(const kn_curve_file *f, int column);
+
+// Print an error at the cell of `column` in a line of the file and return an exit code. line 0: the line of names;
+// column -1: the begin of the line.
+__attribute__((format(printf, 4, 5))) int kn_curve_refuse(const kn_curve_file *f, int line, int column,
+                                                          const char *format, ...);
+
+#endif

@@ -1,0 +1,485 @@
+#include "clients/identify/table_reader.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include <ctype.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+int kn_table_reader_complain(const kn_table_reader *s, int line, int at, const char *format, ...)
+{
+    char text[800];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s:%d:%d: %s", s->file, line, at, text);
+}
+
+// Read the file once more, up to the line. Positions are not stored, since a file may have ten million rows.
+int kn_table_reader_at(const kn_table_reader *s, int line, int column)
+{
+    struct stat is;
+    kn_lines l;
+    kn_text_cell c;
+    int at = 1, index = 0;
+    if (stat(s->file, &is) != 0 || !S_ISREG(is.st_mode) || !kn_lines_open(&l, s->file)) return at;
+    while (l.number < line && kn_lines_next(&l)) continue;
+    for (const char *cell = l.text; l.number == line && kn_text_cell_next(s->of_rows, &cell, &c); index++)
+        if (index == s->column[column].index) at = (int)(c.text - l.text) + 1;
+    kn_lines_close(&l);
+    return at;
+}
+
+void kn_table_reader_close(kn_table_reader *s)
+{
+    for (int c = 0; c < s->columns; c++) free(s->column[c].value);
+    free(s->line);
+    kn_lines_close(&s->lines);
+    s->columns = s->rows = 0;
+    s->line = NULL;
+}
+
+// ---- notes
+
+static void take_note(kn_table_reader *s)
+{
+    kn_note note;
+    if (s->notes < KN_TABLE_NOTES && kn_note_read(s->lines.text, s->lines.number, &note)) s->note[s->notes++] = note;
+}
+
+// If two notes have the same key, their values must agree.
+int kn_table_reader_note(const kn_table_reader *s, const char *key, const char *unit, double *value)
+{
+    char error[120];
+    const kn_note *first = NULL;
+    for (int i = 0; i < s->notes; i++) {
+        const kn_note *n = &s->note[i];
+        const double before = *value;
+        if (strcmp(n->key, key) != 0) continue;
+        if (!kn_heading_quantity(n->value, unit, value, error, sizeof error))
+            return kn_table_reader_complain(s, n->line, n->at, "%s: %s", key, error);
+        if (first && *value != before)
+            return kn_table_reader_complain(s, n->line, n->at,
+                                            "%s of %s here, but of %s in line %d, expected one value", key, n->value,
+                                            first->value, first->line);
+        first = n;
+    }
+    return KN_EXIT_OK;
+}
+
+// ---- where the table begins
+
+static char separator_of(const char *line)
+{
+    return strchr(line, '\t') ? '\t' : strchr(line, ';') ? ';' : strchr(line, ',') ? ',' : ' ';
+}
+
+typedef struct census { // what one line of the file contains
+    int cells, numbers, missing;
+    bool first; // whether the first cell is a number
+} census;
+
+static census count_cells(const char *line, char separator)
+{
+    census n = {0};
+    kn_text_cell c;
+    double value;
+    bool ignored;
+    for (const char *at = line; kn_text_cell_next(separator, &at, &c); n.cells++) {
+        kn_text_cell_content is = kn_text_cell_read(&c, separator, &value, &ignored, &ignored);
+        n.numbers += is == KN_CELL_NUMBER;
+        n.first |= n.cells == 0 && is == KN_CELL_NUMBER;
+        n.missing += is == KN_CELL_MISSING;
+    }
+    return n;
+}
+
+typedef struct candidate { // a line of words that may hold the names
+    int line, cells;       // number of the line, and of its cells; line 0: no such line so far
+    char separator;
+} candidate;
+
+// State of the search for the table.
+typedef struct search {
+    candidate plain, commented; // the last plain line of words, and the last commented one
+    int data;                   // line number of the first row of numbers; 0: not found so far
+    char of_rows;               // separator of that row
+} search;
+
+// Return whether the line is a row of numbers below a line of names with `cells` cells. At least half of its cells are
+// numbers or missing, and it has no more cells than there are names. One number after a word is not a row:
+// "Diameter;25" stands before tables.
+static bool is_row(const char *line, char separator, int cells)
+{
+    census n = count_cells(line, separator);
+    if (n.numbers == 0 || (n.numbers == 1 && !n.first && n.cells > 1 && n.missing == 0)) return false;
+    return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
+}
+
+// Return the separator of the line's cells if it is a row below these names. Return 0 if it is not a row.
+static char row_separator(const char *line, const candidate *names)
+{
+    if (!names->line) return 0;
+    if (is_row(line, names->separator, names->cells)) return names->separator;
+    return count_cells(line, ' ').numbers > 1 && is_row(line, ' ', names->cells) ? ' ' : 0;
+}
+
+// Look at one line: a row ends the search, a line of words becomes the candidate for the names.
+static void look_at(search *found, const kn_lines *l)
+{
+    const char *line = l->text + strspn(l->text, " \t");
+    kn_note note;
+    const bool comment = *line == '#';
+    if (comment) line += strspn(line, "# \t");
+    if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
+    // A row is tried against the plain candidate first, then against the commented one.
+    const char separator = separator_of(line);
+    const census n = count_cells(line, separator);
+    char of_rows = row_separator(line, &found->plain);
+    if (!of_rows) of_rows = row_separator(line, &found->commented);
+    if (!comment && of_rows) {
+        found->data = l->number;
+        found->of_rows = of_rows;
+        return;
+    }
+    // A line of words with at least two cells may be the names.
+    if (n.numbers > 0 || n.cells - n.missing < 2) return;
+    *(comment ? &found->commented : &found->plain) = (candidate){l->number, n.cells, separator};
+}
+
+// Read the unit in a cell below a name. Brackets around the unit are dropped. Return whether the unit is known.
+static bool unit_in(kn_text_cell *c, char text[KN_HEADING_NAME], kn_column_unit *unit)
+{
+    if (c->length > 2 && strchr("([", *c->text)) c->text++, c->length -= 2;
+    kn_text_cell_text(text, KN_HEADING_NAME, c);
+    return kn_column_unit_parse(unit, text, NULL, 0);
+}
+
+// Return whether a line holds the units of the columns, such as "s;mm;N": at least half of its cells must be known
+// units.
+static bool is_units(const char *line, char separator)
+{
+    int units = 0, others = 0;
+    kn_text_cell c;
+    for (const char *at = line; kn_text_cell_next(separator, &at, &c);) {
+        char text[KN_HEADING_NAME];
+        kn_column_unit unit;
+        if (c.length == 0 || (c.length == 2 && !strncmp(c.text, "[]", 2))) continue;
+        if (unit_in(&c, text, &unit)) units++;
+        else others++;
+    }
+    return units > 0 && units >= others;
+}
+
+// Find the lines of names and units and the separators. Return false if no numbers follow a line of names. In that case
+// s->header_line is the number of the line that could have held the names, or 0.
+static bool find_table(kn_table_reader *s)
+{
+    search found = {0}, before = {0};
+    int units = 0;
+    // Read up to the first row of numbers. Remember the candidate before the last one, in case the last line holds only
+    // units.
+    while (!found.data && kn_lines_next(&s->lines)) {
+        const search was = found;
+        look_at(&found, &s->lines);
+        if (found.plain.line == was.plain.line) continue;
+        before = was;
+        if (is_units(s->lines.text, found.plain.separator)) units = found.plain.line;
+    }
+    // The line of units counts only if it is directly the last candidate and another candidate is above it.
+    const bool below = units > 0 && units == found.plain.line && before.plain.line > 0;
+    const candidate *names = below ? &before.plain : found.plain.line ? &found.plain : &found.commented;
+    s->header_line = names->line;
+    s->units_line = below ? units : 0;
+    s->separator = names->separator;
+    s->of_rows = found.of_rows;
+    return found.data > 0;
+}
+
+// ---- names and units
+
+// Read the names. If blanks separate the cells, "Time (s)" is one name: a bracket is joined to the name before it.
+static bool take_names(kn_table_reader *s, const char *line)
+{
+    kn_text_cell c;
+    char text[KN_HEADING_NAME];
+    const char *begin = line + strspn(line, line[strspn(line, " ")] == '#' ? " #" : " ");
+    int index = 0;
+    for (const char *at = begin; kn_text_cell_next(s->separator, &at, &c); index++) {
+        kn_text_cell_text(text, sizeof text, &c);
+        kn_table_column *last = s->columns ? &s->column[s->columns - 1] : NULL;
+        if (s->separator == ' ' && last && (*text == '(' || *text == '[')) {
+            char whole[KN_HEADING_NAME];
+            snprintf(whole, sizeof whole, "%.50s %.24s", last->heading.name, text);
+            kn_heading_read(&last->heading, whole);
+            index--;
+            continue;
+        }
+        if (s->columns == KN_TABLE_COLUMNS) return false;
+        s->column[s->columns] = (kn_table_column){.at = (int)(c.text - line) + 1, .index = index};
+        kn_heading_read(&s->column[s->columns++].heading, text);
+    }
+    return true;
+}
+
+// Read a row of units below the names. A unit that a name already has is kept.
+static void take_units(kn_table_reader *s, const char *line)
+{
+    kn_text_cell c;
+    int index = 0;
+    for (const char *at = line; index < s->columns && kn_text_cell_next(s->separator, &at, &c); index++) {
+        kn_heading *h = &s->column[index].heading;
+        if (c.length > 0 && !h->has_unit) h->has_unit = unit_in(&c, h->unit_text, &h->unit);
+    }
+}
+
+// Return whether the name contains the word. A name in --units means every column without a unit that has this word in
+// its name.
+static bool has_word(const char *name, const char *word)
+{
+    const size_t length = strlen(word);
+    for (const char *at = name; (at = strstr(at, word)); at++)
+        if ((at == name || at[-1] == ' ') && (!at[length] || at[length] == ' ')) return true;
+    return false;
+}
+
+// Give the unit to all columns that contain the word and have no unit. Return false if no column contains the word.
+static bool give_unit(kn_table_reader *s, const char *word, const kn_column_unit *unit, const char *unit_text)
+{
+    bool any = false;
+    for (int c = 0; c < s->columns; c++) {
+        kn_heading *h = &s->column[c].heading;
+        if (!has_word(h->word, word)) continue;
+        any = true;
+        if (h->has_unit) continue;
+        h->has_unit = true;
+        h->unit = *unit;
+        snprintf(h->unit_text, sizeof h->unit_text, "%s", unit_text);
+    }
+    return any;
+}
+
+// Read the list of --units, "time=s,modulus=Pa".
+static int take_given(kn_table_reader *s, const char *units)
+{
+    for (const char *at = units; at && *at;) {
+        char item[KN_HEADING_NAME], error[100];
+        kn_heading named;
+        kn_column_unit m;
+        // Each item is a name and a unit with '=' between.
+        const size_t length = strcspn(at, ",");
+        snprintf(item, sizeof item, "%.*s", (int)length, at);
+        at += length + (at[length] == ',');
+        char *mark = strrchr(item, '=');
+        if (!mark || mark == item)
+            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--units %s: expected e.g. time=s,modulus=Pa", units);
+        *mark = '\0';
+        kn_heading_read(&named, item);
+        if (!kn_column_unit_parse(&m, mark + 1, error, sizeof error))
+            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--units %s: %s", units, error);
+        if (give_unit(s, named.word, &m, mark + 1)) continue;
+        return kn_table_reader_complain(s, s->header_line, 1, "no column '%s', expected a name of this line in --units",
+                                        item);
+    }
+    return KN_EXIT_OK;
+}
+
+// Say why no table was found.
+static int no_table(const kn_table_reader *s)
+{
+    if (*s->lines.error)
+        return kn_table_reader_complain(s, s->lines.number ? s->lines.number : 1, 1, "%s", s->lines.error);
+    if (s->header_line)
+        return kn_table_reader_complain(s, s->header_line, 1,
+                                        "names without numbers below them, expected rows of numbers");
+    return kn_table_reader_complain(
+        s, 1, 1, "no table, expected a line of names like time_s,height_mm and rows of numbers below it");
+}
+
+int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *subcommand)
+{
+    memset(s, 0, sizeof *s);
+    s->file = file;
+    s->subcommand = subcommand;
+    if (!kn_lines_open(&s->lines, file)) return kn_complain(subcommand, KN_EXIT_USAGE, "%s: %s", file, s->lines.error);
+    if (!find_table(s)) return no_table(s);
+    if (!kn_lines_rewind(&s->lines))
+        return kn_table_reader_complain(s, 1, 1, "no numbers in the first 256 kB, expected a table");
+    // The header was found by reading ahead. Now read from the first line again and take names, units and notes.
+    const int last = s->units_line ? s->units_line : s->header_line;
+    while (s->lines.number < last && kn_lines_next(&s->lines)) {
+        const char *line = s->lines.text;
+        if (s->lines.number == s->header_line && !take_names(s, line))
+            return kn_table_reader_complain(s, s->header_line, 1, "more than %d columns, expected fewer",
+                                            KN_TABLE_COLUMNS);
+        else if (s->lines.number == s->units_line) take_units(s, line);
+        else if (line[strspn(line, " \t")] == '#') take_note(s);
+    }
+    return take_given(s, units);
+}
+
+// ---- rows
+
+// Make room for one more row in all wanted columns. Double the room each time.
+static bool grow(kn_table_reader *s, int count, const int wanted[])
+{
+    if (s->rows < s->room) return true;
+    int room = s->room ? 2 * s->room : 1024;
+    int *line = realloc(s->line, (size_t)room * sizeof *line);
+    if (line) s->line = line;
+    bool ok = line;
+    for (int i = 0; i < count; i++) {
+        kn_table_column *c = &s->column[wanted[i]];
+        double *value = realloc(c->value, (size_t)room * sizeof *value);
+        if (value) c->value = value;
+        ok &= value != NULL;
+    }
+    if (ok) s->room = room;
+    return ok;
+}
+
+// Print the error that a cell holds text in place of a number, and return an exit code. The text is an error since the
+// names were not repeated below it.
+static int bad_text(const kn_table_reader *s)
+{
+    const char *text = s->strange.text;
+    if (s->strange.lines > 1)
+        return kn_table_reader_complain(s, s->strange.line, 1,
+                                        "'%s' and more text, expected one table in a file: remove the others", text);
+    const bool thousands = strchr(text, ',') && strchr(text, '.');
+    return kn_table_reader_complain(
+        s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
+        thousands ? " without separators of thousands" : ", or nothing where a reading is missing");
+}
+
+// Remember the first text found in place of a number. Count the lines with such text and without any number.
+static void set_aside(kn_table_reader *s, const kn_table_column *column, const kn_text_cell *c, bool numbers)
+{
+    s->strange.lines += !numbers;
+    if (s->strange.name) return;
+    s->strange.line = s->lines.number;
+    s->strange.at = (int)(c->text - s->lines.text) + 1;
+    s->strange.name = column->heading.name;
+    kn_text_cell_text(s->strange.text, sizeof s->strange.text, c);
+}
+
+// Return whether the row filter `only` excludes the row.
+static bool is_other(kn_table_reader *s, int index, const kn_text_cell *c)
+{
+    char text[KN_HEADING_NAME];
+    if (!s->only.text || index != s->column[s->only.column].index) return false;
+    kn_text_cell_text(text, sizeof text, c);
+    const bool other = strcmp(text, s->only.text) != 0;
+    s->only.left_out += other;
+    return other;
+}
+
+// Read one row. slot[i] is the column of cell i, or -1. `cells` is the number of names. A line with text in place of a
+// number is remembered. The text becomes an error if another row follows.
+static int take_row(kn_table_reader *s, int cells, const int slot[])
+{
+    kn_text_cell c, bad = {0};
+    int index = 0, numbers = 0;
+    const kn_table_column *of_bad = NULL;
+    const char *line = s->lines.text;
+    for (const char *at = line; kn_text_cell_next(s->of_rows, &at, &c); index++) {
+        // Cells of columns that were not asked for may hold anything. Empty cells beyond the last name are ignored.
+        double value = NAN;
+        if (index >= cells && c.length == 0) continue;
+        if (index >= cells)
+            return kn_table_reader_complain(s, s->lines.number, (int)(c.text - line) + 1,
+                                            "more cells than the %d names, expected as many%s", cells,
+                                            s->of_rows == ',' ? " (are these decimal commas?)" : "");
+        if (is_other(s, index, &c)) return KN_EXIT_OK;
+        if (slot[index] < 0) continue;
+        kn_table_column *column = &s->column[slot[index]];
+        const kn_text_cell_content is = kn_text_cell_read(&c, s->of_rows, &value, &s->commas, &s->points);
+        numbers += is == KN_CELL_NUMBER;
+        if (is == KN_CELL_TEXT && !of_bad) of_bad = column, bad = c;
+        if (is == KN_CELL_NUMBER && column->heading.has_unit) value = kn_column_unit_si(&column->heading.unit, value);
+        if (is == KN_CELL_NUMBER && fabs(value) > KN_TABLE_MOST)
+            return kn_table_reader_complain(s, s->lines.number, (int)(c.text - line) + 1,
+                                            "%g in SI units, expected at most %g", value, KN_TABLE_MOST);
+        column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
+    }
+    for (; index < cells; index++) // if the row has too few cells, the absent cells count as missing readings
+        if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
+    if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
+    // skip a row with text in place of a number, or without any number in the requested columns
+    if (of_bad || numbers == 0) return KN_EXIT_OK;
+    if (s->strange.name) return bad_text(s);
+    s->line[s->rows++] = s->lines.number;
+    if (s->commas && s->points)
+        return kn_table_reader_complain(s, s->lines.number, 1,
+                                        "decimal points and decimal commas in one file, expected one of them");
+    return KN_EXIT_OK;
+}
+
+// Return whether the line repeats the names, as instruments write them above each of their intervals.
+static bool is_repeated(const kn_table_reader *s, const char *line)
+{
+    kn_text_cell c;
+    int index = 0, same = 0;
+    for (const char *at = line; index < s->columns && kn_text_cell_next(s->separator, &at, &c); index++) {
+        char text[KN_HEADING_NAME];
+        kn_heading h;
+        kn_text_cell_text(text, sizeof text, &c);
+        kn_heading_read(&h, text);
+        same += *h.word && !strcmp(h.word, s->column[index].heading.word);
+    }
+    return same >= 2 && 2 * same >= s->columns;
+}
+
+// Return whether a line is not a row and can be skipped: repeated names, units below them, a note or an empty line.
+static bool is_skipped(kn_table_reader *s, bool *repeated)
+{
+    const char *text = s->lines.text + strspn(s->lines.text, " \t");
+    if (text[strspn(text, " \t,;")] == '\0') return true;
+    if (*text == '#' && strncasecmp(text, "#N", 2) != 0) {
+        take_note(s);
+        return true;
+    }
+    // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
+    const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
+    *repeated = words && is_repeated(s, text);
+    // The names are repeated, so the text before them was the heading of the instrument's next interval.
+    if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
+    return *repeated || (below && is_units(text, s->separator));
+}
+
+int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
+{
+    int slot[KN_TABLE_COLUMNS], code = KN_EXIT_OK;
+    const int cells = s->columns ? s->column[s->columns - 1].index + 1 : 0;
+    bool repeated = false;
+    // Map the cells of a row to the wanted columns.
+    for (int i = 0; i < KN_TABLE_COLUMNS; i++) slot[i] = -1;
+    for (int i = 0; i < count; i++) slot[s->column[wanted[i]].index] = wanted[i];
+    while (code == KN_EXIT_OK && kn_lines_next(&s->lines)) {
+        if (is_skipped(s, &repeated)) continue;
+        if ((int64_t)(s->rows + 1) * count > KN_TABLE_CELLS)
+            return kn_table_reader_complain(s, s->lines.number, 1,
+                                            "more than %d rows of %d columns, expected fewer: thin it, "
+                                            "e.g. awk 'NR < 9 || NR %% 10 == 0'",
+                                            s->rows, count);
+        // Read the row into the next free place.
+        if (!grow(s, count, wanted)) return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
+        code = take_row(s, cells, slot);
+    }
+    if (code == KN_EXIT_OK && *s->lines.error)
+        return kn_table_reader_complain(s, s->lines.number, 1, "%s", s->lines.error);
+    if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
+    if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
+        return kn_table_reader_complain(s, s->header_line, s->column[s->only.column].at,
+                                        "%d rows, all of another %s than '%s', expected rows of it", s->only.left_out,
+                                        s->column[s->only.column].heading.name, s->only.text);
+    if (code == KN_EXIT_OK && s->rows == 0)
+        return kn_table_reader_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",
+                                        s->column[wanted[0]].heading.name);
+    return code;
+}

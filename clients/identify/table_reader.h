@@ -1,0 +1,157 @@
+#ifndef KN_CLIENTS_IDENTIFY_TABLE_READER_H
+#define KN_CLIENTS_IDENTIFY_TABLE_READER_H
+// A table of columns of numbers, read from a text file as instruments and spreadsheets write it. Each column has a name
+// and a unit. Each row remembers its line number in the file.
+//
+//     notes, anything                        before the table; skipped
+//     # load: 50 gf                          a note, which is read anywhere in the file
+//     time [s];height [mm];status            names with units (column_quantity.h), or names alone and
+//     s;mm;                                  units in a row of their own below them
+//     0,3;9,96;M-                            a row; a column that is not requested may hold any text
+//
+// The column names are in the last line of words before the first row of numbers. If the last line of words holds only
+// units, the names are in the line of words above the units. A comment line such as "# time height", which numpy
+// writes, is taken as the line of names only if no other line can hold the names.
+//
+// Cells are separated by tabs, semicolons, commas or blanks: the first separator in this order that the line of names
+// contains. Decimal commas are read if the separator is not a comma, and in quoted cells like "0,5". A reading is
+// missing if its cell is empty, -, nan, NA or #N/A. Instruments repeat the names and units above each interval of a
+// measurement. Repeated names, the units below them and the text above them are skipped.
+#include "clients/identify/column_quantity.h"
+#include <stdio.h>
+
+// ---- the lines of a text file of any size, read in little memory (text_table.c)
+//
+// The text may be UTF-8 with or without a byte order mark, Latin-1, or UTF-16, which instruments on Windows write. Lines
+// end with LF, CR LF or CR. A file that contains a NUL character or a line of more than KN_LINES_LONGEST characters is
+// no text, so the file is refused.
+
+#define KN_LINES_LONGEST 65536
+
+typedef struct kn_lines {
+    FILE *in;
+    int number;      // number of the last line read, from 1 on
+    char *text;      // last line read, without its line end, terminated by NUL; valid until the next line is read
+    char error[100]; // reason why no line could be read; empty: the file has ended
+    // private
+    char *buffer;
+    size_t begin, end; // the unread part of the buffer is buffer[begin..end-1]
+    bool filled_once, back_impossible, at_end;
+    char ending; // line end: '\n', or '\r' in files of an old Macintosh
+    int wide;    // 1: UTF-16 little-endian; 2: UTF-16 big-endian; 0: one byte per character, or UTF-8
+} kn_lines;
+
+// Open a file. If the file cannot be read, is a folder or is empty, return false with one clause in l->error.
+bool kn_lines_open(kn_lines *l, const char *file);
+bool kn_lines_next(kn_lines *l); // read the next line into l->text; return false at the end of the file or on an error
+// Go back to the first line. Return false if more than the first 256 kB of the file have been read.
+bool kn_lines_rewind(kn_lines *l);
+void kn_lines_close(kn_lines *l);
+
+// ---- the cells of one line, and the numbers in the cells (text_table.c)
+
+typedef struct kn_text_cell {
+    const char *text; // points into the line of the table, past blanks and an opening quote; not terminated by NUL
+    int length;
+    bool quoted;
+} kn_text_cell;
+
+typedef enum kn_text_cell_content { KN_CELL_NUMBER, KN_CELL_MISSING, KN_CELL_TEXT } kn_text_cell_content;
+
+// Read the cell at *at. Move *at to the next cell, or set *at to NULL after the last cell. Return false at the end of
+// the line. The separator ' ' stands for any number of blanks or tabs. If a line ends with any other separator, an
+// empty cell follows that separator.
+bool kn_text_cell_next(char separator, const char **at, kn_text_cell *cell);
+
+// Read the number in a cell. Set *comma if the number has a decimal comma, and *point if it has a decimal point. A
+// comma is no decimal mark if the comma is the separator and the cell is not quoted.
+kn_text_cell_content kn_text_cell_read(const kn_text_cell *cell, char separator, double *value, bool *comma,
+                                       bool *point);
+
+// Copy the cell's text to `to`, shortened to `size` bytes. Doubled quotes within quotes become one quote. Control
+// characters become '?'.
+void kn_text_cell_text(char *to, size_t size, const kn_text_cell *cell);
+
+// A note: a line in a file of measurements that applies to the whole table, such as "# load: 50 gf" or "# load = 50
+// gf".
+typedef struct kn_note {
+    char key[32], value[64]; // for example key "load" and value "50 gf"; the key is in small letters
+    int line, at;            // line number of the value, and position of its first character in that line, from 1
+} kn_note;
+
+// Read a note. Return false if the line is not a note. A key has at most three words, so that a sentence with a colon
+// is not taken for a note.
+bool kn_note_read(const char *text, int line, kn_note *note);
+
+// ---- the table
+//
+// Every function that can fail returns 0, or prints an error of one line and returns an exit code.
+
+#define KN_TABLE_COLUMNS 128
+#define KN_TABLE_NOTES 32
+#define KN_TABLE_CELLS (1 << 26) // largest number of cells in memory (512 MB); a larger table is refused
+// largest magnitude of a number in SI units, far beyond any measurement; sums and quotients of such numbers stay finite
+#define KN_TABLE_MOST 1e30
+
+typedef struct kn_table_column {
+    kn_heading heading;
+    int at;        // position of the column's name in the line of names, in characters from 1 on
+    int index;     // index of the column's cell in a row, from 0 on
+    double *value; // [rows] numbers of the column in SI units; NAN: missing; NULL: the column was not requested
+} kn_table_column;
+
+typedef struct kn_table_reader {
+    const char *file, *subcommand;
+    int columns, rows;
+    kn_table_column column[KN_TABLE_COLUMNS];
+    int *line; // [rows] line number of each row in the file
+    int notes; // number of notes
+    kn_note note[KN_TABLE_NOTES];
+    // line numbers of the lines that hold the names and the units, from 1 on; 0: there is no such line
+    int header_line, units_line;
+    bool commas; // numbers with decimal commas were found
+    // Filter for a table with rows of several tools: only rows whose cell in the column `column` equals `text` are
+    // read. If `text` is NULL, all rows are read.
+    struct {
+        const char *text;
+        int column;   // the column that holds the text
+        int left_out; // number of rows that were not read, since their cell differs from `text`
+    } only;
+    // private
+    kn_lines lines;
+    // separator: separator in the line of names; of_rows: separator in the rows, which may be another one
+    char separator, of_rows;
+    int room;    // number of rows for which memory is allocated
+    bool points; // numbers with decimal points were found
+    // The first text found in place of a number. The text is an error unless the line of names is repeated below it.
+    struct {
+        // lines: number of lines with text in place of a number and without any number; line, at: line number of the
+        // first text, and its position in that line
+        int lines, line, at;
+        char text[32];
+        const char *name; // name of the column in which text was found instead of a number; NULL: no such column
+    } strange;
+} kn_table_reader;
+
+// Open the file and read it up to the line of names. `units` gives the units of columns whose names have no unit, such
+// as "time=s,modulus=Pa"; NULL: not given. `subcommand` is named in error messages.
+int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *subcommand);
+
+// Read the columns wanted[] of all rows. A cell of these columns that is not a number is an error. If only some rows
+// are to be read, set s->only before this call.
+int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[]);
+
+// Set *value to the value of the note `key`, converted to SI. The value must have the dimension of `unit`. `key` is in
+// small letters. If the table has no note with this key, *value is unchanged.
+int kn_table_reader_note(const kn_table_reader *s, const char *key, const char *unit, double *value);
+
+// Return the position of a column's cell in a line of the file, in characters from 1 on. Return 1 if the file cannot be
+// read a second time, as with a pipe.
+int kn_table_reader_at(const kn_table_reader *s, int line, int column);
+
+// Print an error as "file:line:at: message" and return an exit code.
+__attribute__((format(printf, 4, 5))) int kn_table_reader_complain(const kn_table_reader *s, int line, int at,
+                                                                   const char *format, ...);
+void kn_table_reader_close(kn_table_reader *s);
+
+#endif

@@ -1,0 +1,264 @@
+// The text of a table: lines, cells and notes. See table_reader.h.
+#include "clients/identify/table_reader.h"
+#include <ctype.h>
+#include <errno.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+// ---- lines
+
+// size of the buffer [bytes]; the header of a table is searched only in the first buffer of a file
+enum { ROOM = 1 << 18 };
+
+static bool fail(kn_lines *l, const char *why)
+{
+    snprintf(l->error, sizeof l->error, "%s", why);
+    l->at_end = true;
+    l->begin = l->end;
+    return false;
+}
+
+// Write one unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?', since no name or unit
+// contains one.
+static size_t put_wide(char *to, unsigned unit)
+{
+    if (unit >= 0xd800 && unit < 0xe000) unit = '?';
+    if (unit < 0x80) return to[0] = (char)unit, 1;
+    if (unit < 0x800) {
+        to[0] = (char)(0xc0 | unit >> 6);
+        to[1] = (char)(0x80 | (unit & 0x3f));
+        return 2;
+    }
+    to[0] = (char)(0xe0 | unit >> 12);
+    to[1] = (char)(0x80 | (unit >> 6 & 0x3f));
+    to[2] = (char)(0x80 | (unit & 0x3f));
+    return 3;
+}
+
+// Fill the buffer from a UTF-16 file, as long as a whole chunk fits even at 3 bytes per unit.
+static void fill_wide(kn_lines *l)
+{
+    unsigned char raw[8192];
+    while (l->end + 3 * sizeof raw / 2 <= ROOM) {
+        size_t n = fread(raw, 1, sizeof raw, l->in);
+        for (size_t i = 0; i + 1 < n; i += 2)
+            l->end += put_wide(l->buffer + l->end,
+                               l->wide == 1 ? raw[i] | (unsigned)raw[i + 1] << 8 : raw[i + 1] | (unsigned)raw[i] << 8);
+        if (n < sizeof raw) {
+            l->at_end = true;
+            return;
+        }
+    }
+}
+
+static void fill_bytes(kn_lines *l)
+{
+    size_t n = fread(l->buffer + l->end, 1, ROOM - l->end, l->in);
+    l->at_end = l->end + n < ROOM;
+    l->end += n;
+}
+
+// Recognise the encoding and the line ending from the first buffer.
+static void recognise(kn_lines *l)
+{
+    const unsigned char *b = (const unsigned char *)l->buffer;
+    // A byte order mark of UTF-16: read the file again from there.
+    if (l->end >= 2 && ((b[0] == 0xff && b[1] == 0xfe) || (b[0] == 0xfe && b[1] == 0xff))) {
+        l->wide = b[0] == 0xff ? 1 : 2;
+        l->at_end = false;
+        l->begin = l->end = 0;
+        if (fseek(l->in, 2, SEEK_SET) == 0) fill_wide(l);
+    } else if (l->end >= 3 && !memcmp(b, "\xef\xbb\xbf", 3)) {
+        l->begin = 3;
+    }
+    l->ending = memchr(l->buffer, '\n', l->end) || !memchr(l->buffer, '\r', l->end) ? '\n' : '\r';
+}
+
+// Move the unread part to the front of the buffer and fill up the rest.
+static void fill(kn_lines *l)
+{
+    if (l->begin > 0) l->back_impossible = true;
+    memmove(l->buffer, l->buffer + l->begin, l->end - l->begin);
+    l->end -= l->begin;
+    l->begin = 0;
+    if (l->wide) fill_wide(l);
+    else fill_bytes(l);
+    if (!l->filled_once) recognise(l);
+    l->filled_once = true;
+    if (ferror(l->in)) fail(l, strerror(errno));
+}
+
+bool kn_lines_open(kn_lines *l, const char *file)
+{
+    struct stat is;
+    memset(l, 0, sizeof *l);
+    if (!(l->in = fopen(file, "rb"))) return fail(l, strerror(errno));
+    if (fstat(fileno(l->in), &is) == 0 && S_ISDIR(is.st_mode)) return fail(l, "is a folder, expected a file");
+    l->buffer = malloc(ROOM);
+    l->text = malloc(KN_LINES_LONGEST + 1);
+    if (!l->buffer || !l->text) return fail(l, "out of memory");
+    fill(l);
+    if (*l->error) return false;
+    return l->end > l->begin ? true : fail(l, "is empty, expected a table");
+}
+
+void kn_lines_close(kn_lines *l)
+{
+    if (l->in) fclose(l->in);
+    free(l->buffer);
+    free(l->text);
+    l->in = NULL;
+    l->buffer = l->text = NULL;
+}
+
+bool kn_lines_rewind(kn_lines *l)
+{
+    if (l->back_impossible || *l->error) return false;
+    l->begin = !l->wide && l->end >= 3 && !memcmp(l->buffer, "\xef\xbb\xbf", 3) ? 3 : 0;
+    l->number = 0;
+    return true;
+}
+
+// Read the next line. If the unread part of the buffer has no line end, fill the buffer once before taking the rest as
+// a line.
+bool kn_lines_next(kn_lines *l)
+{
+    char *end = l->begin < l->end ? memchr(l->buffer + l->begin, l->ending, l->end - l->begin) : NULL;
+    if (!end && !l->at_end) {
+        fill(l);
+        end = memchr(l->buffer + l->begin, l->ending, l->end - l->begin);
+    }
+    if (l->begin == l->end) return false;
+    const char *line = l->buffer + l->begin;
+    const size_t length_all = (size_t)((end ? end : l->buffer + l->end) - line);
+    size_t length = length_all;
+    l->number++;
+    if (length > KN_LINES_LONGEST) return fail(l, "a line of more than 65536 characters, expected a table");
+    if (memchr(line, 0, length)) return fail(l, "a byte 0, expected text");
+    l->begin += length_all + (end != NULL);
+    while (length > 0 && (line[length - 1] == '\r' || line[length - 1] == '\n')) length--;
+    memcpy(l->text, line, length);
+    l->text[length] = '\0';
+    return true;
+}
+
+// ---- cells
+
+bool kn_text_cell_next(char separator, const char **at, kn_text_cell *c)
+{
+    if (!*at) return false;
+    const char *p = *at + strspn(*at, separator == '\t' ? " " : " \t"), *end;
+    c->quoted = *p == '"';
+    c->text = p + c->quoted;
+    // A quoted cell ends at the quote before the next separator. A quote inside the cell may be doubled, or may be the
+    // inch sign.
+    if (c->quoted) {
+        for (end = c->text; *end; end++)
+            if (*end == '"' && end[1] == '"') end++;
+            else if (*end == '"' && (!end[1] || end[1] == separator || isspace((unsigned char)end[1]))) break;
+        c->length = (int)(end - c->text);
+        p = *end ? end + 1 : end;
+        while (*p && *p != separator) p++;
+    } else {
+        while (*p && *p != separator && !(separator == ' ' && *p == '\t')) p++;
+        c->length = (int)(p - c->text);
+    }
+    // Strip blanks at the end and step over the separator. Only a separator other than a blank leaves an empty cell
+    // behind.
+    while (c->length > 0 && isspace((unsigned char)c->text[c->length - 1])) c->length--;
+    if (separator == ' ') p += strspn(p, " \t");
+    else if (*p) p++;
+    else p = NULL;
+    *at = p && (separator != ' ' || *p) ? p : NULL;
+    return true;
+}
+
+// Read a plain decimal number faster than strtod. Up to 15 digits are divided by a power of ten up to 1e15. Both
+// numbers are exact in double precision, so the division rounds correctly. Return false for all other numbers; the
+// caller then uses strtod.
+static bool quick_number(const char *p, const char *end, char point, double *value)
+{
+    static const double ten[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+    const bool minus = *p == '-';
+    uint64_t digits = 0;
+    int count = 0, after = -1;
+    for (p += *p == '-' || *p == '+'; p < end; p++) {
+        if (isdigit((unsigned char)*p)) {
+            digits = 10 * digits + (uint64_t)(*p - '0');
+            count++;
+            after += after >= 0;
+        } else if (*p == point && after < 0) {
+            after = 0;
+        } else {
+            return false;
+        }
+        if (count > 15) return false;
+    }
+    if (count == 0) return false;
+    *value = (double)digits / ten[after > 0 ? after : 0];
+    if (minus) *value = -*value;
+    return true;
+}
+
+kn_text_cell_content kn_text_cell_read(const kn_text_cell *c, char separator, double *value, bool *comma, bool *dot)
+{
+    static const char *const missing[] = {"-",    "--",  "---",  "nan",  "na",      "n/a",
+                                          "#n/a", "#na", "null", "none", "#div/0!", "?"};
+    char text[64];
+    if (c->length == 0) return KN_CELL_MISSING;
+    const bool may = separator != ',' || c->quoted;
+    // Most cells are plain numbers with a decimal point, so try the fast conversion first.
+    if (quick_number(c->text, c->text + c->length, '.', value)) {
+        if (memchr(c->text, '.', (size_t)c->length)) *dot = true;
+        return KN_CELL_NUMBER;
+    }
+    if (c->length >= (int)sizeof text) return KN_CELL_TEXT;
+    snprintf(text, sizeof text, "%.*s", c->length, c->text);
+    for (size_t i = 0; i < sizeof missing / sizeof *missing; i++)
+        if (!strcasecmp(text, missing[i])) return KN_CELL_MISSING;
+    // A cell with other characters than those of a number is text. A decimal comma is turned into a point for strtod.
+    if (strspn(text, "+-0123456789.,eE") != (size_t)c->length || !strpbrk(text, "0123456789")) return KN_CELL_TEXT;
+    char *mark = may && !strchr(text, '.') ? strchr(text, ',') : NULL, *end;
+    if (mark) *mark = '.', *comma = true;
+    else if (strchr(text, '.')) *dot = true;
+    *value = strtod(text, &end);
+    return *end == '\0' && isfinite(*value) ? KN_CELL_NUMBER : KN_CELL_TEXT;
+}
+
+void kn_text_cell_text(char *to, size_t size, const kn_text_cell *c)
+{
+    size_t n = 0;
+    for (int i = 0; i < c->length && n + 1 < size; i++) {
+        if (c->quoted && c->text[i] == '"' && i + 1 < c->length && c->text[i + 1] == '"') i++;
+        to[n++] = c->text[i];
+    }
+    to[n] = '\0';
+    kn_text_clean(to);
+}
+
+// ---- notes
+
+bool kn_note_read(const char *text, int line, kn_note *note)
+{
+    const char *key = text + strspn(text, "# \t"), *mark = strpbrk(key, ":=");
+    if (!mark || mark == key || mark - key >= (int)sizeof note->key) return false;
+    const char *value = mark + 1 + strspn(mark + 1, " \t");
+    *note = (kn_note){.line = line, .at = (int)(value - text) + 1};
+    int n = 0, words = 1;
+    // Copy the key in small letters and count its words.
+    for (const char *p = key; p < mark; p++) {
+        note->key[n++] = (char)tolower((unsigned char)*p);
+        words += *p == ' ' && p[1] != ' ' && p + 1 < mark;
+    }
+    while (n > 0 && isspace((unsigned char)note->key[n - 1])) n--;
+    note->key[n] = '\0';
+    size_t length = strcspn(value, ";\t"); // spreadsheets fill up lines with separators, so cut the value there
+    while (length > 0 && strchr(" ,", value[length - 1])) length--;
+    snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
+    kn_text_clean(note->value);
+    return words <= 3 && *note->value;
+}

@@ -1,0 +1,228 @@
+// knead tpa: texture profile analysis, two bites by a plate wider than the specimen (Bourne 1978).
+//
+//     force
+//       |          F1                       hardness      F1, largest force of the first bite
+//       |         /|\                       cohesiveness  (A3 + A4)/(A1 + A2)
+//       |        / | \         F2           springiness   way of the second bite / way of the first, from touch to
+//       |       /  |  \        /|\                        full depth
+//       |   A1 / A2|   \   A3 / | \ A4      resilience    A2/A1
+//       +-----/----+----\----/--+--\-- time
+//            down   up   wait  down up
+//
+// A1 to A4 are areas of the force over the way of the plate, down or up, while the plate touches.
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/cli/table.h"
+#include "clients/rheometer/rheometer.h"
+#include <math.h>
+#include <stdio.h>
+
+static const char help[] =
+    "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
+    "Texture profile analysis: a plate bites twice. The figures that food laboratories read off the two peaks are\n"
+    "printed: hardness, cohesiveness, springiness, resilience. Adhesiveness is not modelled: the plate does not\n"
+    "stick, so no force ever pulls.\n\n"
+    "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
+    "    knead tpa jelly --strain 30%\n\n"
+    "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
+    "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default:\n"
+    "                    5 s)\n"
+    "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
+    "                    below the height of the untouched specimen\n"
+    "  --png FILE        draw the curves (needs gnuplot)\n"
+    "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
+    "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
+
+static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
+
+// State of the plate. Places are strains of the untouched specimen. peak_n and area_j: largest force, and work of the
+// force, in the present stroke.
+typedef struct plate {
+    kn_rheometer *b;
+    kn_table *t;
+    int bite;
+    bool touches;
+    double from, rate_per_s, start_s; // the plate's place at time t is from + rate_per_s * (t - start_s)
+    // touched: strain at the first touch of this bite, negative before the first touch.
+    double peak_n, area_j, touched;
+} plate;
+
+// Return the place of the plate at time t, as a strain of the untouched specimen.
+static double place(const plate *p, double t) { return p->from + p->rate_per_s * (t - p->start_s); }
+
+// Append the present state to the table, and update the largest force of the stroke.
+static void add(plate *p)
+{
+    const kn_rheometer *b = p->b;
+    kn_table_add(p->t, (double[]){p->bite, b->time_s, KN_RHEOMETER_HEIGHT_M * fmax(place(p, b->time_s), 0), b->strain,
+                                  b->force_n, b->stress_pa});
+    p->peak_n = fmax(p->peak_n, b->force_n);
+}
+
+// Begin the contact of plate and specimen: from now on the plate imposes the strain.
+static int touch(plate *p)
+{
+    p->touches = true;
+    if (p->touched < 0) p->touched = p->b->strain;
+    return kn_rheometer_strain(p->b, p->b->strain, p->rate_per_s);
+}
+
+// End the contact of plate and specimen: from now on the specimen recovers without load.
+static int let_go(plate *p)
+{
+    p->touches = false;
+    return kn_rheometer_load(p->b, 0);
+}
+
+// Return true if the contact of plate and specimen must end or begin now. The plate cannot pull, and it cannot pass
+// through the specimen.
+static bool changes(const plate *p)
+{
+    if (p->touches) return p->b->stress_pa < 0;
+    return p->rate_per_s > 0 && place(p, p->b->time_s) >= p->b->strain;
+}
+
+// Find the moment at which contact begins or ends by bisection. The moment lies between `before`, an earlier state of
+// the bench, and the present state. Leave the bench just after the moment found.
+static int find_change(plate *p, const kn_rheometer *before)
+{
+    double low = before->time_s, high = p->b->time_s;
+    int code = KN_EXIT_OK;
+    for (int i = 0; i < 50 && code == KN_EXIT_OK && high - low > 1e-12 * high; i++) {
+        double middle = 0.5 * (low + high);
+        *p->b = *before;
+        code = kn_rheometer_advance(p->b, middle);
+        if (changes(p)) high = middle;
+        else low = middle;
+    }
+    // The last state tried may lie before the change of contact, so step to the upper bound of the bisection.
+    *p->b = *before;
+    return code == KN_EXIT_OK ? kn_rheometer_advance(p->b, high) : code;
+}
+
+// Advance to the time until_s, and begin or end the contact of the plate on the way.
+static int go(plate *p, double until_s)
+{
+    kn_rheometer *b = p->b, before = *b;
+    double force_n = b->force_n;
+    int code = kn_rheometer_advance(b, until_s);
+    bool change = code == KN_EXIT_OK && changes(p);
+    if (change) code = find_change(p, &before);
+    // Add the area of force over way by the trapezoidal rule.
+    double way = KN_RHEOMETER_HEIGHT_M * fabs(p->rate_per_s);
+    p->area_j += 0.5 * (force_n + fmax(b->force_n, 0)) * way * (b->time_s - before.time_s);
+    if (change && code == KN_EXIT_OK) {
+        code = p->touches ? let_go(p) : touch(p);
+        add(p);
+        // Compute the rest of the interval in the new state of contact, which may change once more.
+        if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
+    }
+    return code;
+}
+
+// Simulate one stroke of the plate, or a wait (rate 0).
+static int stroke(plate *p, double from, double rate_per_s, double seconds)
+{
+    enum { SAMPLES = 250 };
+    int code = KN_EXIT_OK;
+    p->from = from;
+    p->rate_per_s = rate_per_s;
+    p->start_s = p->b->time_s;
+    p->peak_n = p->area_j = 0;
+    if (p->touches) { // the plate reverses its direction while it touches the specimen
+        code = kn_rheometer_strain(p->b, p->b->strain, rate_per_s);
+        if (code == KN_EXIT_OK && changes(p)) code = let_go(p);
+    } else if (changes(p)) code = touch(p);
+    if (code == KN_EXIT_OK) add(p);
+    for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK && seconds > 0; i++) {
+        code = go(p, p->start_s + seconds * i / SAMPLES);
+        add(p);
+    }
+    return code;
+}
+
+// Results of one bite (one movement of the plate down and up).
+typedef struct bite {
+    double peak_n, down_j, up_j, touched;
+} bite;
+
+// Simulate one bite: the plate moves down, moves up, and waits.
+static int take_bite(plate *p, int number, double wait_s, bite *r)
+{
+    const kn_rheometer_options *opt = p->b->opt;
+    double rate = opt->speed_m_s / KN_RHEOMETER_HEIGHT_M, seconds = opt->strain / rate;
+    char label[24];
+    p->bite = number;
+    p->touched = -1;
+    snprintf(label, sizeof label, "%s bite", number == 1 ? "first" : "second");
+    kn_table_series(p->t, label);
+    int code = stroke(p, 0, rate, seconds);
+    // A plate that never touched has its touch at full depth.
+    *r = (bite){.peak_n = p->peak_n, .down_j = p->area_j, .touched = p->touched < 0 ? opt->strain : p->touched};
+    if (code == KN_EXIT_OK) code = stroke(p, opt->strain, -rate, seconds);
+    r->up_j = p->area_j;
+    if (code == KN_EXIT_OK && p->touches) code = let_go(p); // the plate is back at the height of the untouched specimen
+    return code == KN_EXIT_OK && wait_s > 0 ? stroke(p, 0, 0, wait_s) : code;
+}
+
+// Print the numbers, and write them as JSON.
+static void print(const kn_rheometer *b, const bite r[2])
+{
+    const kn_rheometer_options *opt = b->opt;
+    double first_j = r[0].down_j + r[0].up_j, second_j = r[1].down_j + r[1].up_j;
+    kn_rheometer_print(b);
+    kn_result_number(kn_result(), "hardness_n", r[0].peak_n);
+    kn_result_number(kn_result(), "second_peak_n", r[1].peak_n);
+    kn_result_number(kn_result(), "cohesiveness", second_j / first_j);
+    kn_result_number(kn_result(), "springiness", (opt->strain - r[1].touched) / opt->strain);
+    kn_result_number(kn_result(), "resilience", r[0].up_j / r[0].down_j);
+    printf("test      twice to %g %% at %g mm/s, %g s between\n\n", 100 * opt->strain, 1e3 * opt->speed_m_s,
+           opt->wait_s);
+    printf("%-10s %10s %10s %12s %12s\n", "", "peak N", "touch mm", "down N mm", "up N mm");
+    for (int i = 0; i < 2; i++)
+        printf("%-10s %10.4g %10.3f %12.5g %12.5g\n", i ? "second" : "first", r[i].peak_n,
+               1e3 * KN_RHEOMETER_HEIGHT_M * r[i].touched, 1e3 * r[i].down_j, 1e3 * r[i].up_j);
+    printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
+           r[1].peak_n);
+    printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
+    printf("springiness   %.4f, travel of the second bite over the first\n",
+           (opt->strain - r[1].touched) / opt->strain);
+    printf("resilience    %.4f, area of the first bite's upstroke over its downstroke\n", r[0].up_j / r[0].down_j);
+    printf("adhesiveness  not modelled: the plate does not stick\n");
+}
+
+static const kn_axes axes[] = {
+    {.x_label = "time, s", .y_label = "force, N", .x = 1, .y = 4, .x_scale = 1, .y_scale = 1},
+    {.x_label = "plate below the untouched top, mm",
+     .y_label = "force, N",
+     .x = 2,
+     .y = 4,
+     .x_scale = 1e3,
+     .y_scale = 1}};
+
+static void title(const kn_rheometer *b, char *text, size_t size)
+{
+    const kn_rheometer_options *opt = b->opt;
+    snprintf(text, size, "texture profile of %s, 1 cm cube: to %g %% at %g mm/s, %g s between", b->title,
+             100 * opt->strain, 1e3 * opt->speed_m_s, opt->wait_s);
+}
+
+static int run(kn_rheometer *b, kn_table *t)
+{
+    plate p = {.b = b, .t = t};
+    bite r[2];
+    kn_rheometer_fresh(b);
+    int code = take_bite(&p, 1, b->opt->wait_s, &r[0]);
+    if (code == KN_EXIT_OK) code = take_bite(&p, 2, 0, &r[1]);
+    if (code == KN_EXIT_OK) print(b, r);
+    return code;
+}
+
+int kn_tpa_main(int argc, char **argv)
+{
+    static const kn_experiment experiment = {"tpa", help, columns, run, axes, title};
+    return kn_rheometer_main(&experiment, (kn_rheometer_options){.strain = 0.5, .speed_m_s = 1e-3, .wait_s = 5}, argc,
+                             argv);
+}

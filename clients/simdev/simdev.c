@@ -1,0 +1,86 @@
+// Parts of the service that both links share: the faults, and the faults that strike a whole request.
+#include "clients/simdev/simdev.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+// Words of the faults, and whether they only apply to frames.
+static const struct {
+    const char *word;
+    bool frames;
+} faults_known[KN_LINK_FAULT_COUNT] = {
+#define KN_LINK_FAULT_ROW(name, word, frames, what) [KN_LINK_FAULT_##name] = {#word, frames},
+    KN_LINK_FAULTS(KN_LINK_FAULT_ROW)
+#undef KN_LINK_FAULT_ROW
+};
+
+const char *kn_link_fault_word(kn_link_fault fault) { return faults_known[fault].word; }
+
+bool kn_link_fault_of_frames(kn_link_fault fault) { return faults_known[fault].frames; }
+
+// Set the rate of one entry, NAME or NAME=RATE.
+static bool parse_one(kn_link_faults *f, const char *entry, size_t length)
+{
+    const char *equals = memchr(entry, '=', length);
+    size_t name = equals ? (size_t)(equals - entry) : length;
+    char *end = NULL;
+    double rate = equals ? strtod(equals + 1, &end) : 0.01;
+    if (equals && (end != entry + length || end == equals + 1 || !(rate >= 0 && rate <= 1))) return false;
+    for (int i = 0; i < KN_LINK_FAULT_COUNT; i++) {
+        if (strlen(faults_known[i].word) != name || strncmp(faults_known[i].word, entry, name) != 0) continue;
+        f->rate[i] = rate;
+        return true;
+    }
+    return false;
+}
+
+bool kn_link_faults_parse(kn_link_faults *faults, const char *text, char bad[64])
+{
+    for (const char *at = text;; at++) {
+        size_t length = strcspn(at, ",");
+        if (!parse_one(faults, at, length)) {
+            snprintf(bad, 64, "%.*s", length < 60 ? (int)length : 60, at);
+            return false;
+        }
+        at += length;
+        if (!*at) return true;
+    }
+}
+
+static uint32_t random_below(kn_link_faults *faults, uint32_t below) // xorshift64*
+{
+    faults->seed ^= faults->seed >> 12, faults->seed ^= faults->seed << 25, faults->seed ^= faults->seed >> 27;
+    return (uint32_t)((faults->seed * 0x2545f4914f6cdd1du >> 32) * below >> 32);
+}
+
+// Compare a random number of 30 bits with the rate.
+bool kn_link_faults_strike(kn_link_faults *faults, kn_link_fault fault)
+{
+    if (faults->rate[fault] <= 0) return false;
+    bool strikes = random_below(faults, 1u << 30) < faults->rate[fault] * (1u << 30);
+    faults->done[fault] += strikes;
+    return strikes;
+}
+
+size_t kn_link_faults_mangle(kn_link_faults *faults, uint8_t *wire, size_t size)
+{
+    if (kn_link_faults_strike(faults, KN_LINK_FAULT_FLIP))
+        wire[random_below(faults, (uint32_t)size - 1)] ^= (uint8_t)(1u << random_below(faults, 8));
+    if (!kn_link_faults_strike(faults, KN_LINK_FAULT_TRUNCATE)) return size;
+    size = 1 + random_below(faults, (uint32_t)size - 1);
+    wire[size - 1] = 0;
+    return size;
+}
+
+void kn_simdev_sleep_us(uint32_t us) { nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL); }
+
+bool kn_simdev_suffer(kn_simdev *s, bool *blanked)
+{
+    if (kn_link_faults_strike(&s->faults, KN_LINK_FAULT_DELAY))
+        kn_simdev_sleep_us(1000 + random_below(&s->faults, 3000));
+    if (kn_link_faults_strike(&s->faults, KN_LINK_FAULT_HANG)) kn_simdev_sleep_us(20000);
+    *blanked = kn_link_faults_strike(&s->faults, KN_LINK_FAULT_BLANK);
+    if (*blanked) s->engine.blank(s->engine.bus.self);
+    return kn_link_faults_strike(&s->faults, KN_LINK_FAULT_DISCONNECT);
+}

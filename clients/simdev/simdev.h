@@ -1,0 +1,66 @@
+#ifndef KN_SIMDEV_SIMDEV_H
+#define KN_SIMDEV_SIMDEV_H
+// An engine's registers, served to a link of server/backend/link.h until *stop. The URI of that link is printed when
+// serving begins.
+#include "clients/simdev/engine.h"
+#include <signal.h>
+
+// Deliberate faults, which strike by chance from a seed.
+// name, word, true if the fault only applies to frames (--uart), effect of each strike
+#define KN_LINK_FAULTS(FAULT)                                                                                          \
+    FAULT(FLIP, flip, true, "invert one bit of a request or an answer")                                                \
+    FAULT(DROP, drop, true, "lose a request or an answer")                                                             \
+    FAULT(DUPLICATE, duplicate, true, "deliver a request or an answer twice")                                          \
+    FAULT(TRUNCATE, truncate, true, "cut off the end of a request or an answer")                                       \
+    FAULT(DELAY, delay, false, "delay a request by 1 to 4 ms")                                                         \
+    FAULT(HANG, hang, false, "stop for 20 ms, then handle the requests that wait")                                     \
+    FAULT(DISCONNECT, disconnect, false, "unplug the device for 5 ms; its memory is kept")                             \
+    FAULT(BLANK, blank, false, "switch the power off and on; the memory is lost")                                      \
+    FAULT(TORN, torn, false, "take a tick without a request while the results are read")                               \
+    FAULT(REFUSE, refuse, true, "refuse to read or write the words of a request")                                      \
+    FAULT(HASH, hash, false, "report a wrong BUILD_HASH, always")
+
+typedef enum kn_link_fault {
+#define KN_LINK_FAULT_NAME(name, word, frames, what) KN_LINK_FAULT_##name,
+    KN_LINK_FAULTS(KN_LINK_FAULT_NAME)
+#undef KN_LINK_FAULT_NAME
+        KN_LINK_FAULT_COUNT
+} kn_link_fault;
+
+typedef struct kn_link_faults {
+    double rate[KN_LINK_FAULT_COUNT];  // share of the requests that the fault strikes, 0 .. 1
+    int64_t done[KN_LINK_FAULT_COUNT]; // number of strikes
+    uint64_t seed;
+} kn_link_faults;
+
+const char *kn_link_fault_word(kn_link_fault fault);
+bool kn_link_fault_of_frames(kn_link_fault fault);
+
+// Parse "NAME[=RATE],...". A rate is 0 .. 1, by default 0.01. Return false with the wrong entry in bad.
+bool kn_link_faults_parse(kn_link_faults *faults, const char *text, char bad[64]);
+
+bool kn_link_faults_strike(kn_link_faults *faults, kn_link_fault fault); // decide by chance; counts each strike
+
+// Apply flip and truncate to the bytes of a frame; its last byte stays 0x00. Return its new size.
+size_t kn_link_faults_mangle(kn_link_faults *faults, uint8_t *wire, size_t size);
+
+typedef struct kn_simdev {
+    kn_engine engine;
+    kn_link_faults faults;
+    volatile sig_atomic_t *stop;
+    int64_t requests;
+    int64_t byte_ns; // time of a byte on the line; 0: no limit
+} kn_simdev;
+
+// Serve a pseudo-terminal. link: a name for it, made anew when the terminal changes; NULL: none. Return false with
+// errno set.
+bool kn_simdev_uart(kn_simdev *simdev, const char *link);
+bool kn_simdev_bar(kn_simdev *simdev, const char *name); // /dev/shm/NAME
+
+void kn_simdev_sleep_us(uint32_t us);
+
+// Apply the faults that strike a whole request: delay, hang and blank, in this order. Set *blanked if the engine has
+// lost its memory. Return true if the fault disconnect strikes, too; the caller then unplugs the device for 5 ms.
+bool kn_simdev_suffer(kn_simdev *simdev, bool *blanked);
+
+#endif

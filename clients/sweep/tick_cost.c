@@ -1,0 +1,196 @@
+#include "clients/sweep/tick_cost.h"
+#include "core/lattice/lattice.h"
+#include "core/shape.h"
+#include "core/solve/contact.h"
+#include "core/solve/kernel.h"
+#include "core/solve/step_effort.h"
+
+#include <math.h>
+#include <stdio.h>
+
+// Computing times per SIMD lane of the padded lattice, ns, by instruction set (base, avx2, avx512) and precision (f32,
+// f64). once_ns is the time of all edges per linearisation, iteration_ns the time per iteration of conjugate gradients
+// (CG). Both were measured on one core of a Sapphire Rapids. A processor without fused multiply-add (base) computes it
+// in software.
+static const double once_ns[3][2] = {{1200, 2700}, {66, 150}, {34, 78}};
+static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
+
+// Computing times of a mesh per edge, ns: per linearisation and per CG iteration. In an object with gas, an element
+// takes as much time as two edges.
+#define EDGE_NS 35.0
+#define EDGE_ITERATION_NS 5.0
+
+// Computing times per node whose motion is interpolated from other nodes, ns. Such nodes exist in a composite (a
+// lattice with two resolutions).
+#define TIE_NS 50.0
+#define TIE_ITERATION_NS 15.0
+
+// Computing time of the edges of one SIMD lane, ns, if each edge is solved separately by Newton's method.
+#define NEWTON_NS 1700.0
+
+// Computing time of each material law, as a fraction of the edge times above. Then the time that gas adds per SIMD
+// lane, ns, indexed by kn_pressure: per linearisation and per CG iteration.
+static const double law_share[] = {
+    [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
+static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
+
+// Number of floating-point operations (FLOPS) and of real numbers moved (REALS), per edge, per node and per element of
+// gas. They were counted in core/kernel*.[ch].
+enum {
+    EDGE_FLOPS = 95,
+    LAW_FLOPS = 27,
+    NODE_FLOPS = 60,
+    EDGE_REALS = 2,
+    NODE_REALS = 27,
+    EDGE_ITERATION_FLOPS = 17,
+    DIRECTION_FLOPS = 7,
+    NODE_ITERATION_FLOPS = 50,
+    NODE_ITERATION_REALS = 42,
+    GAS_FLOPS = 420,
+    GAS_ITERATION_FLOPS = 100,
+    GAS_REALS = 24
+};
+
+bool kn_tick_cost_newton(const kn_model *model)
+{
+    bool f64 = model->def.solver.precision == KN_PRECISION_F64;
+    return model->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&model->law));
+}
+
+// Return the index of the model's instruction set in the tables once_ns and iteration_ns.
+static int isa_of(const kn_model *m) { return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0; }
+
+// Return the computing cost of all edges and nodes of the lattice or mesh.
+static kn_tick_cost_part edges(const kn_model *m)
+{
+    static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper exactly"};
+    kn_tick_cost_part p = {.name = ""};
+    bool f64 = m->def.solver.precision == KN_PRECISION_F64, table = m->law.kind >= KN_LAW_TABLE;
+    double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
+    snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
+    // Work once per linearisation: the law of every edge and the right-hand side of every node.
+    p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
+    const int kept = kn_work_edge(m);
+    p.once.bytes = size * (edges * (kept + (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS)) + nodes * NODE_REALS);
+    // Work per CG iteration: the product with the matrix and the vectors. If only one real number is stored per edge,
+    // each iteration computes the direction of the edge again.
+    p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
+    if (kept == 1) p.iteration.flops += edges * DIRECTION_FLOPS;
+    p.iteration.bytes = size * (edges * kept + nodes * NODE_ITERATION_REALS);
+    // For meshes the time was measured per edge, for lattices per SIMD lane.
+    if (m->def.mesh) {
+        p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_tick_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
+        p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
+    } else {
+        p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
+        if (kn_tick_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
+        p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
+        // Add the time of nodes that are interpolated from other nodes, because every matrix product interpolates them.
+        p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
+        p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
+    }
+    return p;
+}
+
+// Return the computing cost of the gas, which is either in each cell or in the whole object.
+static kn_tick_cost_part gas(const kn_model *m)
+{
+    bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
+    // gas_ns was measured with avx512 in f32. For other instruction sets and precisions, scale gas_ns by the ratio of
+    // the edge times once_ns.
+    double slower = once_ns[isa_of(m)][f64] / once_ns[2][0], nodes = (double)kn_model_field(m, 1);
+    double count = m->def.mesh ? m->def.mesh->element_count : nodes;
+    kn_tick_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
+    snprintf(p.name, sizeof p.name, "gas in %s", cells ? "the cells" : "the object");
+    p.iteration = (kn_tick_cost){.bytes = p.once.bytes,
+                                 .flops = count * GAS_ITERATION_FLOPS,
+                                 .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
+    p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
+    // In a mesh, the gas of an element takes the computing time of two edges.
+    if (m->def.mesh) {
+        p.once.us = 2e-3 * count * EDGE_NS;
+        p.iteration.us = 2e-3 * count * EDGE_ITERATION_NS;
+    }
+    return p;
+}
+
+// Return the estimated area of the object's skin that a tool touches, m^2. A ball or fingertip is assumed to be pressed
+// in by half its radius. A union or mesh is assumed to touch with half of its bounding rectangle, any other shape with
+// its whole face.
+static double touched_m2(const kn_probe_def *probe)
+{
+    const double r = probe->radius_m, *size = probe->size_m;
+    switch (probe->shape) {
+    case KN_PROBE_BOX: return size[0] * size[1];
+    case KN_PROBE_CROSS: return 2 * size[0] * size[1] - size[1] * size[1];
+    case KN_PROBE_CYLINDER: return 3.1416 * r * r;
+    case KN_PROBE_UNION:
+    case KN_PROBE_MESH: return 0.5 * kn_shape_span(probe->parts, 0) * kn_shape_span(probe->parts, 1);
+    default: return 3.1416 * 0.75 * r * r;
+    }
+}
+
+// Return the computing cost of the contact of one tool. A plate has to find its nodes and solves a second law for the
+// edges on these nodes. For any other shape the cost is per sample. Friction adds the same cost again, because each
+// sample searches for its friction cone. A coupled tool adds the same cost once more.
+static kn_tick_cost_part contact(const kn_model *m, int index)
+{
+    static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};
+    const kn_probe_def *probe = &m->def.probe[index];
+    kn_tick_cost_part p = {.contact = true};
+    double h = m->def.spacing_m;
+    if (probe->shape == KN_PROBE_PLATE) {
+        snprintf(p.name, sizeof p.name, "plate %s", probe->name);
+        p.once = (kn_tick_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
+        return p;
+    }
+    // Number of contact samples per node spacing and direction: 2 for a coarse tool, 4 for a fine tool.
+    double per = m->shape[index].fine_m > 4 * h ? 2 : 4, more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
+    double extent_m[3];
+    kn_model_def_extent(&m->def, extent_m);
+    double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
+    snprintf(p.name, sizeof p.name, "%s %s, half in: %.0f samples", shape[probe->shape], probe->name, samples);
+    p.once = (kn_tick_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
+    p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.012 * more};
+    return p;
+}
+
+int kn_tick_cost_parts(const kn_model *model, kn_tick_cost_part part[KN_TICK_COST_PARTS])
+{
+    int count = 0;
+    part[count++] = edges(model);
+    if (model->def.pressure != KN_PRESSURE_NONE) part[count++] = gas(model);
+    for (int p = 0; p < model->def.probe_count; p++) part[count++] = contact(model, p);
+    return count;
+}
+
+// Return the computing time of one linearisation with the given number of CG iterations, us.
+static double line_us(const kn_model *model, double iterations)
+{
+    kn_tick_cost_part part[KN_TICK_COST_PARTS];
+    double us = 0, dearest = 0;
+    // The times of all parts are added, but among the contacts only the most expensive contact counts.
+    for (int i = kn_tick_cost_parts(model, part) - 1; i >= 0; i--) {
+        double own = part[i].once.us + iterations * part[i].iteration.us;
+        if (part[i].contact) dearest = fmax(dearest, own); // because probes seldom press at the same time
+        else us += own;
+    }
+    return us + dearest;
+}
+
+double kn_tick_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
+{
+    int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
+    // Least number of linearisations per step that the material law needs, even if the scene sets fewer.
+    int lines = kn_impact_lines(model);
+    return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
+}
+
+double kn_tick_cost_blow_us(const kn_model *model, const kn_effort *effort)
+{
+    int lines = kn_impact_lines(model) > effort->passes ? kn_impact_lines(model) : effort->passes;
+    // No step is solved again if the material law is linear, or if every step already has the largest number of
+    // linearisations.
+    if (isinf(kn_impact_power(model)) || lines >= KN_IMPACT_PASSES) return 0;
+    return KN_IMPACT_PASSES * line_us(model, effort->iterations_max);
+}

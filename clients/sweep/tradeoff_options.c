@@ -1,0 +1,138 @@
+#include "clients/cli/command.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/result.h"
+#include "clients/sweep/sweep_plan.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: knead tradeoff SCENE LOG [OPTION]...\n\n"
+    "Replays a whole log of this scene (knead probe --record) at many points of speed against accuracy, each\n"
+    "through the daemon's own servo, and compares them with references in double precision. Prints a table and\n"
+    "three named points.\n\n"
+    "    knead tradeoff dough.yaml press.lcmlog --plot tradeoff.png    some minutes; --quick: under one\n"
+    "    knead tradeoff dough.yaml press.lcmlog --budget-us 300        the most accurate point within 300 us\n"
+    "    knead tradeoff dough.yaml press.lcmlog --write                fast, balanced, accurate for --quality\n\n"
+    "  --quick            no reference for the error of the step; fewer of the usual points, on no finer lattice\n"
+    "  --budget-us N      pick the most accurate point whose p90 is at most N us; exit 1 if there is none\n"
+    "  --write            replace `quality` of the scene by the three points; the rest of the file stays, byte for\n"
+    "                     byte\n"
+    "  --csv FILE         write every point and every number; an empty cell was not measured\n"
+    "  --json             print every point, and the named ones, as JSON\n"
+    "  --plot FILE.png    draw the time of a tick against the error (needs gnuplot)\n"
+    "  --set KEY=VALUE    set a key of the scene, in every point\n"
+    "points to play instead of the usual ones: comma-separated lists, in all combinations; the scene's own value is\n"
+    "taken where no list is given. A lattice is given by the spacing of the block; a mesh has only one:\n"
+    "  --solver LIST      blend, secant, tangent, rk4 (if its stable step allows it; else a line gives the reason)\n"
+    "  --precision LIST   f32, f64\n"
+    "  --iterations LIST  CG iterations in every step (default: 4,8,16)\n"
+    "  --tolerance LIST   residual above which up to three times as many iterations, or 24, are made; 0: never more\n"
+    "                     (default: 0)\n"
+    "  --passes LIST      linearisations per step\n"
+    "  --dt LIST          time steps, e.g. '1 ms,0.5 ms'\n"
+    "  --spacing LIST     lattice spacings, e.g. '10 mm,5 mm'\n"
+    "distribution of the runs:\n"
+    "  --resume DIR       keep every finished run in DIR: the same command continues after an interruption. Runs of\n"
+    "                     another program, scene or log are recognised and refused\n"
+    "  --jobs N           N runs at a time by GNU parallel, 0: one per processor. Times of parallel runs cannot be\n"
+    "                     compared, so the points are played again, one at a time, for their times\n"
+    "  --hosts LIST       distribute the runs to hosts, as in parallel's --sshlogin (user@host, 'ssh -p 2222\n"
+    "                     user@host', : is this machine). Each needs rsync and the same build of knead in its PATH;\n"
+    "                     times are measured here\n\n"
+    "A time is the thread's own processor time in a tick: median and p90 over all ticks in which a tool touches the\n"
+    "object (the others have little to do), for each tick the better of two rounds. Errors are relative L2 norms,\n"
+    "of the contact force over the log and of the displacements after it.\n"
+    "  solver   error against f64 at the same step, secant, five linearisations, CG to 1e-8\n"
+    "  step     error of that reference against f64 at 1/16 of the scene's step\n"
+    "  lattice  error of f64 at 1/16 against the same on the finest lattice of the sweep, which has an error of its\n"
+    "           own\n"
+    "  all      error of the point against f64 at 1/16, plus lattice: ranks the points of all lattices\n"
+    "Effects that a hand would notice, against f64 at 1/16 of the step (--quick: at the same step):\n"
+    "  peak     error of the force peak, relative\n"
+    "  lag      delay of the force at 10 Hz: phase of its cross spectrum with the reference's force over the whole\n"
+    "           log, summed over 8 to 12 Hz, divided by the mean angular frequency; - if there is no force to\n"
+    "           compare\n"
+    "  depth    additional depth of the deepest node after the log\n"
+    "  jump     largest change of the force from one ms to the next; the reference's own is in the line of the\n"
+    "           lattice\n"
+    "  TV/pk    total variation over the reference's peak; `chatters` above 1.3 times the reference's. `latched`:\n"
+    "           the output stage took the force away where the reference kept it. Neither is ever picked\n"
+    "fast, balanced and accurate are on the scene's lattice, step and precision, so that a server can switch\n"
+    "between them. Each is the cheapest point by p90 (times within 25 % are equal; then fewer iterations count)\n"
+    "that meets all of these:\n"
+    "  - the error of the solver is at most 3 % of force and 3 % of shape; 0.5 and 1 %; 0.1 and 0.2 %\n"
+    "  - the force jumps by at most 1.5 times the converged one's\n"
+    "  - the time is within solver.budget (default: 0.8 ms)\n"
+    "  - the work exceeds that of the name before: more iterations in every step or at most, and neither fewer\n"
+    "If no point is that accurate, the cheapest of the most accurate is named and marked MISSED. A name without a\n"
+    "point of its own is reported. `no name` is a more accurate point that needs another lattice, step or\n"
+    "precision.\n\n"
+    "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host failed.\n";
+
+static const char *take_tolerance(void *tolerance, const char *text)
+{
+    // The item is 0 already, so nothing is stored.
+    if (!strcmp(text, "0") || kn_quantity_read(text, "1", true, KN_ABOVE_0, KN_BELOW_1, tolerance)) return NULL;
+    return "at most 32 numbers from 0 to 1, separated by commas";
+}
+
+static const char *take_step(void *dt_s, const char *text)
+{
+    if (kn_quantity_read(text, "s", false, KN_ABOVE_0, DBL_MAX, dt_s) && kn_backend_steps(*(double *)dt_s) > 0)
+        return NULL;
+    return "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas";
+}
+
+#define AT(member) .offset = offsetof(kn_tradeoff_options, member)
+#define AXIS(member, number, most) AT(axes.member), .count = offsetof(kn_tradeoff_options, axes.number), .items = most
+static const kn_option rows[] = {
+    KN_OPTION("json", CALL, .call = kn_result_open),
+    KN_OPTION("quick", FLAG, AT(quick)),
+    KN_OPTION("budget-us", QUANTITY, AT(budget_us), .unit = "1",
+              .expected = "a number of microseconds above 0, like 300"),
+    KN_OPTION("write", FLAG, AT(write)),
+    KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("plot", TEXT, AT(plot)),
+    KN_OPTION("set", LIST, AT(sets), .count = offsetof(kn_tradeoff_options, set_count), .most = KN_TRADEOFF_SETS,
+              .expected = "at most 64 of them"),
+    KN_OPTION("solver", CHOICE, AXIS(method, methods, 4), .unit = "blend|secant|tangent|rk4",
+              .expected = "any of blend, secant, tangent and rk4, separated by commas"),
+    KN_OPTION("precision", CHOICE, AXIS(precision, precisions, 2), .unit = "f32|f64",
+              .expected = "f32, f64 or f32,f64"),
+    KN_OPTION("iterations", INTEGER, AXIS(count, counts, KN_AXIS_MAX), KN_RANGE(1, 1000),
+              .expected = "at most 32 whole numbers from 1 to 1000, separated by commas"),
+    KN_OPTION("tolerance", SPECIAL, AXIS(tolerance, tolerances, KN_AXIS_MAX), .take = take_tolerance,
+              .expected = "at most 32 numbers from 0 to 1, separated by commas"),
+    KN_OPTION("passes", INTEGER, AXIS(pass, passes, KN_AXIS_MAX), KN_RANGE(1, 20),
+              .expected = "at most 32 whole numbers from 1 to 20, separated by commas"),
+    KN_OPTION("dt", SPECIAL, AXIS(dt_s, steps, KN_AXIS_MAX), .take = take_step,
+              .expected = "at most 32 times like '0.5 ms', 1 ms divided by a whole number, separated by commas"),
+    KN_OPTION("spacing", QUANTITY, AXIS(spacing_m, spacings, KN_AXIS_MAX), .unit = "m",
+              .expected = "at most 32 lengths like '5 mm', separated by commas"),
+    KN_OPTION("resume", TEXT, AT(resume)),
+    KN_OPTION("jobs", INTEGER, AT(jobs), KN_RANGE(0, 1000), .expected = "a whole number, 0: one per processor"),
+    KN_OPTION("hosts", TEXT, AT(hosts), .expected = "host,host"),
+    KN_OPTION("job", TEXT, AT(job)),
+};
+
+int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
+{
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
+    *opt = (kn_tradeoff_options){.jobs = 1};
+    const int code = kn_options_read(&table, opt, argc, argv);
+    const kn_axes_def *a = &opt->axes;
+    opt->listed = a->methods + a->precisions + a->counts + a->tolerances + a->passes + a->steps + a->spacings > 0;
+    // With --job the job contains all settings, so no other arguments are needed.
+    if (code != KN_OPTIONS_READ || opt->job) return code;
+    if (argc - optind != 2)
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
+    opt->scene = argv[optind];
+    opt->log = argv[optind + 1];
+    if (opt->write && opt->set_count > 0)
+        return kn_complain("tradeoff", KN_EXIT_USAGE,
+                           "--write: the points would be of the scene with --set %s, expected "
+                           "no --set",
+                           opt->sets[0]);
+    return code;
+}

@@ -1,0 +1,85 @@
+#ifndef KN_CLIENTS_DEVICE_SESSION_H
+#define KN_CLIENTS_DEVICE_SESSION_H
+// Session between a real device and kneadd: the numbering of the device's poses, a watchdog over the device's poses and
+// one over kneadd's forces. The module is pure: the caller passes the time, so a test can play both the device and
+// kneadd.
+//
+//     device --pose-->  [ watchdog of poses ] --seq--> kneadd
+//            <-given--  [ output stage, render.h; watchdogs ] <--force, contact--
+//
+//     HELD --no force for 20 ms, no pose for 20 ms, a faded reflex, a fault that only a new session -----> SILENT
+//       ^    clears, or a link that was too slow for forces and is fast enough again                         |
+//       '------------------------------------------- 1.2 s --------------------------------------------------'
+//
+// A killed server cannot fade its force, and a device with a broken cable receives nothing. So if no pose or no force
+// arrives, the force fades from 3 ms on, is zero by 20 ms and stays zero (latched). If the local model is rendered and
+// kneadd is silent, the force is zero only by 300 ms, because the force of the local model decays by itself.
+//
+// To recover, the client follows kneadd's rule: it sends nothing until its session has ended (1.2 s), then it begins a
+// new session. The new session starts from zero force, with the tool clear of the object.
+#include "clients/hand/haptic_render.h"
+
+// HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
+typedef enum kn_device_session_mode { KN_SESSION_HELD, KN_SESSION_SILENT } kn_device_session_mode;
+
+typedef struct kn_device_session { // link between one device and kneadd; read-only for the caller
+    kn_device_session_mode mode;
+    // Number of the present session, and number of the last pose sent in this session.
+    int64_t session, seq;
+    double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
+    // Output stage; render.given_n is the force that the motors must give now, in the device's axes.
+    kn_haptic_render render;
+    int32_t flags, fault; // flags and fault of the newest force message
+    int silent_ms;        // in mode SILENT, time until the silence ends
+    // Length of the tick in which the mode last became SILENT, ms. A value far above 1 means that this process itself
+    // did not run for that time.
+    int stalled_ms;
+    kn_watchdog forces, poses;
+    // fresh_force: a force has arrived since the last tick; fresh_pose: a pose has arrived since then.
+    bool fresh_force, fresh_pose;
+    bool given;          // kn_device_session_give has run since the last tick
+    double given_s;      // time of the last kn_device_session_give, s
+    int64_t answered;    // number of the newest pose of this session that a force has answered
+    int64_t tick;        // kneadd's tick of the newest force of this session; -1: no force yet
+    int64_t sent, heard; // number of poses sent, and of forces accepted, in all sessions of this device
+    // Number of forces that belong to another client's session, so that client holds the tool.
+    int64_t foreign;
+    // Number of repeated or overtaken forces: their tick is not newer than that of the last accepted force. Such forces
+    // do not reset the watchdog.
+    int64_t late;
+    int64_t refused; // number of poses and forces that contain a number that is not finite
+    int64_t faults;  // number of sessions that ended because kneadd's impulse guard tripped
+} kn_device_session;
+
+// Start a session with the given number, in mode HELD, with no force yet.
+void kn_device_session_init(kn_device_session *link, int64_t session, const kn_haptic_render_def *render);
+
+// Take a new pose of the device, in the device's own frame. Return true if the caller must send the pose, with the
+// number link->seq. While the mode is SILENT, return false. If the pose is not finite, ignore it and return false; an
+// ignored pose does not reset the watchdog.
+bool kn_device_session_pose(kn_device_session *link, const double position_m[3], const double velocity_m_s[3]);
+
+typedef struct kn_device_session_force { // force message of kneadd (fields of a contact_force_t)
+    int64_t session, seq, tick;
+    // force_n: force in the scene's axes. age_s: time since the pose that this force answers was sent.
+    double force_n[3], age_s;
+    int32_t flags, fault;
+} kn_device_session_force;
+
+// Take a force message. Return true if the force belongs to this session and has a newer tick. Only accepted forces
+// reset the watchdog over kneadd's forces.
+bool kn_device_session_take(kn_device_session *link, const kn_device_session_force *force);
+
+// Compute render.given_n. now_s: present time of any steady clock, s. Call this after every force; with the local
+// model, call it after every pose instead.
+void kn_device_session_give(kn_device_session *link, double now_s);
+
+// Advance both watchdogs and the mode by elapsed_ms. Call this every millisecond. The function also computes
+// render.given_n. With the local model it leaves given_n as it is if kn_device_session_give has run since the last
+// tick, unless the mode has just become SILENT.
+void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
+
+// Return true if the motors may be enabled, because a force may be given.
+bool kn_device_session_live(const kn_device_session *link);
+
+#endif

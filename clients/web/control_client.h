@@ -1,0 +1,64 @@
+#ifndef KN_CLIENTS_CONTROL_CLIENT_H
+#define KN_CLIENTS_CONTROL_CLIENT_H
+// Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, asks
+// for kneadd's status, and saves snapshots for recordings. Each request uses its own connection, and the caller never
+// waits for an answer. Every order gets one answer (kn_gateway_answer).
+#include "clients/hand/live_server.h"
+#include "clients/web/gateway.h"
+#include <jansson.h>
+
+// Most requests that wait for answers at once, one of them reserved for an emergency stop; kneadd accepts 8.
+#define KN_CONTROL_CALLS 5
+#define KN_CONTROL_SCENES 32 // most scene files listed for loading
+
+// Purpose of a request: an order of a page, or a request of the program itself for the status or for a snapshot.
+typedef enum kn_control_purpose { KN_CONTROL_ORDER, KN_CONTROL_STATUS, KN_CONTROL_SAVE } kn_control_purpose;
+
+typedef struct kn_control_call { // a request that waits for its answer
+    ev_io readable;
+    ev_timer patience;
+    struct kn_control_client *client;
+    kn_control_purpose purpose;
+    int page; // of an order: the page that gave it, -1 once the page is gone; the id of its request, and its verb
+    uint32_t id;
+    kn_page_verb verb;
+    char *text; // part of the answer received so far; NULL: this place for a request is free
+    size_t size;
+} kn_control_call;
+
+typedef struct kn_control_client {
+    // Set by the caller. path: path of the socket; NULL: every request is refused. scenes: folder whose *.yaml may be
+    // loaded; NULL: none. changed: called when the status has changed, or the reason why there is none.
+    const char *path, *scenes;
+    struct ev_loop *ev;
+    kn_gateway *gateway;
+    kn_live_server *live;
+    void (*changed)(void *arg);
+    void *arg;
+    // State, read by other modules.
+    json_t *status;    // latest status; NULL: none
+    char error[200];   // reason why there is no status
+    int ordered_by;    // index of the page that gave the last order, -1: none
+    bool save_refused; // set when kneadd has refused a snapshot of kn_control_client_save; cleared by the caller
+    char scene_file[KN_CONTROL_SCENES][KN_PAGE_REQUEST_NAME]; // file names in the folder `scenes`
+    // Numbers of files listed and not listed; a file is not listed beyond KN_CONTROL_SCENES, or if a request may not
+    // have its name.
+    int scene_files, scenes_unlisted;
+    // Private. status_ms: time of the last status request. snapshot: generation number of the last snapshot that a page
+    // requested, 0: none; snapshot_of: scene and directory of this snapshot.
+    int64_t status_ms, snapshot;
+    char snapshot_of[400];
+    kn_control_call call[KN_CONTROL_CALLS];
+} kn_control_client;
+
+void kn_control_client_list_scenes(kn_control_client *client); // reads the folder `scenes` again
+void kn_control_client_order(kn_control_client *client, int page, const kn_page_request *request);
+// Ask kneadd for its status, at most once a second and only while a page is open.
+void kn_control_client_ask_status(kn_control_client *client);
+bool kn_control_client_save(kn_control_client *client); // asks for a snapshot; returns false if this is impossible now
+const char *
+kn_control_client_snapshots(const kn_control_client *client);     // returns kneadd's snapshot directory, or NULL
+void kn_control_client_gone(kn_control_client *client, int page); // forgets a page
+void kn_control_client_close(kn_control_client *client); // closes all connections without waiting for pending answers
+
+#endif

@@ -1,0 +1,495 @@
+// The state that the pages are told. Every message has the present state, and a picture if there is a new one. The
+// rarely changing facts (`about`) are added only if they have changed.
+#include "clients/web/web.h"
+#include "core/scene/scene.h"
+#include "core/lattice/measure.h"
+#include "proto/knead_event_t.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define UNHEARD_MS 1000 // if no mesh message arrives for this time, kneadd counts as not running
+#define STALE_MS 3500   // age in ms from which on a message that normally comes once a second counts as missing
+
+// ---- messages of kneadd
+
+// Message handlers: each keeps the newest message of its channel.
+static void on_status(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    (void)channel;
+    kn_page_state *s = user;
+    knead_status_t heard;
+    if (knead_status_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
+    s->status = heard;
+    s->status_ms = kn_live_server_now_ms();
+}
+
+static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    (void)channel;
+    kn_page_state *s = user;
+    knead_health_t heard;
+    if (knead_health_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
+    s->health = heard;
+    s->health_ms = kn_live_server_now_ms();
+}
+
+// Keep the energies of an audit. Only checkpoint events have them.
+static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    (void)channel;
+    kn_page_state *s = user;
+    knead_event_t e;
+    if (knead_event_t_decode(buffer->data, 0, (int)buffer->data_size, &e) < 0) return;
+    if (e.kind != KNEAD_EVENT_T_KIND_CHECKPOINT || !isfinite(e.arg[1]) || !isfinite(e.arg[2])) return;
+    s->stored_j = e.arg[1];
+    s->work_j = e.arg[2];
+    s->energy_ms = kn_live_server_now_ms();
+}
+
+// The subscription covers all probes; keep the patch of the chosen probe only.
+static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    kn_page_state *s = user;
+    knead_touch_patch_t heard;
+    if (strcmp(channel, s->touch_channel) != 0) return;
+    if (knead_touch_patch_t_decode(buffer->data, 0, (int)buffer->data_size, &heard) < 0) return;
+    s->touch = heard;
+    s->touch_ms = kn_live_server_now_ms();
+}
+
+// Count the bytes of the mesh messages, from which the page's data rate is computed.
+static void on_mesh(const lcm_recv_buf_t *buffer, const char *channel, void *user)
+{
+    (void)channel;
+    ((kn_page_state *)user)->all_mesh_bytes += buffer->data_size;
+}
+
+bool kn_page_state_open(kn_web *w)
+{
+    kn_page_state *s = &w->state;
+    return kn_bus_client_hear(w->live.mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_STATUS", on_status, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_HEALTH", on_health, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_EVENT", on_event, s) &&
+           kn_bus_client_hear(w->live.bus, "KNEAD_TOUCH_*", on_touch, s);
+}
+
+// Return the smallest power of two [us] such that at least the fraction `share` of the tick times is smaller. Return 0
+// if no ticks have been counted yet. histogram[n]: number of ticks shorter than 2^n us and not counted in a lower
+// bucket.
+static int64_t share_us(const int64_t histogram[32], double share)
+{
+    int64_t all = 0, seen = 0;
+    for (int i = 0; i < 32; i++) all += histogram[i];
+    // Find the bucket in which the cumulative count reaches the share. Bucket n counts ticks of less than 2^n us.
+    if (all <= 0) return 0;
+    int bucket = 0;
+    while (bucket < 31 && (double)(seen += histogram[bucket]) < share * (double)all) bucket++;
+    return (int64_t)1 << bucket;
+}
+
+// ---- state of the tool
+
+static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_server_now_ms() - heard_ms > STALE_MS; }
+
+// Write the status of the tool in words. Return the kind of the status: "ok", "wait" or "fault". The first condition
+// that holds decides.
+static const char *status(const kn_web *w, int page, char *words, size_t size)
+{
+    const kn_pointer_hand_news *n = &w->tool.news;
+#define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
+#define SAY_FAULT(fault)                                                                                               \
+    SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
+    if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
+    if (kn_live_server_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
+    if (!w->live.scene) SAY("wait", "waiting for the scene");
+    if (!w->tool.def) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
+    // An emergency stop applies to all tools, even if this page has no tool.
+    if (!stale(w->state.status_ms) && w->state.status.mode == KNEAD_STATUS_T_MODE_ESTOP) SAY_FAULT(KN_FAULT_ESTOP);
+    if (w->tool.lent) SAY("wait", "recording %d is being played", w->tool.lent);
+    if (!w->tool.moving) SAY("fault", "no device: %.300s", w->tool.error);
+    // The conditions from here on depend on the tool: first faults, then reasons to wait, then contact.
+    if (!kn_pointer_hand_reach_fits(&w->tool.reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
+    if (kn_page_tool_is_taken(&w->tool, page)) SAY("wait", "another page holds the tool");
+    if (n->mode == KN_POINTER_HAND_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
+    if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
+    if (n->fault || n->mode == KN_POINTER_HAND_LET_GO)
+        SAY("fault", "force set to zero: %s. The tool lifts; let go, then press again",
+            n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
+    if (n->mode == KN_POINTER_HAND_ABSENT && w->tool.button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
+    if (!n->heard && n->mode == KN_POINTER_HAND_FOLLOW)
+        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool.def->name);
+    if (!n->released || w->tool.button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
+    if (!(n->flags & KN_FLAG_ENGAGED))
+        SAY("wait", n->contact ? "poses were late: the force fades and returns" : "engaging");
+    if (w->tool.button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
+    if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
+    if (n->contact) SAY("ok", "in contact");
+    SAY("ok", w->tool.button == KN_BUTTON_UP ? "ready: press on the object"
+              : n->depth_m > 0               ? "held still: no contact force"
+                                             : "moving down");
+#undef SAY_FAULT
+#undef SAY
+}
+
+// Writer of JSON text into a buffer of fixed size. Text beyond the end of the buffer is dropped.
+typedef struct json {
+    char *at, *end;
+} json;
+
+__attribute__((format(printf, 2, 3))) static void put(json *t, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(t->at, (size_t)(t->end - t->at), format, args);
+    va_end(args);
+    t->at = n < t->end - t->at ? t->at + n : t->end - 1;
+}
+
+// Write a member of a JSON object with a string value, escaped for JSON.
+static void put_words(json *t, const char *name, const char *words)
+{
+    put(t, ",\"%s\":\"", name);
+    for (; *words; words++)
+        put(t, (unsigned char)*words < ' ' || *words == '"' || *words == '\\' ? "\\u%04x" : "%c", *words);
+    put(t, "\"");
+}
+
+// ---- present state
+
+enum { FORCE, DEPTH, WORK, ROUND_TRIP, TRACES };
+
+static double traced(const kn_page_tool_sample *s, int which)
+{
+    switch (which) {
+    case FORCE: return s->news.force_n;
+    case DEPTH: return 1e3 * s->news.depth_m;
+    case WORK: return (double)s->work_mj;
+    default: return (double)s->round_trip_ms;
+    }
+}
+
+// Write one number per millisecond since this page's last message; null: no value in that millisecond.
+static void put_traces(kn_web *w, kn_web_page *p, json *t)
+{
+    static const char *const names[TRACES] = {"force", "depth", "work", "trip"};
+    // A page that got no message for a long time gets only the samples that are still kept.
+    if (w->tool.traced - p->told > KN_PAGE_TOOL_TRACE)
+        p->told = w->tool.traced < KN_PAGE_TOOL_TRACE ? 0 : w->tool.traced - KN_PAGE_TOOL_TRACE;
+    put(t, ",\"trace\":{");
+    for (int k = 0; k < TRACES; k++) {
+        put(t, "%s\"%s\":[", k ? "," : "", names[k]);
+        for (uint64_t i = p->told; i < w->tool.traced; i++) {
+            double x = traced(&w->tool.trace[i % KN_PAGE_TOOL_TRACE], k);
+            put(t, isfinite(x) ? "%s%.2f" : "%snull", i > p->told ? "," : "", x);
+        }
+        put(t, "]");
+    }
+    put(t, "}");
+    p->told = w->tool.traced;
+}
+
+// Write and clear the answers that wait for this page.
+static void put_answers(kn_web_page *p, json *t)
+{
+    put(t, ",\"answers\":[");
+    for (const kn_web_answer *a = p->answer; a < p->answer + p->answers; a++) {
+        put(t, "%s{\"id\":%u,\"ok\":%s", a > p->answer ? "," : "", a->id, a->ok ? "true" : "false");
+        put_words(t, "words", a->words);
+        put(t, "}");
+    }
+    p->answers = 0;
+    put(t, "]");
+}
+
+// Write the contact patch of the tool, if the newest patch message is recent.
+static void put_touch(const kn_web *w, json *t)
+{
+    const knead_touch_patch_t *p = &w->state.touch;
+    if (!w->state.touch_ms || kn_live_server_now_ms() - w->state.touch_ms > 500 ||
+        !isfinite(p->area_m2 + p->peak_pressure_pa)) // leave out a patch with NaN, because JSON cannot express NaN
+        return;
+    put(t, ",\"touch\":{\"area_mm2\":%.1f,\"peak_kpa\":%.2f,\"kpa\":[", 1e6 * p->area_m2, 1e-3 * p->peak_pressure_pa);
+    for (int i = 0; i < 64; i++) {
+        double x = p->pressure_pa[i / 8][i % 8];
+        put(t, "%s%.2f", i ? "," : "", isfinite(x) ? 1e-3 * x : 0);
+    }
+    put(t, "]}");
+}
+
+// Write a message: length of the JSON, the JSON, and the picture if the page does not have it yet.
+size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
+{
+    kn_web *w = self;
+    kn_web_page *p = &w->gateway.page[page];
+    char words[400], *begin = (char *)bytes + 4;
+    // The JSON must leave room for the picture.
+    json t = {begin, (char *)bytes + size - w->picture.jpeg_size};
+    const char *level = status(w, page, words, sizeof words);
+    // Only the page that sent an event is told that the picture shows the event.
+    uint32_t event = kn_page_tool_event(&w->tool, w->picture.shown, page);
+    put(&t,
+        "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
+        ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
+        p->sent, event, w->live.mesh.tick, w->tool.news.force_n, 1e3 * w->tool.news.depth_m,
+        w->tool.moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.reach, &w->tool.wish) : 0,
+        w->tool.news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
+    put_words(&t, "status", words);
+    put_traces(w, p, &t);
+    put_answers(p, &t);
+    put_touch(w, &t);
+    if (w->picture.bar_m > 0) put(&t, ",\"bar_mm\":%.4g", 1e3 * w->picture.bar_m);
+    if (w->picture.measure >= 0 && w->picture.still.view.value) put(&t, ",\"top\":%.6g", w->picture.top);
+    if (p->about != w->state.abouts && w->state.about) {
+        put(&t, ",\"about\":%s", w->state.about);
+        p->about = w->state.abouts;
+    }
+    put(&t, "}");
+    uint32_t length = (uint32_t)(t.at - begin);
+    // Length of the JSON in the machine's byte order, which is little-endian on all supported machines.
+    memcpy(bytes, &length, 4);
+    size_t picture = p->picture == w->picture.count ? 0 : w->picture.jpeg_size;
+    p->picture = w->picture.count;
+    memcpy(t.at, w->picture.jpeg, picture);
+    return 4 + length + picture;
+}
+
+// ---- rarely changing facts
+
+// Count nodes, edges and cells by building the model once, when the scene changes.
+void kn_page_state_scene(kn_web *w)
+{
+    kn_page_state *s = &w->state;
+    char why[300];
+    kn_springs springs = {0};
+    snprintf(s->touch_channel, sizeof s->touch_channel, "KNEAD_TOUCH_%s", w->tool.def ? w->tool.def->name : "");
+    s->touch_ms = 0;
+    kn_model *model = kn_model_build(&w->live.scene->model, why, sizeof why);
+    s->nodes = s->edges = s->cells = 0;
+    if (model && kn_springs_init(&springs, model)) s->edges = springs.count;
+    if (model) s->nodes = model->node_count;
+    if (model) s->cells = model->def.mesh ? model->def.mesh->element_count : kn_grid_cells(&model->grid, NULL);
+    kn_springs_free(&springs);
+    kn_model_destroy(model);
+}
+
+void kn_page_state_count(kn_web *w, int64_t now_ms)
+{
+    kn_page_state *s = &w->state;
+    const int64_t meshes = w->live.meshes - s->counted_meshes, bytes = s->all_mesh_bytes - s->counted_bytes;
+    s->meshes_hz = 1e3 * (double)meshes / (double)(now_ms - s->counted_ms);
+    if (meshes > 0) s->mesh_bytes = round((double)bytes / (double)meshes);
+    s->counted_ms = now_ms;
+    s->counted_meshes = w->live.meshes;
+    s->counted_bytes = s->all_mesh_bytes;
+}
+
+// Round to four digits, so that a change too small to see does not make the program send `about` once more.
+static json_t *rounded(double x)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%.4g", x);
+    return isfinite(x) ? json_real(strtod(text, NULL)) : json_null();
+}
+
+// Write the parameters that the damper of this material uses.
+static json_t *material(const kn_material *m)
+{
+    static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
+    enum { CONSTANT = 1 << KN_DAMPER_CONSTANT, EXPONENTIAL = 1 << KN_DAMPER_EXPONENTIAL, RAMP = 1 << KN_DAMPER_RAMP };
+    const struct {
+        const char *name;
+        int dampers; // those that use the parameter
+        double value;
+    } all[] = {{"c2", CONSTANT, m->c2_pa_s},          {"alpha", EXPONENTIAL, m->alpha_pa_s},
+               {"beta", EXPONENTIAL, m->beta_per_pa}, {"c_max", RAMP, m->c_max_pa_s},
+               {"c_min", RAMP, m->c_min_pa_s},        {"p0", EXPONENTIAL | RAMP, m->p0_pa},
+               {"p1", EXPONENTIAL | RAMP, m->p1_pa}};
+    json_t *o =
+        json_pack("{s:s, s:o, s:o}", "damper", dampers[m->damper], "k1", rounded(m->k1_pa), "c1", rounded(m->c1_pa_s));
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        if (all[i].dampers >> m->damper & 1) json_object_set_new(o, all[i].name, rounded(all[i].value));
+    return o;
+}
+
+static json_t *materials(void)
+{
+    json_t *names = json_array();
+    for (const kn_library_entry *e = kn_library; e->name; e++) json_array_append_new(names, json_string(e->name));
+    return names;
+}
+
+static json_t *scenes(const kn_web *w)
+{
+    json_t *names = json_array();
+    for (int i = 0; i < w->client.scene_files; i++) json_array_append_new(names, json_string(w->client.scene_file[i]));
+    return names;
+}
+
+// List the quality points that a running kneadd accepts. A point with another lattice needs a restart.
+static json_t *points(const kn_scene *scene)
+{
+    json_t *names = json_array();
+    for (int q = 0; q < KN_QUALITIES; q++)
+        if (scene->point[q].live) json_array_append_new(names, json_string(kn_quality_name((kn_quality)q)));
+    return names;
+}
+
+// Write the counters of the servo loop. Write null if no recent status exists.
+static json_t *loop(const kn_page_state *v)
+{
+    const knead_status_t *s = &v->status;
+    if (stale(v->status_ms)) return json_null();
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:o}", "ticks", (json_int_t)s->tick, "missed",
+                     (json_int_t)s->missed_cycles, "explained", (json_int_t)s->missed_explained, "overruns",
+                     (json_int_t)s->overruns, "p50_us", (json_int_t)share_us(s->execution_hist, 0.5), "p99_us",
+                     (json_int_t)share_us(s->execution_hist, 0.99), "mean_us",
+                     v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
+}
+
+// Write the energies of kneadd's last energy audit. The dissipated energy is the work of all tools minus the stored
+// energy.
+static json_t *energy(const kn_page_state *v)
+{
+    if (stale(v->energy_ms)) return json_null();
+    return json_pack("{s:o, s:o}", "stored_mj", rounded(1e3 * v->stored_j), "dissipated_mj",
+                     rounded(1e3 * (v->work_j - v->stored_j)));
+}
+
+static json_t *mesh(const kn_web *w)
+{
+    const kn_mesh *m = &w->live.mesh;
+    return json_pack("{s:i, s:i, s:i, s:i, s:i, s:o, s:o}", "nodes", w->state.nodes, "edges", w->state.edges, "cells",
+                     w->state.cells, "vertices", (int)m->vertex_count, "triangles", (int)m->triangle_count, "hz",
+                     rounded(round(w->state.meshes_hz)), "bytes", rounded(w->state.mesh_bytes));
+}
+
+// Return true if a tool other than the page's tool has a fault.
+static bool fault_of_another(const kn_web *w)
+{
+    const json_t *probes = json_object_get(w->client.status, "probes"), *one;
+    size_t i;
+    json_array_foreach(probes, i, one)
+    {
+        const char *name = json_string_value(json_object_get(one, "name"));
+        const char *fault = json_string_value(json_object_get(one, "fault"));
+        const bool own = w->tool.def && name && strcmp(name, w->tool.def->name) == 0;
+        if (!own && fault && strcmp(fault, kn_fault_name(KN_FAULT_NONE)) != 0) return true;
+    }
+    return false;
+}
+
+// Report whether kneadd accepts orders, and the parts of its state that the page's buttons depend on.
+static json_t *control(const kn_web *w)
+{
+    const json_t *state = json_object_get(w->client.status, "state"),
+                 *quality = json_object_get(w->client.status, "quality");
+    const char *mode = json_string_value(json_object_get(w->client.status, "mode"));
+    const char *why = !w->control        ? "knead web was started without --control"
+                      : w->client.status ? NULL
+                      : *w->client.error ? w->client.error
+                                         : "kneadd has not answered yet";
+    // A latched fault that lifting does not clear needs the button Recover, like an emergency stop. One fault does not
+    // need it: after the hand has left the tool, a fault of the page's own session ends by itself.
+    const bool fault =
+        mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
+    const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
+    return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders", w->control != NULL, "saves",
+                     json_is_string(json_object_get(state, "directory")), "snapshot",
+                     json_integer_value(json_object_get(state, "snapshot_gen")), "mode", mode, "stopped", stopped,
+                     "quality", json_string_value(json_object_get(quality, "in_force")), "asked",
+                     json_string_value(json_object_get(quality, "asked")));
+}
+
+// List the recordings, except an empty one. The words of a recording may be read only once its thread has finished.
+static json_t *recordings(const kn_web *w)
+{
+    static const char *const states[] = {"waits", "runs", "whole", "failed"};
+    json_t *list = json_array();
+    for (int i = 0; i < KN_RECORDINGS; i++) {
+        const kn_recording *one = &w->recordings.recording[i];
+        const int state = atomic_load(&one->state);
+        if (!one->number || state == KN_RECORDING_EMPTY) continue;
+        json_array_append_new(list, json_pack("{s:i, s:s, s:f, s:f, s:b, s:s}", "number", one->number, "state",
+                                              states[state], "s", floor(1e-2 * atomic_load(&one->ms)) / 10, "mb",
+                                              floor(1e-5 * (double)atomic_load(&one->bytes)) / 10, "csv", one->csv,
+                                              "words", state >= KN_RECORDING_WHOLE ? one->words : ""));
+    }
+    return list;
+}
+
+static json_t *measures(const kn_web *w)
+{
+    json_t *names = json_array();
+    for (int i = 0; i < KN_MEASURES; i++)
+        if (kn_picture_measured(&w->live, i))
+            json_array_append_new(
+                names, json_pack("{s:s, s:s}", "name", kn_measure_names[i].name, "words", kn_measure_names[i].words));
+    return names;
+}
+
+static json_t *view(const kn_web *w)
+{
+    static const char *const styles[] = {"lined", "solid", "wire"};
+    return json_pack("{s:f, s:f, s:f, s:s, s:s, s:o}", "azimuth", w->picture.look.azimuth_deg, "elevation",
+                     w->picture.look.elevation_deg, "zoom", w->picture.look.zoom > 0 ? w->picture.look.zoom : 1,
+                     "style", styles[w->picture.look.style], "measure",
+                     w->picture.measure < 0 ? "none" : kn_measure_names[w->picture.measure].name, "measures",
+                     measures(w));
+}
+
+// Return a name from the bus as JSON; "?" if it is not valid UTF-8.
+static json_t *told(const char *words)
+{
+    json_t *text = json_string(words);
+    return text ? text : json_string("?");
+}
+
+// Compose all facts that a page is told when one of them changes.
+static json_t *about(const kn_web *w)
+{
+    const kn_scene *s = w->live.scene;
+    json_t *all = json_pack("{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene",
+                            told(s ? s->name : ""), "tool", told(w->tool.def ? w->tool.def->name : ""), "control",
+                            control(w), "scenes", scenes(w), "unlisted", w->client.scenes_unlisted, "materials",
+                            materials(), "loop", loop(&w->state), "energy", energy(&w->state), "mesh", mesh(w), "view",
+                            view(w), "recordings", recordings(w), "recording", kn_recordings_running(&w->recordings),
+                            "playing", w->tool.lent, "replaying", w->recordings.child_pid ? w->recordings.child_of : 0);
+    if (all && s) json_object_set_new(all, "material", material(&s->model.material));
+    if (all && s) json_object_set_new(all, "points", points(s));
+    return all;
+}
+
+// Return the text of `about`. If the text is too long, leave out its long parts one after the other, so that the text
+// is never cut off in the middle.
+static char *fitting(json_t *all)
+{
+    static const char *const long_ones[] = {"scenes", "recordings", "scene", "tool"};
+    char *text = json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    for (int i = 0; text && strlen(text) > KN_PAGE_STATE_ABOUT && i < 4; i++) {
+        json_object_set_new(all, long_ones[i], i < 2 ? json_array() : json_string("?"));
+        free(text);
+        text = json_dumps(all, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    }
+    return text;
+}
+
+// Update `about`. If the text has changed, raise its version, so that each page gets the text with its next message.
+void kn_page_state_refresh(void *self)
+{
+    kn_web *w = self;
+    json_t *all = about(w);
+    char *text = all ? fitting(all) : NULL;
+    json_decref(all);
+    if (!text || strlen(text) > KN_PAGE_STATE_ABOUT || (w->state.about && strcmp(text, w->state.about) == 0)) {
+        free(text);
+        return;
+    }
+    free(w->state.about);
+    w->state.about = text;
+    w->state.abouts++;
+}

@@ -1,0 +1,98 @@
+#ifndef KN_CLIENTS_PAGE_TOOL_H
+#define KN_CLIENTS_PAGE_TOOL_H
+// The tool that the pages of `knead web` move. This module chooses the tool and the page that has it, and turns the
+// pointer of this page into wishes to the device's thread, which makes poses at 1 kHz. At most one page has the tool at
+// a time. All functions are called by the main thread.
+//
+//     kn_page_tool_point -> wish -> (device's thread: pose, force) -> sample -> kn_page_tool_listen
+#include "clients/hand/virtual_hand.h"
+#include "clients/hand/live_server.h"
+#include "clients/hand/pointer_hand.h"
+#include "clients/web/gateway.h"
+#include "server/mailbox.h"
+#include "server/ring.h"
+
+#define KN_PAGE_TOOL_TRACE 256 // number of force samples kept for the pages, one sample per ms
+#define KN_PAGE_TOOL_EVENTS 64 // most pointer events that wait at once for an answer of kneadd
+
+// State of the pointer's button. BESIDE: pressed where no object is. BARRED: down, but without effect before the button
+// is released.
+typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_BUTTON_BARRED } kn_button;
+
+typedef struct kn_page_tool_sample { // state of the tool in one millisecond, from the device's thread
+    kn_pointer_hand_news news;
+    // work_mj, round_trip_ms: of the newest force; NaN: no force arrived in this millisecond.
+    float work_mj, round_trip_ms;
+} kn_page_tool_sample;
+
+typedef struct kn_page_tool {
+    // Set by the caller. probe: name of the wanted probe, or NULL; url: bus of the poses.
+    const char *probe, *url;
+    kn_gateway *gateway;
+    kn_live_server *live;
+    // State, read by other modules.
+    const kn_probe_def *def; // the tool in the scene of `live`; NULL: none
+    kn_pointer_hand_reach reach;
+    bool moving;               // true: the device's thread is running
+    char error[512];           // reason why the device's thread does not run
+    kn_pointer_hand_wish wish; // newest wish
+    kn_pointer_hand_news news; // state of the hand in the newest sample
+    kn_page_tool_sample trace[KN_PAGE_TOOL_TRACE];
+    uint64_t traced;  // number of samples received so far; sample n is trace[n % KN_PAGE_TOOL_TRACE]
+    int owner;        // index of the page that has the tool, -1: none
+    kn_button button; // state of the pointer's button on the page that has the tool
+    int lent;         // number of the recording that moves the tool (is played), 0: none
+    // Private: the scene that `def` and `reach` belong to, which may have been freed already, and its hash.
+    const kn_scene *scene;
+    uint64_t scene_hash;
+    // Copy of *def and the spacing of the nodes, to compare the tool with that of the next scene after this scene has
+    // been freed.
+    kn_probe_def held;
+    double held_spacing_m;
+    kn_virtual_device device;
+    kn_pointer_hand pointer; // used by the device's thread only
+    int stale_ms;            // time since the device's thread last received a wish; used by this thread only
+    kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
+    kn_pointer_hand_wish wish_slots[3];
+    kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
+    // True: the view was turned during this press, so the pointer's place in the picture no longer stands for a place
+    // on the object.
+    bool turned;
+    // Pointer events whose effect no picture has shown yet. tick: tick in which kneadd answered the event; INT64_MAX:
+    // not answered yet.
+    struct {
+        uint32_t number;
+        int page;
+        int64_t tick;
+    } event[KN_PAGE_TOOL_EVENTS];
+} kn_page_tool;
+
+// Prepare a tool, which must be zeroed except for the fields of the caller. Return false if memory is short.
+bool kn_page_tool_open(kn_page_tool *tool);
+
+// Adapt to the scene of `live`: choose the tool, and restart the hand unless it can continue. Return true if the scene
+// is a new one.
+bool kn_page_tool_scene(kn_page_tool *tool, const kn_camera_view *view);
+void kn_page_tool_look(kn_page_tool *tool, const kn_camera_view *view); // follows a view that a page has turned
+void kn_page_tool_mesh(kn_page_tool *tool);                             // follows a new mesh of `live`
+void kn_page_tool_listen(kn_page_tool *tool);                           // takes the samples of the device's thread
+// Called ten times a second: takes samples, lifts the tool of a silent page, and posts the wish.
+void kn_page_tool_turn(kn_page_tool *tool);
+
+// Handle a pointer event of a page: take the tool if it is free, aim, press or release.
+void kn_page_tool_point(kn_page_tool *tool, int page, const kn_web_message *message);
+void kn_page_tool_gone(kn_page_tool *tool, int page); // forgets a page, because its place may be given to another
+// Return the time since the last pointer event of the page that has the tool; INT64_MAX if no page has it.
+int64_t kn_page_tool_idle_ms(const kn_page_tool *tool);
+bool kn_page_tool_is_taken(const kn_page_tool *tool, int page); // returns true if another page has the tool and uses it
+// Return the newest pointer event after `since` that kneadd had answered by a tick, or `since`.
+int32_t kn_page_tool_answered(const kn_page_tool *tool, int32_t since, int64_t tick);
+// Return the page's own number of an event, or 0 if another page has sent the event.
+uint32_t kn_page_tool_event(const kn_page_tool *tool, int32_t event, int page);
+
+// Stop the hand of `knead web`, so that a child process can play a recording with the tool; and start it again.
+void kn_page_tool_lend(kn_page_tool *tool, int recording);
+void kn_page_tool_take_back(kn_page_tool *tool);
+void kn_page_tool_close(kn_page_tool *tool); // waits while the hand lifts the tool
+
+#endif

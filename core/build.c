@@ -1,0 +1,420 @@
+// Assembly of a model and of its states: the checks of a definition, then lattice, kernels, tools and the tables of the
+// chosen solver; and one arena per state with the memory of that solver.
+#include "core/algebra/bytes.h"
+#include "core/solve/contact.h"
+#include "core/solve/kernel.h"
+#include "core/lattice/lattice.h"
+#include "core/solve/solver.h"
+#include "core/solver_fixed.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Longest step with gas, s. In a longer step, a press reduces a cell's volume too much at once.
+#define GAS_STEP_MOST_S 0.03
+#define NODES_MAX (1 << 22) // largest number of nodes: their state takes 3 GB, and no index overflows
+
+// --- checks of a definition -----------------------------------------------------------------------------------------
+
+static bool is_real(double x) { return x >= 0 && isfinite(x); }
+
+// Check contact and coupling of one probe. All check functions return NULL or a sentence that says what is wrong.
+static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
+{
+    const bool plate = p->shape == KN_PROBE_PLATE;
+    if (!is_real(p->friction) || !is_real(p->adhesion_pa) || !is_real(p->grip_n))
+        return "a probe's friction, adhesion and grip must not be negative";
+    if (!is_real(p->coupling_n_m) || !is_real(p->coupling_n_s_m)) return "a probe's coupling must not be negative";
+    const bool more = p->friction > 0 || p->adhesion_pa > 0 || p->grip_n > 0 || p->coupling_n_m > 0;
+    if (plate && more) return "a plate always sticks: friction, adhesion, grip and coupling need another shape";
+    if (p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
+        return "adhesion would stretch the foundation by more than a fifth of a spacing: needs a stiffer foundation";
+    if (def->solver.kind != KN_SOLVER_IMPLICIT && more)
+        return "friction, adhesion, grip and coupling need the implicit solver";
+    return NULL;
+}
+
+// Check shape and foundation of one probe.
+static const char *check_probe(const kn_model_def *def, const kn_probe_def *p)
+{
+    const char *wrong = check_tool(def, p);
+    if (!wrong) wrong = kn_tool_unfit(p, def->spacing_m);
+    if (!wrong && !(p->foundation_n_m3 >= 0 && isfinite(p->foundation_n_m3)))
+        wrong = "a foundation stiffness must not be negative";
+    return wrong;
+}
+
+// Check the numbers that describe a block.
+static const char *check_block(const kn_model_def *def)
+{
+    const bool flat = def->thickness_m > 0;
+    double nodes = 1;
+    if (!(def->thickness_m >= 0 && isfinite(def->thickness_m))) return "thickness must not be negative";
+    if (flat && def->nodes[1] != 1) return "a flat object has one layer of nodes along y";
+    for (int k = 0; k < 3; k++) {
+        const bool thin = def->nodes[k] < 2 && !(flat && k == 1);
+        if (def->nodes[k] < 1) return "needs at least one node along every axis";
+        if (def->structure == KN_STRUCTURE_DIAGONALS && thin)
+            return "a lattice with diagonals needs two nodes along every axis";
+        if (def->pressure != KN_PRESSURE_NONE && thin) return "pressure needs two nodes along every axis";
+        nodes *= def->nodes[k];
+    }
+    if (nodes > NODES_MAX) return "more than 4194304 nodes";
+    if (def->structure == KN_STRUCTURE_DIAGONALS && !(def->diagonal_stiffness > 0 && def->diagonal_stiffness <= 1))
+        return "diagonal_stiffness must be in (0, 1]";
+    return NULL;
+}
+
+// Check the numbers that describe a net.
+static const char *check_mesh(const kn_model_def *def)
+{
+    const bool flat = def->mesh->dimension == 2;
+    if (flat && !(def->thickness_m > 0 && isfinite(def->thickness_m))) return "a flat mesh needs a positive thickness";
+    for (int p = 0; flat && p < def->probe_count; p++)
+        if (def->probe[p].shape != KN_PROBE_PLATE)
+            return "a tool needs a solid object; a flat object takes only plates";
+    return NULL;
+}
+
+// Check everything about the object except the material.
+static const char *check_lattice(const kn_model_def *def)
+{
+    const char *wrong = def->mesh ? check_mesh(def) : check_block(def);
+    if (wrong) return wrong;
+    if (def->pressure != KN_PRESSURE_NONE && !(def->inside_pressure_pa > 0 && isfinite(def->inside_pressure_pa)))
+        return "the pressure inside must be positive";
+    if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
+    if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
+    if (!(def->support_friction >= 0 && isfinite(def->support_friction))) return "friction must not be negative";
+    if (def->support == KN_SUPPORT_FRICTION && def->solver.kind == KN_SOLVER_RK4)
+        return "a table with friction needs the implicit solver";
+    if (!(def->gravity_m_s2 >= 0 && isfinite(def->gravity_m_s2))) return "gravity must not be negative";
+    return NULL;
+}
+
+static const char *check_solver(const kn_solver_def *s)
+{
+    if (!(s->dt_s > 0 && s->dt_s <= 0.1)) return "dt must be in (0, 0.1] s";
+    if (!(s->mass_scale >= 1 && isfinite(s->mass_scale))) return "mass_scale must be at least 1";
+    if (s->kind != KN_SOLVER_IMPLICIT && s->precision != KN_PRECISION_F64) return "rk4 and fixed run in f64 only";
+    if (s->kind == KN_SOLVER_RK4) return NULL;
+    if (s->iterations < 1 || s->iterations_max < s->iterations || s->iterations_max > 100000)
+        return "needs 1 <= iterations <= iterations_max <= 100000";
+    if (!(s->tolerance >= 0 && s->tolerance < 1)) return "tolerance must be in [0, 1)";
+    if (s->passes < 1 || s->passes > 100) return "passes must be in 1..100";
+    return NULL;
+}
+
+// Check a whole definition: parts first, then how they fit together.
+static const char *check(const kn_model_def *def)
+{
+    const char *wrong = kn_material_check(&def->material);
+    if (!wrong) wrong = check_lattice(def);
+    if (!wrong) wrong = check_solver(&def->solver);
+    if (!wrong) wrong = kn_composite_check(def);
+    if (!wrong && (def->probe_count < 0 || def->probe_count > KN_PROBES_MAX)) wrong = "too many probes";
+    for (int p = 0; p < def->probe_count && !wrong; p++) wrong = check_probe(def, &def->probe[p]);
+    if (!wrong && def->pressure != KN_PRESSURE_NONE && def->solver.dt_s > GAS_STEP_MOST_S)
+        wrong = "gas needs steps of at most 30 ms: in longer ones a press takes too much of a cell's volume at once";
+    return wrong;
+}
+
+// --- checks of a lattice --------------------------------------------------------------------------------------------
+
+// Limits of the stiffness of tools' foundations and of gas, relative to the resistance of an object's node at rest in
+// one step. Beyond these limits, conjugate gradients in f32 (seven digits) need more iterations than any step has
+// (measured with `knead stability`, family mixed). Gas is stiff in only one direction of each cell.
+#define FOUNDATION_MOST 500.0
+#define GAS_MOST 1e4
+// Limit of the gas in f32, relative to the pressure of a tool one spacing deep: the rounding of the gas is then a
+// hundredth of that pressure.
+#define GAS_MOST_F32 1e4
+
+static const char *check_stiffness(const kn_model *m)
+{
+    const kn_model_def *def = &m->def;
+    double h = def->spacing_m, dt = def->solver.dt_s, at_rest = m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_rest;
+    // body: resistance of one node to a change of velocity, kg/s
+    double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt;
+    double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
+    if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
+        return "the gas inside is more than 10000 times as stiff as the object around it";
+    for (int p = 0; p < def->probe_count; p++) {
+        if (def->probe[p].shape == KN_PROBE_PLATE) continue;
+        double foundation = kn_probe_foundation(&def->probe[p]);
+        if (foundation * h * h * dt > FOUNDATION_MOST * body)
+            return "the tool's foundation is more than 500 times as stiff as the object under it";
+        if (def->solver.precision == KN_PRECISION_F32 && gas > GAS_MOST_F32 * foundation * h)
+            return "in f32 the gas inside rounds by more than the tool's soft foundation presses: needs precision: f64";
+    }
+    return NULL;
+}
+
+// Build the shapes of the tools. If the table can push the object, list the nodes that it can push, too: the support is
+// FRICTION, or a tool is coupled and may throw the object at the table. Return false if memory is short.
+static bool build_tools(kn_model *model)
+{
+    model->shape = calloc(KN_PROBES_MAX, sizeof *model->shape);
+    if (!model->shape) return false;
+    bool table = model->def.support == KN_SUPPORT_FRICTION;
+    for (int p = 0; p < model->def.probe_count; p++) {
+        kn_tool_shape(&model->def.probe[p], &model->shape[p]);
+        // a coupled tool may drive the object against the table, whatever the support: the table must stop it
+        table |= model->def.probe[p].coupling_n_m > 0 && model->def.support != KN_SUPPORT_NONE;
+    }
+    return !table || kn_base_build(model);
+}
+
+static bool build_tables(kn_model *m)
+{
+    if (!m->composite) m->tables = kn_tables_create(m, m->kernels);
+    return m->composite || m->tables;
+}
+
+static bool build_rk4(kn_model *m)
+{
+    if (!kn_lattice_edges(m) || !kn_lattice_cells(m)) return false;
+    m->rk4_limit_s = kn_rk4_limit(m);
+    return m->rk4_limit_s >= 0;
+}
+
+static bool fail(char *error, size_t size, const char *text)
+{
+    if (size > 0) snprintf(error, size, "%s", text);
+    return false;
+}
+
+// Speed of a press for the check below. If a hand moves by an element's height in one step, the element turns inside
+// out and back in every step, because the step uses the edges' directions at its beginning. Measured with `knead
+// stability`, family sliver: the object is calm if the height over the step is 2 cm/s, and oscillates if it is 7 mm/s.
+#define HAND_M_S 0.01
+
+// Refuse a step that is too long for the flattest element of a mesh.
+static bool check_flattest(const kn_model *m, char *error, size_t size)
+{
+    int element = 0;
+    if (!m->def.mesh || m->def.solver.kind == KN_SOLVER_RK4) return true;
+    double low_m = kn_simplices_lowest(m->def.mesh, &element), most_s = low_m / HAND_M_S;
+    if (m->def.solver.dt_s <= most_s) return true;
+    if (size > 0)
+        snprintf(error, size,
+                 "element %ld is only %.2g m high, and a hand at 1 cm/s moves that far in one step: dt must be at most "
+                 "%.3g s here",
+                 m->def.mesh->tag[element], low_m, 0.99 * most_s);
+    return false;
+}
+
+static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size)
+{
+    bool rk4 = def->solver.kind == KN_SOLVER_RK4;
+    m->def = *def;
+    // lattice, law and kernels first: everything else depends on them
+    if (!def->mesh)
+        kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
+                     def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
+    kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
+    if (!kn_kernels_choose(m))
+        return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
+    // then the nodes: of a mesh, of a block with a fine box, or of a plain block
+    const char *wrong;
+    if (def->mesh) wrong = kn_net_build(m);
+    else if (kn_composite_is(def)) wrong = kn_composite_build(m);
+    else wrong = kn_block_build(m) ? NULL : KN_NO_MEMORY;
+    if (!wrong && !build_tools(m)) wrong = KN_NO_MEMORY;
+    if (!wrong) wrong = check_stiffness(m);
+    // then the tables of the chosen solver
+    char text[160];
+    if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
+        wrong = kn_lattice_edges(m) && kn_lattice_cells(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
+    else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
+    if (wrong) return fail(error, size, wrong);
+    if (!check_flattest(m, error, size)) return false;
+    // an explicit step beyond its stability limit is refused, with the mass scale that would allow it
+    if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
+        if (size > 0)
+            snprintf(error, size,
+                     "rk4 is stable up to dt = %.3g s here and dt = %.3g s was asked for; solver.mass_scale = %.3g "
+                     "would allow it",
+                     m->rk4_limit_s, def->solver.dt_s,
+                     ceil(def->solver.mass_scale * def->solver.dt_s / m->rk4_limit_s * 1.05));
+        return false;
+    }
+    m->state_bytes = kn_state_size(m);
+    return true;
+}
+
+kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size)
+{
+    const char *wrong = check(def);
+    if (wrong) {
+        fail(error, error_size, wrong);
+        return NULL;
+    }
+    kn_model *m = calloc(1, sizeof *m);
+    if (m && build(m, def, error, error_size)) return m;
+    if (!m) fail(error, error_size, KN_NO_MEMORY);
+    kn_model_destroy(m);
+    return NULL;
+}
+
+void kn_model_destroy(kn_model *model)
+{
+    if (!model) return;
+    kn_composite_destroy(model->composite);
+    free(model->tables);
+    free(model->offset);
+    free(model->rest_m);
+    free(model->node_mass_kg);
+    free(model->support);
+    free(model->top);
+    free(model->top_share);
+    kn_fixed_destroy(model->fixed);
+    free(model->edges);
+    free(model->skin);
+    free(model->shape);
+    free(model->base);
+    free(model->base_area_m2);
+    free(model->cells);
+    free(model->cell_volume);
+    free(model);
+}
+
+// --- states ---------------------------------------------------------------------------------------------------------
+
+// Return the number of reals stored for the cells' pressure: see kn_work.cell.
+static size_t cell_reals(const kn_model *m)
+{
+    if (m->def.pressure == KN_PRESSURE_OBJECT) return kn_model_field(m, 3);
+    return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
+}
+
+// Hand out the scratch of the implicit solver.
+static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
+{
+    kn_work *w = &s->work;
+    // vectors first, then edges, blocks of held rows and cells
+    struct {
+        void **field;
+        int components;
+    } list[] = {{&w->guess, 3}, {&w->r, 3}, {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6}, {&w->free, 3}};
+    for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
+        *list[i].field = kn_arena_take(a, kn_state_field(m, list[i].components));
+    w->g = kn_arena_take(a, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
+    w->whole = m->composite ? kn_arena_take(a, kn_state_field(m, 6)) : NULL;
+    w->cell = NULL;
+    if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * kn_model_real(m));
+    // then one byte per row, and the arrays of contact and rigid motion
+    w->row_held = kn_arena_take(a, (size_t)m->row_count);
+    w->row_moved = kn_arena_take(a, (size_t)m->row_count);
+    s->row_base = kn_arena_take(a, (size_t)m->row_count);
+    s->rigid.arm = kn_rigid_wanted(m) ? kn_arena_take(a, kn_model_field(m, 4) * sizeof(float)) : NULL;
+    s->last_held = kn_arena_take(a, (size_t)m->top_count * sizeof(int));
+}
+
+// Hand out the scratch of the Runge-Kutta solver.
+static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
+{
+    size_t nodes = (size_t)m->node_count;
+    s->fixed = kn_arena_take(a, nodes);
+    s->velocity = kn_arena_take(a, nodes * sizeof *s->velocity);
+    s->force = kn_arena_take(a, nodes * sizeof *s->force);
+    s->reaction = kn_arena_take(a, nodes * sizeof *s->reaction);
+    s->stages = kn_arena_take(a, kn_rk4_scratch(m));
+}
+
+// Hand out the scratch of the integer solver, which has a layout of its own.
+static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
+{
+    s->stages = kn_arena_take(a, kn_fixed_scratch(m));
+    if (s->stages) kn_fixed_scratch_init(m, s->stages);
+}
+
+// Lay out a state. One description serves to measure (base NULL) and to hand out memory. `kept`: leave out the
+// scratch.
+static size_t layout(const kn_model *m, char *base, bool kept)
+{
+    kn_arena a = {.base = base};
+    kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
+    kn_scratch unused_scratch, *scratch = &unused_scratch;
+    // saved part: the struct, the fields, held nodes and anchors
+    kn_arena_take(&a, sizeof *state);
+#define KN_FIELD(name, components)                                                                                     \
+    state->name = kn_arena_take(&a, kn_state_field(m, components));                                                    \
+    if (kn_state_field(m, components) == 0) state->name = NULL;
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    state->held = kn_arena_take(&a, KN_PROBES_MAX * (size_t)m->top_count);
+    size_t anchors = kn_contact_anchors(m);
+    state->anchor = anchors > 0 ? kn_arena_take(&a, anchors * sizeof *state->anchor) : NULL;
+    if (base) state->bytes = a.used;
+    if (kept) return a.used;
+    // scratch: contact and the solver's vectors
+    state->scratch = kn_arena_take(&a, sizeof *scratch);
+    if (base) scratch = state->scratch;
+    void *contact = kn_arena_take(&a, kn_contact_bytes(m));
+    if (base) kn_contact_init(m, &scratch->contact, contact);
+    if (m->def.solver.kind == KN_SOLVER_IMPLICIT) layout_implicit(m, &a, scratch);
+    else if (m->def.solver.kind == KN_SOLVER_FIXED) layout_fixed(m, &a, scratch);
+    else layout_rk4(m, &a, scratch);
+    if (base) state->bytes = a.used;
+    return a.used;
+}
+
+size_t kn_state_size(const kn_model *model) { return layout(model, NULL, false); }
+size_t kn_state_kept(const kn_model *model) { return layout(model, NULL, true); }
+
+static kn_state *allocate(const kn_model *m, size_t bytes, bool kept)
+{
+    kn_state *state = aligned_alloc(64, bytes);
+    if (!state) return NULL;
+    memset(state, 0, bytes); // this writes to every memory page now, so that no tick causes a page fault
+    layout(m, (char *)state, kept);
+    return state;
+}
+
+kn_state *kn_state_create(const kn_model *model)
+{
+    kn_state *state = allocate(model, model->state_bytes, false);
+    if (state) kn_state_reset(model, state);
+    return state;
+}
+
+kn_state *kn_state_keep(const kn_model *model) { return allocate(model, kn_state_kept(model), true); }
+
+void kn_state_destroy(kn_state *state) { free(state); }
+
+// Reset the implicit solver's scratch: zero vectors, and free components except those of the support.
+static void reset_implicit(const kn_model *m, kn_scratch *s)
+{
+    kn_work *w = &s->work;
+    memset(w->guess, 0, kn_state_field(m, 3));
+    memset(w->q, 0, kn_state_field(m, 3));
+    memset(w->d, 0, kn_state_field(m, 3));
+    // edges that do not exist are never written, so their g must be 0
+    memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
+    memset(s->row_base, 0, (size_t)m->row_count);
+    memset(w->row_moved, 0, (size_t)m->row_count);
+    s->last_held_count = 0;
+    // free everything, then hold what the support holds
+    for (size_t i = 0; i < kn_model_field(m, 3); i++) kn_real_set(m, w->free, i, 1);
+    for (int node = 0; node < m->node_count; node++) {
+        size_t o = m->offset[node];
+        if (m->support[node]) s->row_base[o / (3 * m->stride)] = 1;
+        for (size_t k = 0; k < 3; k++) kn_real_set(m, w->free, o + k * m->stride, m->support[node] >> k & 1 ? 0 : 1);
+    }
+    memcpy(w->row_held, s->row_base, (size_t)m->row_count);
+}
+
+void kn_state_reset(const kn_model *model, kn_state *state)
+{
+    // the plain part first, then the fields up to the held nodes; anchors are empty when their count is 0
+    memset(state, 0, offsetof(kn_state, displacement));
+#define KN_FIELD(name, components)                                                                                     \
+    if (state->name) memset(state->name, 0, kn_state_field(model, components));
+    KN_STATE_FIELDS(KN_FIELD)
+#undef KN_FIELD
+    memset(state->held, 0, KN_PROBES_MAX * (size_t)model->top_count);
+    if (model->def.solver.kind == KN_SOLVER_IMPLICIT) reset_implicit(model, kn_state_scratch(state));
+}

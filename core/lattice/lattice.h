@@ -1,0 +1,137 @@
+#ifndef KN_CORE_LATTICE_LATTICE_H
+#define KN_CORE_LATTICE_LATTICE_H
+// The nodes, edges, cells and skin of a model, as kn_model_build (build.c) assembles them. lattice.c builds a plain
+// block, net.c a mesh, composite.c a block of two resolutions.
+//
+// A net: a lattice on triangles or tetrahedra. Every side of an element is an edge with the whole law of law.h.
+//
+// Stiffness. Each element gives each of its sides k = E V/L^2 (Van Gelder), where V is its volume, or area times
+// thickness. If the nodes followed the body's strain, edges of all directions would give exactly E. But the nodes give
+// way, so one factor for all edges sets the Young modulus of the whole body to E (net.c). With springs alone,
+// Poisson's ratio is 1/4 in three dimensions and 1/3 in two. The shear modulus depends on the directions of the mesh's
+// edges. `knead check` prints Poisson's ratio and the shear modulus.
+//
+// Stress. The damper sees |f|/(gamma kappa_e L0). gamma makes the body creep like the 1-D element. gamma is a property
+// of the mesh, 0.55 to 0.9, and is also fitted.
+//
+// Memory. A row is one node, with its components side by side. Edges are ordered by their lower node.
+#include "core/solve/kernel.h"
+
+#define KN_NO_MEMORY "not enough memory for the model"
+
+// Allocate room for that many nodes and top nodes, or for that many cells. Return false if memory is short.
+bool kn_model_nodes(kn_model *model, int nodes, int top);
+bool kn_model_cells(kn_model *model, int cells);
+
+// Return the components that a support holds at a base node, as bits.
+uint8_t kn_support_mask(kn_support support);
+
+// List the top nodes. model->top_share holds the share of every node in a load on the top, `sum` the sum of the shares.
+void kn_top_list(kn_model *model, double sum);
+
+// Build the nodes of a plain block. Return false if memory is short.
+bool kn_block_build(kn_model *model);
+
+// Fill in the model's nodes, edges, skin and top from def.mesh. Return NULL, or a sentence that says what is wrong.
+const char *kn_net_build(kn_model *model);
+
+// List the edges or the gas cells of a block for a solver that needs the list; a net already has its own. Return false
+// if memory is short.
+bool kn_lattice_edges(kn_model *model);
+bool kn_lattice_cells(kn_model *model);
+
+// List the nodes of the outside that the table can push, with their areas. Return false if memory is short.
+bool kn_base_build(kn_model *model);
+
+// Return the area at rest of a triangle of skin nodes, m^2.
+double kn_skin_area(const kn_model *model, const int node[3]);
+
+// --- block of two resolutions: composite.c --------------------------------------------------------------------------
+
+// A block of two resolutions: cells of side h in a box under the tool, cells of side 2h around the box. The block is
+// cut into parts. Each part is a block of the regular lattice with its own kernel tables. A node that several parts
+// share, or that hangs on a coarse face, is tied to master nodes:
+//
+//     +-----+-----+-+-+-+-+-----+-----+      parts   0 below, then beside it along x, along y, the box last
+//     |     |     +-f-f-f-+     |     |      o       follows one node of an earlier part (1 master, the same place)
+//     |     |     f-f-f-f-f     |     |      f on    the box's faces follow the 1, 2 or 4 coarse nodes around them,
+//     +-----o-----o-f-o-f-o-----o-----+              v = mean of the masters
+//     |     |     |     |     |       |
+//     +-----+-----+-----+-----+-------+
+//
+// Let v = T y, where y holds the velocities of the free nodes. The step solves T'AT dy = T'r. The product of the matrix
+// A and a search direction is computed part by part, as if the parts were separate. Before the product, the masters'
+// directions are copied to the tied nodes. After the product, the tied nodes' results are added to the masters. Every
+// edge has kappa = h/2.7 of its own cell and the same gamma (grid.h), so the material is the same inside and outside
+// the box.
+//
+// Accuracy. A uniform strain passes exactly through the faces and edges of the box. In shear the box's corners are out
+// of balance by up to a ninth of a boundary node's force. At a corner of the box, seven coarse cells meet one fine
+// cell. The corner forces of body diagonals grow with h^2, and they cancel only between neighbours of equal size. So
+// the corners should lie where the object deforms little: core/scene/draft_quality.c keeps them 0.7 of a tool's width
+// away from the tool. tests/physics/test_composite.c measures the error.
+
+#define KN_COMPOSITE_PARTS 7
+
+typedef struct kn_tie { // a node that follows the mean of its masters
+    size_t node;        // offset of its x component in a 3-component field
+    size_t master[4];   // offsets of the masters' x components
+    int count;          // number of masters: 1, 2 or 4
+} kn_tie;
+
+typedef struct kn_composite {
+    kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
+    const kn_kernels *inside; // kernels that all parts use
+    int part_count;
+    // [part_count] one regular block per part, with its grid, law and tables. The nodes belong to the whole model.
+    struct kn_model *part;
+    int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
+    int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
+    // first node and first row of each part; the entry behind the last part is the total number
+    int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
+    kn_tie *tie; // ties of all parts, in the order of the tied nodes' parts; the masters of a tie are in earlier parts
+    int tie_first[KN_COMPOSITE_PARTS + 1];
+    // Node id at every place whose coordinates in fine cells are all even, x fastest. If several parts have a node
+    // there, it is the node of the earliest part. -1 inside the fine box.
+    int *place;
+} kn_composite;
+
+// Find the smallest box with even corners that contains the points from low_m to high_m (block's frame) and a margin of
+// margin_m around and below them. The box reaches up to the top of the block. Return false if the box would be the
+// whole block, because a composite then saves nothing.
+bool kn_composite_box(const kn_model_def *def, const double low_m[3], const double high_m[3], double margin_m,
+                      int fine[2][3]);
+
+// Return true if the definition has a fine box.
+bool kn_composite_is(const kn_model_def *def);
+
+// Return the number of nodes of all parts, tied nodes included. A state holds this many nodes.
+int kn_composite_nodes(const kn_model_def *def);
+
+// kn_composite_unfit returns the reason why the object cannot have a fine box at all. kn_composite_check returns the
+// reason why the box of the definition is wrong. NULL: nothing is wrong.
+const char *kn_composite_unfit(const kn_model_def *def);
+const char *kn_composite_check(const kn_model_def *def);
+
+// Fill in the model's nodes, faces and kernels. Return NULL, or what went wrong.
+const char *kn_composite_build(kn_model *model);
+void kn_composite_destroy(kn_composite *composite); // NULL is fine
+
+// Store the displacement, m, at a node of the lattice as if it were fine everywhere. Outside the box the result is the
+// mean of coarse nodes. Works for any block.
+void kn_composite_displacement(const kn_model *model, const kn_state *state, const int ixyz[3], double u_m[3]);
+
+// Return the memory that the composite takes in addition to the model [bytes].
+size_t kn_composite_bytes(const kn_model *model);
+
+// Return the number of edges of all parts. An edge in the face between two parts is in the lists of both parts, with
+// half its weight in each.
+int kn_composite_edges(const kn_model *model);
+
+// Return the master node that lies in the same place as a tied node, or the node itself if it has no such master.
+int kn_composite_master(const kn_model *model, int node);
+
+// Return the number of tied nodes. A tied node follows its masters and carries no load itself.
+int kn_composite_tied(const kn_model *model);
+
+#endif

@@ -1,0 +1,147 @@
+// What a draft takes from the library: the numbers of a named material, and the profile of a haptic device.
+#include "core/scene/draft.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+// --- material -------------------------------------------------------------------------------------------------------
+
+enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // values of the key material.variant, in the order of its words
+
+static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0; }
+
+// Copy the value of a key, and whether it was given, with the mark of the material's name.
+static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
+{
+    const kn_key *key = &kn_keys[id];
+    size_t size = (size_t)key->count * (key->type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
+    memcpy((char *)draft + key->offset, (const char *)from + key->offset, size);
+    mark.per_height = from->at[0][id].per_height;
+    mark.library = true;
+    draft->at[0][id] = mark;
+    if (!kn_draft_given(from, 0, id)) draft->at[0][id].source = KN_SOURCE_DEFAULT;
+    draft->group[0][id] = mark; // a missing key is reported at the material's name
+}
+
+bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark)
+{
+    // refuse anything but material and density
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
+        if (kn_draft_given(from, 0, id) && !of_material(id) && id != KN_KEY_DENSITY)
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only a material and its density there",
+                                     kn_keys[id].path, from->file);
+    if (from->scene.model.probe_count > 0)
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only a material and its density there",
+                                 from->file);
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
+        if (of_material(id)) take_key(draft, from, id, mark);
+    // the scene's own density takes precedence
+    bool own = kn_draft_given(draft, 0, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;
+    if (!own && kn_draft_given(from, 0, KN_KEY_DENSITY)) take_key(draft, from, KN_KEY_DENSITY, mark);
+    if (variant < 0) return true;
+    draft->variant = variant;
+    draft->at[0][KN_KEY_VARIANT] = mark;
+    return true;
+}
+
+// Make a pair of dampers that acts as one. Constant dampers are equal, each twice c2. If c2 depends on force, c1 is so
+// stiff that it hardly counts.
+static void make_plastic(kn_material *mat)
+{
+    mat->k1_pa = 0;
+    mat->c1_pa_s = mat->damper == KN_DAMPER_CONSTANT ? mat->c2_pa_s *= 2 : 25 * kn_material_c2(mat, 0);
+}
+
+bool kn_draft_vary_material(kn_draft *draft)
+{
+    kn_material *mat = &draft->scene.model.material;
+    kn_mark at = draft->at[0][KN_KEY_VARIANT];
+    bool rigid = mat->damper == KN_DAMPER_NONE || (mat->stroke[1] > 0 && mat->stroke[0] == mat->stroke[1]);
+    if (draft->variant == PLASTIC && rigid)
+        return kn_draft_complain(draft, at, "material.variant is plastic, expected a damper that can move");
+    if (draft->variant == PLASTIC) make_plastic(mat);
+    if (draft->variant != VISCOELASTIC) return true;
+    // put both stops at one place, so the damper cannot move
+    mat->ratio = mat->stroke[0] = mat->stroke[1] = 1;
+    draft->at[0][KN_KEY_STROKE] = draft->at[0][KN_KEY_RATIO] = at;
+    return true;
+}
+
+// --- device ---------------------------------------------------------------------------------------------------------
+
+#define PERIOD_S 1e-3 // period of a device's loop and of the servo loop
+
+// Return true if the scene or a --set gives the key, not only the profile.
+static bool said(const kn_draft *draft, kn_key_id id)
+{
+    return kn_draft_given(draft, 0, id) && !draft->at[0][id].library;
+}
+
+bool kn_draft_of_device(kn_key_id id) { return id >= KN_KEY_DEVICE_MASS && id <= KN_KEY_DEVICE_SCALE; }
+
+bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
+{
+    const size_t prefix = strlen("device.");
+    if (from->scene.model.probe_count > 0)
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only device: there", from->file);
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) {
+        const kn_key *key = &kn_keys[id];
+        bool whole = key->type == KN_TYPE_CHOICE || key->type == KN_TYPE_INTEGER;
+        if (!kn_draft_given(from, 0, id)) continue;
+        // a device's file may hold nothing else
+        if (strncmp(key->path, "device.", prefix) != 0)
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only device: there", key->path, from->file);
+        // the scene's own value takes precedence over that of a profile
+        if (mark.library && kn_draft_given(draft, 0, id)) continue;
+        memcpy((char *)draft + key->offset, (const char *)from + key->offset,
+               (size_t)key->count * (whole ? sizeof(int) : sizeof(double)));
+        draft->at[0][id] = mark;
+    }
+    return true;
+}
+
+// Return true if the canonical text must hold all keys of the device. With all keys in the text, a log can be replayed
+// even after the profile has changed. A bench needs none of them, unless the scene itself gives one.
+static bool says_all(const kn_draft *draft)
+{
+    bool all = strcmp(draft->scene.device.name, "bench") != 0;
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) all |= kn_draft_of_device(id) && said(draft, id);
+    return all;
+}
+
+// Compute the coupling. A value of the profile is a ceiling; a value of the scene is taken as it is.
+static void couple(kn_draft *draft)
+{
+    kn_device_def *d = &draft->scene.device;
+    bool own_damping = said(draft, KN_KEY_DEVICE_COUPLING_DAMPING);
+    kn_coupling c =
+        kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, PERIOD_S, d->round_trip_s, d->hand);
+    if (!said(draft, KN_KEY_DEVICE_COUPLING)) d->hand.stiffness_n_m = c.stiffness_n_m;
+    d->hand.damping_n_s_m = c.damping_n_s_m;
+    // convert from the hand to the scene, see core/device.h
+    double at_hand = d->force_scale * d->scale;
+    d->coupling_n_m = d->hand.stiffness_n_m / at_hand;
+    d->coupling_n_s_m = d->hand.damping_n_s_m / at_hand;
+}
+
+bool kn_draft_device(kn_draft *draft)
+{
+    kn_device_def *d = &draft->scene.device;
+    kn_safety_limits *limits = &draft->scene.limits;
+    char name[KN_LINE_MAX];
+    snprintf(d->name, sizeof d->name, "%.15s", kn_key_print(&kn_keys[KN_KEY_PROFILE], &draft->profile, name));
+    // set the defaults that depend on other keys
+    if (!kn_draft_given(draft, 0, KN_KEY_TORQUE_CLAMP)) limits->torque_clamp_n_m = 0.05 * limits->clamp_n;
+    for (int k = 0; k < 3 && !kn_draft_given(draft, 0, KN_KEY_DEVICE_BASIS); k++) d->basis[k] = k + 1;
+    if (!kn_draft_given(draft, 0, KN_KEY_DEVICE_ROTATION)) d->rotation_wxyz[0] = 1.0;
+    d->force_limit_n = limits->clamp_n;
+    d->force_scale = limits->force_scale;
+    draft->device_whole = says_all(draft);
+    // an error points at the key that its text names
+    const char *problem = kn_device_check(d);
+    kn_key_id key = problem && strstr(problem, "basis") ? KN_KEY_DEVICE_BASIS : KN_KEY_DEVICE_ROTATION;
+    if (problem) return kn_draft_complain(draft, draft->at[0][key], "%s: %s", kn_keys[key].path, problem);
+    couple(draft);
+    return true;
+}

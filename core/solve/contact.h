@@ -1,0 +1,118 @@
+#ifndef KN_CORE_SOLVE_CONTACT_H
+#define KN_CORE_SOLVE_CONTACT_H
+// Contact of rigid tools with the object. This module does the geometry: it lists the held nodes and the pressing
+// samples, which are points of the skin near tools. All solvers use the two lists.
+//
+// Plate. The plate holds the top nodes that it reaches: they move with the plate's velocity (it sticks). The residual
+// that the lattice leaves on a held node is the contact force, unfiltered. A held node that would pull at the plate is
+// released.
+//
+// All other shapes. They use foundation contact (pressure = stiffness x depth) on a smooth skin. The skin is the
+// quadratic B-spline through the nodes of each face, or bilinear (kn_skin_form). Each node patch of the skin has
+// samples s = sum_a w_a x_a,  depth = -distance of the shape at s,
+//
+//     f = k A depth n                                   while depth > -adhesion/k, once touched; else while depth > 0
+//     t = -k A e, cut to mu f; e: how far s has slid along the tool since it stuck (elastoplastic anchor)
+//     k: foundation stiffness, N/m^3;  A: area of the skin that the sample stands for;  n: normal of the tool
+//
+// Both forces are taken implicitly at the end of the step, active set and friction cone included. Rejected: contact at
+// single nodes or closest points. Its force jumps by 60-76 % per millisecond when the support changes, while a pressure
+// that fades to zero at the rim does not jump. Rejected, too: friction that follows a measured velocity instead of an
+// anchor. It chatters at full amplitude. e belongs to the sample, which is a point of the material, so the skin carries
+// e along.
+//
+// A coupled tool (tool.h) may arrive at 1 m/s and with any force. Its foundation is a layer whose thickness is KN_LAYER
+// times the tool's smallest half width:
+//     pressure = k depth / (1 - depth / layer)
+// So no force can push the skin through the tool. The part of the object that the tool pushes down stops at the table.
+//
+// Table. With support FRICTION, the plane z = 0 pushes the nodes of the outside up in the same way.
+#include "core/solve/tool.h"
+
+#define KN_FOUNDATION_N_M3 2.5e7 // default foundation stiffness: dough's yield pressure 7.8 kPa presses it in by 0.3 mm
+// foundation stiffness of the table: dough as high as a hand sinks into the table by 0.05 mm
+#define KN_TABLE_N_M3 1e8
+#define KN_LAYER 0.5    // ratio of a coupled tool's layer thickness to the tool's smallest half width
+#define KN_STICTION 1.2 // ratio of static to sliding friction
+#define KN_TABLE (-1)   // value of kn_sample.probe for the table
+
+static inline double kn_probe_foundation(const kn_probe_def *probe)
+{
+    return probe->foundation_n_m3 > 0 ? probe->foundation_n_m3 : KN_FOUNDATION_N_M3;
+}
+
+typedef struct kn_hold { // a node that a plate holds in this step
+    int node, top;       // id of the held node; index of the node in model->top
+    int probe;           // probe whose plate holds the node
+    double velocity_m_s[3];
+    double force_n[3]; // set by the solver: force of the node on the plate
+    bool gone;         // set by the solver: the plate released the node within the step
+} kn_hold;
+
+typedef struct kn_sample { // a point of the skin near a tool
+    int probe, face;
+    int nodes; // number of nodes that carry the sample: 9 on a block, 3 on a net, 1 at the table
+    int node[9];
+    size_t offset[9];      // offset of each node's x component, see kn_model.offset
+    double weight[9];      // share of each node in the sample's position and force; the sum is 1
+    double normal[3];      // unit vector in the direction in which the tool pushes the skin
+    double point_m[3];     // present position of the sample in the scene [m]
+    double arm_m[3];       // vector from the tool's position to the sample [m]
+    double depth_m;        // present depth of the sample below the tool's surface; > 0: inside the tool [m]
+    double lowest_m;       // depth below which the tool releases the sample; <= 0, < 0 with adhesion [m]
+    double foundation_n_m; // foundation stiffness k times the sample's skin area A [N/m]
+    // thickness of the foundation layer of a coupled tool; INFINITY: pressure is proportional to depth
+    double layer_m;
+    // present coefficient of Coulomb friction, static or sliding; 0: no friction; INFINITY: the tool grips the sample
+    double friction;
+    double stretch_m[3];            // distance e that the sample has slid along the tool since it stuck, tangential [m]
+    double rate_m_s[3];             // velocity of the skin at the sample, from the velocity field evaluated last
+    struct kn_sample_line {         // linearised contact force of the sample, set by the solver
+        bool active;                // the sample presses with the force slope_n_m * depth + offset_n
+        double slope_n_m, offset_n; // k A and 0 without a layer, else the tangent of the pressure law
+        // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is the secant that
+        // puts the friction force at the end of the step on Coulomb's cone.
+        double side_n_m;
+    } line, last;      // last: `line` as it was before its last update
+    double force_n[3]; // set by the solver: force on the skin
+    double pressing_n; // set by the solver: part of force_n along the normal; < 0: the sample pulls
+    uint64_t key;      // identifies the sample from step to step, see key_of in contact.c
+    bool bonds;        // the sample touched the tool in the last step, so adhesion may hold it
+} kn_sample;
+
+typedef struct kn_contact { // contacts of one step; lives in the state's scratch
+    kn_hold *hold;
+    kn_sample *sample;
+    int hold_count, hold_max;
+    int sample_count, sample_max;
+    int64_t samples_lost; // number of samples dropped because `sample` was full
+    kn_tool_step tool[KN_PROBES_MAX];
+    bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
+} kn_contact;
+
+// Return the largest number of samples that all tools and the table can have at once.
+int kn_contact_samples(const kn_model *model);
+
+size_t kn_contact_bytes(const kn_model *model);
+void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory);
+
+// Return the number of anchors that a state has room for: one per sample if any contact of the model sticks, else 0.
+size_t kn_contact_anchors(const kn_model *model);
+
+// Begin the step of every tool (attach or detach it, set its velocity), then list holds and samples at the present
+// positions. kn_contact_end moves the tools.
+void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact);
+
+// Return the velocity of a sample's point minus that of its tool, along the sample's normal. `field` holds the nodal
+// velocities in the model's precision, as state->velocity does.
+double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
+
+// Set the sample's force along the normal to stiffness times present depth. For explicit solvers.
+void kn_sample_push(kn_sample *s);
+
+// End a step: sum the forces on each tool, release held nodes that pull, store the anchors of sticking samples, and
+// advance the tools by one step.
+void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact,
+                    kn_output *output);
+
+#endif

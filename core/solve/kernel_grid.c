@@ -1,0 +1,604 @@
+// The kernels of a grid: one source for three instruction sets and two precisions. kernel.h says what the loops do,
+// grid.h describes the layout.
+#include "core/solve/kernel_law.h"
+
+// Constants of a model in its precision. They are equal for every instruction set.
+typedef struct tables {
+    law_tables law;                       // first member: its tables are 64-byte aligned with the block
+    real direction[KN_FORWARD][3];        // rest vector of forward edge e, m
+    real inverse[KN_FORWARD];             // 1/(gamma L0): rate to strain rate, 1/m
+    real area[KN_FORWARD];                // gamma kappa L0: stress to force, m^2
+    real root;                            // sqrt(kappa A): turns sqrt(ds/db) into sqrt(force per rate)
+    real mass_dt, weight;                 // of a node with the whole share: mass over dt, kg/s; downward force, N
+    int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
+    real *lane_share;                     // [K][16] share of a node along the row, 0 in padding
+    real *lane_mass;                      // [K][16] equal to lane_share, but 1 in padding so that no block is singular
+    // [K][16] weight of an edge shifted by -1, 0, +1 along the row: 1 where the edge exists
+    // (the node's share for shift 0)
+    real *lane_near[3];
+    real *lane_near_root[3];
+    real *lane_here[3];                                    // [K][16] 1 where the edge exists, else 0
+    real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
+    real diagonal, diagonal_root;                          // ratio of a diagonal's stiffness to a side's, and its root
+    // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
+    int cell_count;
+    real cell_inverse_h, cell_push, cell_rate, cell_root;
+    int cell_axis[3], cell_to[4];
+} tables;
+
+static size_t tables_size(const kn_model *model)
+{
+    size_t stride = kn_grid_stride(&model->grid);
+    size_t reals = 11 * stride + 2 * (size_t)(model->grid.len[1] + model->grid.len[2]);
+    return (sizeof(tables) + 63) / 64 * 64 + reals * sizeof(real) + 64;
+}
+
+// Take an array from the block behind the tables.
+static real *take(real **next, size_t count)
+{
+    real *p = *next;
+    *next += count;
+    return p;
+}
+
+// Return the share of node i of n along one axis: a node at an end has half of the cells of an inner one.
+static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
+
+static void build_lanes(tables *t, const kn_grid *g, real **next)
+{
+    size_t stride = kn_grid_stride(g);
+    t->lane_share = take(next, stride);
+    t->lane_mass = take(next, stride);
+    for (int s = 0; s < 3; s++) {
+        t->lane_near[s] = take(next, stride);
+        t->lane_near_root[s] = take(next, stride);
+        t->lane_here[s] = take(next, stride);
+    }
+    for (int k = 0; k < g->vectors; k++)
+        for (int l = 0; l < KN_LANES; l++) {
+            // node a of the row is in lane l of vector k: neighbours along the row are in the next
+            // vector, not in the next lane
+            int a = l * g->vectors + k, at = k * KN_LANES + l;
+            double share = a < g->len[0] ? end_share(a, g->len[0]) : 0;
+            t->lane_share[at] = (real)share;
+            t->lane_mass[at] = (real)(share > 0 ? share : 1);
+            for (int s = 0; s < 3; s++) {
+                // an edge exists if both ends are in the row
+                bool here = a < g->len[0] && a + s - 1 >= 0 && a + s - 1 < g->len[0];
+                double weight = !here ? 0 : s == 1 ? share : 1;
+                t->lane_near[s][at] = (real)weight;
+                t->lane_near_root[s][at] = (real)sqrt(weight);
+                t->lane_here[s][at] = here ? 1 : 0;
+            }
+        }
+    t->diagonal = (real)g->diagonal;
+    t->diagonal_root = (real)sqrt(g->diagonal);
+}
+
+static void build_rows(tables *t, const kn_grid *g, real **next)
+{
+    t->row_share = take(next, (size_t)g->len[1]);
+    t->row_root = take(next, (size_t)g->len[1]);
+    t->plane_share = take(next, (size_t)g->len[2]);
+    t->plane_root = take(next, (size_t)g->len[2]);
+    for (int b = 0; b < g->len[1]; b++) {
+        t->row_share[b] = (real)end_share(b, g->len[1]);
+        t->row_root[b] = (real)sqrt(end_share(b, g->len[1]));
+    }
+    for (int c = 0; c < g->len[2]; c++) {
+        t->plane_share[c] = (real)end_share(c, g->len[2]);
+        t->plane_root[c] = (real)sqrt(end_share(c, g->len[2]));
+    }
+}
+
+static void build_cells(tables *t, const kn_model *model); // kernel_cells.h
+
+static void tables_build(const kn_model *model, void *block)
+{
+    const kn_grid *g = &model->grid;
+    const kn_solver_def *solver = &model->def.solver;
+    tables *t = block;
+    real *next = (real *)((char *)block + (sizeof(tables) + 63) / 64 * 64);
+    law_tables_build(&t->law, model);
+    build_lanes(t, g, &next);
+    build_rows(t, g, &next);
+    // per forward edge: rest vector, length scales, and the area that turns its stress into a force
+    for (int e = 0; e < KN_FORWARD; e++) {
+        const int *step = kn_grid_forward[e];
+        double length = g->spacing_m * sqrt((double)(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]));
+        for (int k = 0; k < 3; k++) t->direction[e][g->axis[k]] = (real)(g->spacing_m * step[k]);
+        t->inverse[e] = (real)(1.0 / (g->gamma * length));
+        t->area[e] = (real)(g->gamma * g->kappa_m * length);
+    }
+    t->root = (real)sqrt(g->kappa_m * model->law.a_pa_s);
+    double mass = model->def.density_kg_m3 * g->spacing_m * g->spacing_m * g->depth_m;
+    t->mass_dt = (real)(mass * solver->mass_scale / solver->dt_s);
+    t->weight = (real)(mass * model->def.gravity_m_s2);
+    t->vectors = g->vectors;
+    t->rows = g->len[1];
+    t->row_count = g->rows;
+    t->planes = g->len[2];
+    build_cells(t, model);
+}
+
+// --- addressing -----------------------------------------------------------------------------------------------------
+
+// Return the offset of vector k of component c of a row, in a field with C components.
+LANES_INLINE size_t at(int K, int row, int C, int c, int k)
+{
+    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
+}
+
+// Load component c of the nodes that lie s steps (-1, 0, +1) along the row from those of vector k.
+LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
+{
+    int to = k + s;
+    if (to >= 0 && to < K) return lanes_load(field + at(K, row, 3, c, to));
+    // the neighbour of the last vector is the first vector, shifted by one lane; the same holds the other way round
+    if (s > 0) return lanes_next(lanes_load(field + at(K, row, 3, c, 0)));
+    return lanes_prev(lanes_load(field + at(K, row, 3, c, K - 1)));
+}
+
+// near_vector returns the vector that holds the neighbours of vector k. turn moves values by lanes so that they can be
+// added to that vector.
+LANES_INLINE int near_vector(int K, int k, int s)
+{
+    int to = k + s;
+    return to < 0 ? K - 1 : to < K ? to : 0;
+}
+LANES_INLINE lanes turn(int K, lanes a, int k, int s)
+{
+    int to = k + s;
+    if (to >= 0 && to < K) return a;
+    return s > 0 ? lanes_prev(a) : lanes_next(a);
+}
+
+LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
+
+// Return the row of group g of a row's neighbours, or -1 if there is none: see the drawing in
+// grid.h. Group -1 is the row itself.
+LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
+{
+    switch (g) {
+    case -1: return row;
+    case 0: return b + 1 < t->rows ? row + 1 : -1;
+    case 1: return c + 1 < t->planes && b > 0 ? row + t->rows - 1 : -1;
+    case 2: return c + 1 < t->planes ? row + t->rows : -1;
+    default: return c + 1 < t->planes && b + 1 < t->rows ? row + t->rows + 1 : -1;
+    }
+}
+
+// Return the share across the row of the cells around an edge of group g and shift s, or its root. In groups 0 and 2
+// (see grid.h) the edge without a shift is a side. All other edges of the groups 0 to 3 are diagonals.
+LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
+{
+    switch (g) {
+    case -1: return row * plane;
+    case 0: return s == 0 ? plane : plane * diagonal;
+    case 2: return s == 0 ? row : row * diagonal;
+    default: return diagonal;
+    }
+}
+
+// In f64, the vectors g of the edges would be more than half of the bytes that a product moves, and would not fit the
+// cache. So f64 stores only (root/length)^2 of an edge and computes the edge's direction again from the displacements.
+// Measured: 5 us longer at 2 560 nodes, 25 us shorter at 5 733.
+enum { LEAN = sizeof(real) == sizeof(double) };
+
+// --- the edge pass --------------------------------------------------------------------------------------------------
+
+typedef struct fields { // the arrays of a state, with their types
+    // K: vectors per row. A constant 1, where the caller knows it, removes the branches from the loops.
+    int K;
+    const real *x, *v;
+    real *u, *guess, *r, *q, *d, *z, *p, *g;
+    const real *free;
+} fields;
+
+LANES_INLINE fields fields_of(const kn_state *state, int K)
+{
+    const kn_work *w = kn_state_work(state);
+    return (fields){
+        K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
+}
+
+// Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that lie s steps further along the row.
+typedef struct edges {
+    int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
+    bool moved;           // a prescribed velocity changed in the row of either end
+    real share, root;     // share across the row, and its root
+} edges;
+
+// Compute unit vectors, the stress at the linearisation point and the root of its slope.
+// Advance the strain unless `again`.
+LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
+                           bool stroke, kn_linearization how, bool again, bars *x16, lanes *stress, lanes *root)
+{
+    // differences, far end minus near end, of rest position, displacement and velocity
+    x16->scale = lanes_set(t->inverse[x->e]);
+    for (int c = 0; c < 3; c++) {
+        x16->rest[c] = lanes_set(t->direction[x->e][c]);
+        x16->shift[c] =
+            lanes_sub(near(f->K, f->x, x->to, c, x->k, x->s), lanes_load(f->x + at(f->K, x->row, 3, c, x->k)));
+        x16->dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
+    }
+    bars_direct(&t->law, x16);
+    lanes wanted = x16->rate;
+    // if the guessed velocity differs from the last velocity, compute the edges' growth rate from the guess
+    if (x->moved || again) {
+        lanes dg[3];
+        for (int c = 0; c < 3; c++)
+            dg[c] = lanes_sub(near(f->K, f->guess, x->to, c, x->k, x->s),
+                              lanes_load(f->guess + at(f->K, x->row, 3, c, x->k)));
+        wanted = dot(x16->n, dg);
+    }
+    real *strain = kind == KN_LAW_VOIGT ? NULL : f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
+    bars_law(model, &t->law, x16, kind, stroke, how, wanted, x->moved || again, again,
+             t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
+}
+
+// Sums for the row's own ends, kept in registers until all edges of the row are done.
+typedef struct sums {
+    lanes pull[3], block[6];
+} sums;
+
+// Add the edges' forces and stiffness to the residual and the diagonal blocks of both ends. Keep g for the products.
+LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
+                           bool stroke, kn_linearization how, bool again, sums *own)
+{
+    bars x16;
+    lanes stress, root;
+    edge_law(model, t, f, x, kind, stroke, how, again, &x16, &stress, &root);
+    // weights of edges on the block's surface, 0 for edges that do not exist
+    size_t lane = (size_t)x->k * KN_LANES;
+    lanes tension =
+        lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
+    root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
+    int to = near_vector(f->K, x->k, x->s);
+    lanes g[3], far[3], over = lanes_mul(root, x16.inverse);
+    if (LEAN) lanes_store(f->g + at(f->K, x->row, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
+    // add forces: plus at the near end, minus at the far end, whose sums are in memory
+    for (int c = 0; c < 3; c++) {
+        g[c] = lanes_mul(root, x16.n[c]);
+        if (!LEAN) lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
+        far[c] = turn(f->K, g[c], x->k, x->s);
+        lanes pull = lanes_mul(tension, x16.n[c]);
+        own->pull[c] = lanes_add(own->pull[c], pull);
+        real *other = f->r + at(f->K, x->to, 3, c, to);
+        lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, pull, x->k, x->s)));
+    }
+    // diagonal blocks: g g' at both ends
+    for (int c = 0, m = 0; c < 3; c++)
+        for (int k = c; k < 3; k++, m++) {
+            real *other = f->p + at(f->K, x->to, 6, m, to);
+            own->block[m] = lanes_fma(g[c], g[k], own->block[m]);
+            lanes_store(other, lanes_fma(far[c], far[k], lanes_load(other)));
+        }
+}
+
+// Compute z = P r for a symmetric block; return r.z.
+LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
+{
+    z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
+    z[1] = lanes_fma(p[4], r[2], lanes_fma(p[3], r[1], lanes_mul(p[1], r[0])));
+    z[2] = lanes_fma(p[5], r[2], lanes_fma(p[4], r[1], lanes_mul(p[2], r[0])));
+    return dot(r, z);
+}
+
+// Invert a symmetric 3x3 block by its cofactors.
+LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
+{
+    p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
+    p[1] = lanes_fnma(m[1], m[5], lanes_mul(m[2], m[4]));
+    p[2] = lanes_fnma(m[2], m[3], lanes_mul(m[1], m[4]));
+    p[3] = lanes_fnma(m[2], m[2], lanes_mul(m[0], m[5]));
+    p[4] = lanes_fnma(m[0], m[4], lanes_mul(m[1], m[2]));
+    p[5] = lanes_fnma(m[1], m[1], lanes_mul(m[0], m[3]));
+    lanes determinant = lanes_fma(m[2], p[2], lanes_fma(m[1], p[1], lanes_mul(m[0], p[0])));
+    lanes inverse = lanes_div(lanes_set(1), determinant);
+    for (int i = 0; i < 6; i++) p[i] = lanes_mul(p[i], inverse);
+}
+
+LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
+{
+    return lanes_mul(lanes_set(t->mass_dt * t->row_share[b] * t->plane_share[c]),
+                     lanes_load(t->lane_mass + (size_t)k * KN_LANES));
+}
+
+// Finish a row when all of its edges are summed: add mass and weight, apply constraints, invert the blocks,
+// compute z. Return r.z by lanes.
+LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
+                              bool again)
+{
+    // add mass over dt to the diagonal of every block
+    lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
+    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
+    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
+    m[0] = lanes_add(m[0], mass);
+    m[3] = lanes_add(m[3], mass);
+    m[5] = lanes_add(m[5], mass);
+    if (t->weight != 0) {
+        lanes share = lanes_load(t->lane_share + (size_t)k * KN_LANES);
+        r[2] = lanes_fnma(lanes_set(t->weight * t->row_share[b] * t->plane_share[c]), share, r[2]);
+    }
+    // add inertia if the guess differs from the last velocity
+    if (work->row_moved[row] || again)
+        for (int i = 0; i < 3; i++) {
+            size_t o = at(f->K, row, 3, i, k);
+            r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
+        }
+    if (work->row_held[row]) {
+        // a composite needs the block without constraints for its ties
+        for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
+        static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
+        lanes loose[3], one = lanes_set(1);
+        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
+        // cut the prescribed components out of the block, so that its inverse acts on the free ones only
+        for (int i = 0; i < 3; i++) {
+            int o = pair[i][0];
+            m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
+            // the diagonal is exactly 1 where a component is prescribed
+            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
+        }
+        // a prescribed component gets no direction: its diagonal in the inverse is 0
+        invert_block(m, p);
+        for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
+    } else {
+        invert_block(m, p);
+    }
+    lanes rz = multiply_block(p, r, z);
+    for (int i = 0; i < 3; i++) {
+        lanes_store(f->r + at(f->K, row, 3, i, k), r[i]);
+        lanes_store(f->z + at(f->K, row, 3, i, k), z[i]);
+    }
+    for (int i = 0; i < 6; i++) lanes_store(f->p + at(f->K, row, 6, i, k), p[i]);
+    return rz;
+}
+
+// Add all forward edges of the nodes in vector k of a row.
+LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields *f, const kn_work *work, int row, int b,
+                           int c, int k, kn_law_kind kind, bool stroke, kn_linearization how, bool again)
+{
+    sums own;
+    for (int i = 0; i < 3; i++) own.pull[i] = lanes_set(0);
+    for (int i = 0; i < 6; i++) own.block[i] = lanes_set(0);
+    // groups of rows that the forward edges lead to; the row itself has one forward edge, the other groups three
+    for (int g = -1; g < 4; g++) {
+        int to = group_row(t, row, b, c, g);
+        if (to < 0) continue;
+        edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to]};
+        UNROLL(3)
+        for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
+            x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
+            x.share = group_share(t->row_share[b], t->plane_share[c], t->diagonal, g, x.s);
+            x.root = group_share(t->row_root[b], t->plane_root[c], t->diagonal_root, g, x.s);
+            edge_add(model, t, f, &x, kind, stroke, how, again, &own);
+        }
+    }
+    for (int i = 0; i < 3; i++) store_add(f->r + at(f->K, row, 3, i, k), own.pull[i]);
+    for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
+}
+
+// Run the edge pass over a whole block. A row is finished once its own edges are done, because all edges that end in a
+// row start in the same row or an earlier one. Sums are made plane by plane, in one fixed order.
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
+                              kn_linearization how, bool again, int K)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    fields f = fields_of(state, K);
+    double sum = 0;
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = lanes_set(0);
+        for (int b = 0; b < t->rows; b++, row++) {
+            for (int k = 0; k < f.K; k++) edge_row(model, t, &f, work, row, b, c, k, kind, stroke, how, again);
+            for (int k = 0; k < f.K; k++) plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
+        }
+        sum += lanes_sum(plane);
+    }
+    return sum;
+}
+
+// One function for each kind of law. A single function with all kinds takes gcc -O3 twice as long to compile.
+#define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
+    static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
+    {                                                                                                                  \
+        return edge_pass(model, state, kind, stroke, how, again, K);                                                   \
+    }
+#define ONE_ROW const kn_model *model, kn_state *state, kn_linearization how
+EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, ONE_ROW)
+EDGE_PASS(table, KN_LAW_TABLE, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
+
+#include "core/solve/kernel_cells.h"
+
+static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+{
+    int K = model->grid.vectors;
+    if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
+    // each law without stops has a loop of its own; laws with stops share one
+    const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
+    if (model->law.stroke) return edge_stroke(model, state, how, again, K);
+    switch (kind) {
+    case KN_LAW_VOIGT: return edge_voigt(model, state, how, again, K);
+    case KN_LAW_LINEAR: return edge_linear(model, state, how, again, K);
+    case KN_LAW_TABLE:
+        return K == 1 && !again ? edge_table_1(model, state, how) : edge_table(model, state, how, again, K);
+    default: return edge_exact(model, state, how, again, K);
+    }
+}
+
+// --- conjugate gradients --------------------------------------------------------------------------------------------
+
+// Set z to the last step's change of velocity at free components. Return r.z.
+static double recall(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    const kn_work *work = kn_state_work(state);
+    const real *change = state->change, *r = work->r, *free = work->free;
+    real *z = work->z;
+    const size_t plane = (size_t)t->rows * 3 * (size_t)t->vectors * KN_LANES;
+    double total = 0;
+    for (int c = 0; c < t->planes; c++) {
+        lanes sum = lanes_set(0);
+        for (size_t o = (size_t)c * plane; o < (size_t)(c + 1) * plane; o += KN_LANES) {
+            lanes d = lanes_mul(lanes_load(change + o), lanes_load(free + o));
+            lanes_store(z + o, d);
+            sum = lanes_fma(d, lanes_load(r + o), sum);
+        }
+        total += lanes_sum(sum);
+    }
+    return total;
+}
+
+// Compute d = z + beta d of one row.
+LANES_INLINE void next_direction(const fields *f, int row, real beta)
+{
+    for (int i = 0; i < 3 * f->K; i++) {
+        size_t o = at(f->K, row, 3, 0, i);
+        lanes_store(f->d + o, lanes_fma(lanes_set(beta), lanes_load(f->d + o), lanes_load(f->z + o)));
+    }
+}
+
+// Values at the row's own ends: positions x (f64 only), search direction d, product q.
+typedef struct products {
+    lanes x[3], d[3], q[3];
+} products;
+
+// Add g (g . gap) to the product at both ends of sixteen edges; `gap` is the difference of the search direction d
+// between the two ends.
+LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own)
+{
+    lanes g[3], gap[3];
+    for (int c = 0; c < 3; c++) {
+        // f64 computes the edge's direction from the positions; f32 loads g
+        if (LEAN) g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
+        else g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
+        gap[c] = lanes_sub(own->d[c], near(f->K, f->d, to, c, k, s));
+    }
+    lanes force = dot(g, gap);
+    if (LEAN) force = lanes_mul(force, lanes_load(f->g + at(f->K, row, KN_FORWARD, e, k)));
+    int vector = near_vector(f->K, k, s);
+    for (int c = 0; c < 3; c++) {
+        lanes push = lanes_mul(g[c], force);
+        real *other = f->q + at(f->K, to, 3, c, vector);
+        own->q[c] = lanes_add(own->q[c], push);
+        lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, push, k, s)));
+    }
+}
+
+// Compute q = A d of the edges and the mass. Return d.q.
+LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double beta_, int K)
+{
+    const tables *t = model->tables;
+    fields f = fields_of(state, K);
+    const real beta = (real)beta_;
+    double total = 0;
+    // ready: number of rows whose direction d is up to date; it runs one plane and one row ahead of the products
+    int ready = 0;
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = lanes_set(0);
+        for (int b = 0; b < t->rows; b++, row++) {
+            for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(&f, ready, beta);
+            for (int k = 0; k < f.K; k++) {
+                products own;
+                for (int i = 0; i < 3; i++) {
+                    if (LEAN) own.x[i] = lanes_load(f.x + at(f.K, row, 3, i, k));
+                    own.d[i] = lanes_load(f.d + at(f.K, row, 3, i, k));
+                    own.q[i] = lanes_set(0);
+                }
+                // the one forward edge within the row, then three edges to each of four other rows
+                product_edges(t, &f, row, row, k, 1, 0, &own);
+                for (int g = 0; g < 4; g++) {
+                    int to = group_row(t, row, b, c, g);
+                    if (to < 0) continue;
+                    UNROLL(3)
+                    for (int s = -1; s <= 1; s++) product_edges(t, &f, row, to, k, s, 1 + 3 * g + s + 1, &own);
+                }
+                for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), own.q[i]);
+            }
+            // add the mass; the products of edges that end in this row are complete by now
+            for (int k = 0; k < f.K; k++) {
+                lanes mass = mass_of(t, b, c, k);
+                for (int i = 0; i < 3; i++) {
+                    size_t o = at(f.K, row, 3, i, k);
+                    lanes d = lanes_load(f.d + o), q = lanes_fma(mass, d, lanes_load(f.q + o));
+                    lanes_store(f.q + o, q);
+                    plane = lanes_fma(d, q, plane);
+                }
+            }
+        }
+        total += lanes_sum(plane);
+    }
+    return total;
+}
+
+static double apply(const kn_model *model, kn_state *state, double beta)
+{
+    int K = model->grid.vectors;
+    double dq = K == 1 ? apply_rows(model, state, beta, 1) : apply_rows(model, state, beta, K);
+    return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state);
+}
+
+// Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
+LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double alpha, int K)
+{
+    const tables *t = model->tables;
+    fields f = fields_of(state, K);
+    const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
+    double total = 0;
+    for (int c = 0, row = 0; c < t->planes; c++) {
+        lanes plane = zero;
+        for (int b = 0; b < t->rows; b++, row++)
+            for (int k = 0; k < f.K; k++) {
+                lanes p[6], r[3], z[3];
+                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(f.K, row, 6, i, k));
+                for (int i = 0; i < 3; i++) {
+                    size_t o = at(f.K, row, 3, i, k);
+                    lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
+                    r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
+                    lanes_store(f.r + o, r[i]);
+                    lanes_store(f.q + o, zero); // clear q for the next product A d
+                }
+                plane = lanes_add(plane, multiply_block(p, r, z));
+                for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
+            }
+        total += lanes_sum(plane);
+    }
+    return total;
+}
+
+static double update(const kn_model *model, kn_state *state, double alpha)
+{
+    int K = model->grid.vectors;
+    return K == 1 ? update_rows(model, state, alpha, 1) : update_rows(model, state, alpha, K);
+}
+
+// Advance displacements, velocities and the last change of velocity.
+static void integrate(const kn_model *model, kn_state *state)
+{
+    const tables *t = model->tables;
+    real *x = state->displacement, *v = state->velocity, *change = state->change;
+    const real *guess = kn_state_work(state)->guess;
+    size_t reals = (size_t)t->row_count * 3 * (size_t)t->vectors * KN_LANES;
+    for (size_t o = 0; o < reals; o += KN_LANES) {
+        lanes g = lanes_load(guess + o);
+        lanes_store(change + o, lanes_sub(g, lanes_load(v + o)));
+        lanes_store(v + o, g);
+        lanes_store(x + o, lanes_fma(lanes_set(t->law.dt), g, lanes_load(x + o)));
+    }
+}
+
+const kn_kernels KN_KERNELS(grid) = {
+    .name = KN_KERNELS_NAME,
+    .tables_size = tables_size,
+    .tables_build = tables_build,
+    .edge = edge,
+    .recall = recall,
+    .apply = apply,
+    .update = update,
+    .integrate = integrate,
+};

@@ -1,0 +1,136 @@
+#include "server/scene_change.h"
+#include "core/snapshot.h"
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// --- settings ---
+
+int kn_settings_list(const kn_settings *settings, char room[KN_SETTINGS_BYTES], const char *list[KN_SETTINGS_MAX])
+{
+    int count = 0;
+    // cut the copy into strings at its newlines
+    memcpy(room, settings->text, KN_SETTINGS_BYTES);
+    room[KN_SETTINGS_BYTES - 1] = '\0';
+    for (char *line = room, *end; count < KN_SETTINGS_MAX && (end = strchr(line, '\n')); line = end + 1) {
+        *end = '\0';
+        list[count++] = line;
+    }
+    return count;
+}
+
+// Return whether a text is KEY=VALUE without control characters, which would break the lines.
+static bool is_set(const char *set)
+{
+    const char *equals = strchr(set, '=');
+    if (!equals || equals == set) return false;
+    for (const char *c = set; *c; c++)
+        if (iscntrl((unsigned char)*c)) return false;
+    return true;
+}
+
+bool kn_settings_add(kn_settings *settings, const char *set, char *error, int error_size)
+{
+    char room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
+    kn_settings more = {0};
+    size_t key = strcspn(set, "=") + 1, at = 0;
+    if (!is_set(set)) {
+        snprintf(error, (size_t)error_size, "set '%.100s': expected KEY=VALUE", set);
+        return false;
+    }
+    // copy all settings of other keys, then append the new one
+    int count = kn_settings_list(settings, room, list), kept = 0;
+    for (int i = 0; i < count; i++) {
+        if (strncmp(list[i], set, key) == 0) continue;
+        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // the line fits, because the text does not get longer
+        kept++;
+    }
+    if (kept == KN_SETTINGS_MAX || at + strlen(set) + 2 > sizeof more.text) {
+        snprintf(error, (size_t)error_size, "set '%.100s': expected at most %d settings of %d bytes in all", set,
+                 KN_SETTINGS_MAX, KN_SETTINGS_BYTES);
+        return false;
+    }
+    sprintf(more.text + at, "%s\n", set);
+    *settings = more;
+    return true;
+}
+
+kn_scene *kn_settings_parse(const kn_settings *settings, const kn_scene *base, const char *path, char *error,
+                            size_t error_size)
+{
+    char room[KN_SETTINGS_BYTES];
+    const char *list[KN_SETTINGS_MAX];
+    int count = kn_settings_list(settings, room, list);
+    return kn_scene_parse_beside(path, base->name, base->text, strlen(base->text), list, count, error, error_size);
+}
+
+// --- the change ---
+
+// Compare the parts of the two scenes that threads other than the servo keep using. Return the difference, or NULL if
+// the parts are equal.
+static const char *misfit(const kn_scene *scene, const kn_scene *now)
+{
+    const kn_model_def *d = &scene->model, *e = &now->model;
+    bool same = !d->mesh == !e->mesh &&
+                (d->mesh || (memcmp(d->nodes, e->nodes, sizeof d->nodes) == 0 && d->spacing_m == e->spacing_m));
+    if (!same) return "another lattice"; // refuse another lattice early, before anything is built
+    bool points = scene->quality == now->quality;
+    for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
+    if (!points) return "other points of quality";
+    if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
+    if (scene->mesh_measures != now->mesh_measures) return "other mesh.measures";
+    return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
+}
+
+// Build the model, the backend and the audit of the change. Return NULL on success, or else the reason of the failure.
+static const char *build(kn_scene_change *c, const kn_scene *now, const kn_model *model, bool identify, char *why,
+                         size_t why_size)
+{
+    const char *wrong = misfit(c->scene, now);
+    if (wrong) return wrong;
+    c->model = kn_model_build(&c->scene->model, why, why_size);
+    if (!c->model) return why;
+    // Check that the state can be carried over.
+    wrong = kn_carry_misfit(model, c->model);
+    if (wrong) return wrong;
+    kn_coupling coupling = {c->scene->device.coupling_n_m, c->scene->device.coupling_n_s_m};
+    // Allocate everything that the servo will need, because a tick must not allocate.
+    bool fits = kn_backend_cpu(&c->backend, c->model) && (c->carried = kn_state_keep(c->model)) &&
+                (!identify || kn_backend_cpu_identify(&c->backend, coupling));
+    // Only the implicit solver has an energy audit.
+    bool audits = c->scene->model.solver.kind == KN_SOLVER_IMPLICIT;
+    if (fits && audits) c->audit = kn_audit_create(c->model);
+    return fits && (c->audit || !audits) ? NULL : "not enough memory";
+}
+
+kn_scene_change *kn_scene_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify,
+                                        char *error, size_t error_size)
+{
+    char why[200];
+    kn_scene_change *c = calloc(1, sizeof *c);
+    const char *wrong = "not enough memory";
+    if (c) {
+        c->scene = scene;
+        wrong = build(c, now, model, identify, why, sizeof why);
+        if (!wrong) return c;
+        kn_scene_change_destroy(c);
+    } else {
+        kn_scene_destroy(scene);
+    }
+    snprintf(error, error_size, "%s: expected a change that keeps the object's state; a restart of kneadd allows any",
+             wrong);
+    return NULL;
+}
+
+void kn_scene_change_destroy(kn_scene_change *change)
+{
+    if (!change) return;
+    kn_audit_destroy(change->audit);
+    kn_state_destroy(change->carried);
+    if (change->backend.destroy) change->backend.destroy(change->backend.self);
+    kn_model_destroy(change->model);
+    kn_scene_destroy(change->scene);
+    free(change);
+}
