@@ -105,7 +105,7 @@ size_t kn_state_kept(const kn_model *model);                 // memory of a stat
 void kn_state_destroy(kn_state *state);                      // does nothing if `state` is NULL
 void kn_state_reset(const kn_model *model, kn_state *state); // set the object undeformed and at rest
 void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
-// size of a field of the state with that many components; 0: the model does not store the field [bytes]
+// Return the size in bytes of a field of the state with `components` numbers per node; 0: the model does not store it.
 size_t kn_state_field(const kn_model *model, int components);
 
 // Return a 64-bit hash of all saved fields except the tick. Equal for all compilers, optimisation levels and

@@ -62,7 +62,7 @@ static const char *take_backend(void *to, const char *text)
     if (device && !kn_link_is_uri(text, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), KN_OPTION_TOLD;
     if (device) o->def.object.device = text;
     else if (kn_choice_of("cpu|fixed", text) < 0) return "--backend cpu, fixed, uart:, pty:, pcie: or shm:";
-    // The circuit and --backend fixed need the same settings of the scene: the integers of the circuit.
+    // The circuit and --backend fixed compute with the same integers, so both need the settings in kn_fixed_set.
     for (int i = 0; i < KN_FIXED_SETS && strcmp(text, "cpu") != 0; i++)
         o->sets[o->def.object.set_count++] = kn_fixed_set[i];
     return NULL;

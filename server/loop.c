@@ -220,14 +220,13 @@ static bool has_skin(const kn_loop *loop) { return loop->skin; }
 
 // The jobs in their order.
 static const struct after_job {
-    const char *name;
     bool (*when)(const kn_loop *loop);
     void (*run)(kn_loop *loop, const kn_record *record);
-} after_jobs[] = {{"touch patches", has_touches, queue_touches},
-                  {"local contact models", has_afterwards, identify_contacts},
-                  {"energy audit", has_audit, audit_energy},
-                  {"copy for the keeper", has_keeper, leave_copy},
-                  {"surface for the mesh thread", has_skin, capture_skin}};
+} after_jobs[] = {{has_touches, queue_touches},
+                  {has_afterwards, identify_contacts},
+                  {has_audit, audit_energy},
+                  {has_keeper, leave_copy},
+                  {has_skin, capture_skin}};
 
 static void run_after_jobs(kn_loop *loop, const kn_record *record)
 {

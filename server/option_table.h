@@ -47,7 +47,9 @@ typedef struct kn_option {
     size_t offset;        // offset of the field in the struct [bytes]
     const char *expected; // words after "expected" if the value is bad; NULL: made from the row, or by `take`
     const char *unit;
-    double least, most; // range of a number, in SI units; both 0: above 0
+    // Range of a number, in SI units. Both 0: above 0; INTEGER and DIGITS need a range. SET: `least` is the value that is
+    // stored. LIST: `most` is the size of the list.
+    double least, most;
     // SPECIAL: store the value. Return NULL, or the words after "expected" if the value is bad and the row has none.
     const char *(*take)(void *field, const char *text);
     void (*call)(void);

@@ -374,7 +374,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-static const double unseen_m = 2e-6; // added in the bound of the position, haptic_loop.h
+static const double unseen_m = 2e-6; // margin in the bound on the position, m (haptic_loop.h)
 
 // Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
 // go force / stiffness deeper than the wall.

@@ -44,7 +44,7 @@ int64_t kn_hand_session(void)
 {
     int64_t session = 0;
     if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & (INT64_MAX >> 1)) | 1 << 8;
+    return (session & (INT64_MAX >> 1)) | 1 << 8; // never 0; each further try adds 1 without overflow
 }
 
 void kn_hand_init(kn_hand *h, const kn_hand_def *def)

@@ -29,7 +29,7 @@ int kn_element_classes(kn_element_class class[KN_CATALOGUE], bool relax)
         if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
         const kn_oneport oneport = kn_oneport_of(&e);
         int k = 0;
-        // Elements with the same name are one class and list their letters.
+        // Elements whose response has the same name form one class. The class lists the letters of its elements.
         class_name(&oneport, relax, name);
         while (k < count && strcmp(class[k].name, name) != 0) k++;
         if (k == count) {

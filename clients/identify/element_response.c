@@ -128,7 +128,8 @@ static bool observe(const kn_voigt_chain *chain, const drive *d, state *s)
 {
     double taken[UNITS], steep, p = s->stress_pa;
     bool spring = chain->spring_pa > 0;
-    // Under a load the stress follows from the strain, else from the spring.
+    // If the load is prescribed, the stress is the load over the current area. If the strain is prescribed, the stress is
+    // the spring's. Without a spring it is found by iteration.
     if (d->load) p = d->nominal_pa * (1 - (d->constant_area ? 0 : total(s->x)));
     else if (spring) p = chain->spring_pa * s->x[SPRING];
     else {

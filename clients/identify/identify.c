@@ -5,7 +5,6 @@
 #include "clients/cli/output.h"
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
-#include <errno.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -77,13 +76,13 @@ void kn_identify_points(double low, double high, double *x)
 
 static int write_csv(const kn_identification *w, const char *path)
 {
-    FILE *f = fopen(path, "w");
-    if (!f) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, w->opt.subcommand, path);
+    if (!f) return KN_EXIT_DEVICE;
     fprintf(f, "%s\n", w->experiment->csv_head);
-    bool ok = w->experiment->csv_rows(w, f);
-    ok = !ferror(f) && ok;
-    if (fclose(f) == 0 && ok) return KN_EXIT_OK;
-    return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: cannot be written", path);
+    if (w->experiment->csv_rows(w, f)) return kn_output_close(&out, w->opt.subcommand);
+    kn_beside_drop(&out);
+    return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: the fitted values cannot be computed", path);
 }
 
 void kn_identify_page_material(kn_document *d)

@@ -208,7 +208,7 @@ static void straighten(kn_curve *c, int begin, int end, const double *variance)
         c->value[i] -= 0.5 * bend * variance[i];
         before = here;
     }
-    // the last mean has a neighbour on one side only, so the curvature of the mean before is used
+    // the last mean has a neighbour on one side only, so the curvature at the previous mean is used
     c->value[end - 1] -= 0.5 * bend * variance[end - 1];
 }
 

@@ -53,8 +53,8 @@ static double value_us(const kn_flight *f, int which)
     }
 }
 
-// Collect and sort the values of all series. Only poses that were sent while the hand played the piece `work` of its
-// path count.
+// Collect and sort the values of all series. Leave out poses that were sent outside the piece `work` of
+// the hand's path.
 bool kn_latency_sort(kn_latency_report *r, const kn_latency *l)
 {
     for (int w = 0; w < KN_SERIES_COUNT; w++) {

@@ -271,7 +271,7 @@ static void join_answers(kn_flights *sent, const kn_flights *heard)
         pose->execution_ns = a->execution_ns;
         pose->contacts = a->contacts;
     }
-    const kn_flight *later = NULL; // the next later pose that has an answer
+    const kn_flight *later = NULL; // the first later pose that has an answer
     // Going backwards, find for each pose the first answer to this pose or to a later pose of its session.
     for (int i = sent->count - 1; i >= 0; i--) {
         kn_flight *pose = &sent->list[i];

@@ -46,7 +46,7 @@ typedef struct options {
     const char *in, *out;
     double size_m, units_per_m;
     int unit; // index of a unit
-    int tool; // a mesher; -1: not given
+    int tool; // meshing program (mesher); -1: not given
 } options;
 
 static const char *const unit_names[] = {"m", "cm", "mm", "um"};
@@ -139,8 +139,8 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
     return remove(path);
 }
 
-// Remove the temporary folder with everything in it. The folder is also the home of the programs, where gmsh leaves the
-// preferences of its toolkit.
+// Remove the temporary folder with everything in it. The programs run with this folder as HOME, so it also
+// holds the preferences that gmsh's toolkit writes.
 static void remove_folder(const job *j) { nftw(j->folder, remove_one, 8, FTW_DEPTH | FTW_PHYS); }
 
 // Largest processor time of an external program, s. A mesh of a million tetrahedra takes a third of this time.

@@ -2,6 +2,7 @@
 // can read, and the thread. This file contains the steps of a session in order, and the messages to the user.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
+#include "clients/cli/output.h"
 #include "clients/cli/result.h"
 #include "clients/hand/bus_client.h"
 #include "clients/hand/closed_loop_hand.h"
@@ -12,7 +13,6 @@
 #include "clients/knead/probe_options.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
-#include <errno.h>
 #include <math.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -347,17 +347,14 @@ static void attend(probe *p)
 
 // Write one of the CSV files: the forces, or the forces of the motors. If any write to the file failed, print an error
 // message and return false.
-static bool write_csv(probe *p, const char *path, bool motors)
+static bool write_csv(const probe *p, const char *path, bool motors)
 {
-    FILE *out = fopen(path, "w");
-    if (out && motors) kn_motor_record_csv(out, &p->player.motors);
-    if (out && !motors) kn_session_report_csv(out, &p->player.hand, p->record, p->tool->name);
-    bool ok = out && !ferror(out);
-    if (out && fclose(out) != 0) ok = false;
-    if (ok) return true;
-    snprintf(p->error, sizeof p->error, "%s: %s", path, strerror(errno));
-    complain(KN_EXIT_DEVICE, p->error);
-    return false;
+    kn_beside out;
+    FILE *f = kn_output_open(&out, "probe", path);
+    if (!f) return false;
+    if (motors) kn_motor_record_csv(f, &p->player.motors);
+    else kn_session_report_csv(f, &p->player.hand, p->record, p->tool->name);
+    return kn_output_close(&out, "probe") == KN_EXIT_OK;
 }
 
 // Find out whether kneadd still sends meshes, to explain missing answers.

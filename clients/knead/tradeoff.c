@@ -341,12 +341,11 @@ static int write_named(const sweep *s)
 
 static int write_csv(const sweep *s)
 {
-    FILE *f = fopen(s->opt.csv, "w");
-    bool ok = f && kn_pareto_front_csv(&s->front, f);
-    if (f && fclose(f) != 0) ok = false;
-    return ok ? KN_EXIT_OK
-              : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", s->opt.csv,
-                            strerror(errno));
+    kn_beside out;
+    FILE *f = kn_output_open(&out, "tradeoff", s->opt.csv);
+    if (!f) return KN_EXIT_DEVICE;
+    kn_pareto_front_csv(&s->front, f);
+    return kn_output_close(&out, "tradeoff");
 }
 
 // Evaluate the traces, print and write all results. Return the exit code.

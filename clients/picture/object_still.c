@@ -287,7 +287,7 @@ static const spot *nearest(const spot *s, int count, const float x[3])
     return best;
 }
 
-// Return the length of the longest triangle side of a still at rest.
+// Return the length of the longest triangle side in the shape at rest, m.
 static double longest_side(const kn_object_still *s)
 {
     float most = 0;

@@ -293,7 +293,7 @@ enum { NUMBERS = sizeof numbers / sizeof *numbers };
 
 static double number_of(const kn_pareto_row *r, int k) { return *(const double *)((const char *)r + numbers[k].place); }
 
-bool kn_pareto_front_csv(const kn_pareto_front *front, FILE *f)
+void kn_pareto_front_csv(const kn_pareto_front *front, FILE *f)
 {
     fprintf(f, "spacing_m,nodes,backend,dt_s,solver,precision,iterations,iterations_max,tolerance,passes,own");
     for (int k = 0; k < NUMBERS; k++) fprintf(f, ",%s", numbers[k].name);
@@ -310,7 +310,6 @@ bool kn_pareto_front_csv(const kn_pareto_front *front, FILE *f)
         }
         fprintf(f, ",%d,%d,%d,%d\n", r->chatters, r->latched, r->front, r->shape_front);
     }
-    return !ferror(f);
 }
 
 void kn_pareto_front_result(const kn_pareto_front *front)

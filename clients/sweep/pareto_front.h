@@ -104,7 +104,7 @@ extern const kn_pareto_bound kn_pareto_front_bounds[KN_QUALITY_OWN];
 const kn_pareto_row *kn_pareto_front_elsewhere(const kn_pareto_front *front, const kn_sweep_plan *plan,
                                                const kn_pareto_row *const named[KN_QUALITY_OWN]);
 
-bool kn_pareto_front_csv(const kn_pareto_front *front, FILE *f);
+void kn_pareto_front_csv(const kn_pareto_front *front, FILE *f);
 // Add the rows to the JSON result (result.h) as the list `points`, with the numbers of the CSV file.
 void kn_pareto_front_result(const kn_pareto_front *front);
 

@@ -60,9 +60,9 @@ void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make
 // several samples take most of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop;
 // otherwise it starts empty.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
-// Resolve the solids into the picture. From then on, drawing goes to this region of the picture, behind the solids.
-// Alpha is the fraction of a pixel that solids cover, and drawing fills the remaining fraction. With one sample per
-// pixel, the depth buffer decides.
+// Resolve the solids into their region of the picture. Later drawing goes to this region, behind the solids. Alpha is
+// the fraction of a pixel that the solids cover, and drawing fills the rest of the pixel. With one sample per pixel, the
+// depth buffer tells instead whether a solid covers the pixel.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 
 #define KN_OFFSCREEN_MIN 16

@@ -95,8 +95,8 @@ static int widest(const kn_grid *g, int vectors)
     return best;
 }
 
-// Choose the number of vectors per row that leaves the fewest lanes in all. The number is the same in all parts,
-// because a field consists of rows of one length.
+// Choose the number of vectors per row with which all parts together take the fewest lanes, padding included. The number
+// is the same in all parts, because a field consists of rows of one length.
 static int choose_vectors(const kn_composite *c, int most)
 {
     int best = 0;
@@ -160,7 +160,7 @@ static void place_of(const kn_composite *c, int part, int node, int at[3])
     for (int k = 0; k < 3; k++) at[k] = c->corner[part][k] + c->coarse[part] * at[k];
 }
 
-// Return the entry of kn_composite.place for an even place.
+// Return the entry of kn_composite.place for a place on the coarse lattice, whose three coordinates are even.
 static int *even_place(const kn_model *m, const int at[3])
 {
     const int *n = m->def.nodes;
@@ -420,8 +420,8 @@ static void follow(const kn_model *m, const kn_work *w)
     spread(m, w->guess);
 }
 
-// Run the edge pass part by part, the last part first: the sums of its tied nodes must reach their masters before the
-// masters' rows are finished.
+// Run the edge pass part by part, from the last part to the first. The masters of a part's tied nodes are in earlier
+// parts, and the sums of the tied nodes must be added there before the masters' rows are finished.
 static double edge(const kn_model *m, kn_state *state, kn_linearization how, bool again)
 {
     const kn_composite *c = m->composite;

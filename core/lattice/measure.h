@@ -1,7 +1,7 @@
 #ifndef KN_CORE_LATTICE_MEASURE_H
 #define KN_CORE_LATTICE_MEASURE_H
-// Readings of an object without stepping it: its edges one by one, three measures at each
-// node, and the energy that it stores.
+// Readings of an object without stepping it: its edges one by one, three measures at each node, and the energy that it
+// stores.
 #include "core/state.h"
 
 // --- edges ----------------------------------------------------------------------------------------------------------

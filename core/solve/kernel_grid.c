@@ -13,8 +13,8 @@ typedef struct tables {
     int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
     real *lane_share;                     // [K][16] share of a node along the row, 0 in padding
     real *lane_mass;                      // [K][16] equal to lane_share, but 1 in padding so that no block is singular
-    // [K][16] weight of an edge shifted by -1, 0, +1 along the row: 1 where the edge exists
-    // (the node's share for shift 0)
+    // [K][16] weights of the edges that lead to a node shifted by -1, 0 and +1 along the row. Shifts -1 and +1: 1 if
+    // the edge exists, else 0. Shift 0: the node's share.
     real *lane_near[3];
     real *lane_near_root[3];
     real *lane_here[3];                                    // [K][16] 1 where the edge exists, else 0
@@ -205,7 +205,7 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
 // Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that lie s steps further along the row.
 typedef struct edges {
     int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
-    bool moved;           // a prescribed velocity changed in the row of either end
+    bool moved;           // a prescribed velocity changed in one of the two rows
     real share, root;     // share across the row, and its root
 } edges;
 

@@ -18,7 +18,6 @@ typedef struct kn_boundary {
     double (*reaction_n)[3];
 } kn_boundary;
 
-// The solvers' memory within a step. It lies in the state's arena, but it is neither saved nor hashed.
 typedef struct kn_rigid { // rigid motions of an object that nothing holds, see solver_implicit.c
     bool on;              // the rigid motions are used in this step
     // x - centre of every node in the layout of the solver's fields, and a fourth component, 1 where there is a node;
@@ -28,6 +27,7 @@ typedef struct kn_rigid { // rigid motions of an object that nothing holds, see 
     double factor[6][6]; // Cholesky factor of R'AR
 } kn_rigid;
 
+// The solvers' memory within a step. It lies in the state's arena, but it is neither saved nor hashed.
 typedef struct kn_scratch {
     kn_work work; // implicit: first member, because kernels find it at state->scratch
     kn_contact contact;
