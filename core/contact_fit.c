@@ -193,7 +193,7 @@ static void settle(const sums *s, pressed *c)
 }
 
 static bool presses(const kn_sample *s, int p) { return s->probe == p && s->line.active && s->pressing_n > 0; }
-static bool carries(const kn_hold *h, int p) { return h->probe == p && !h->gone && h->force_n[2] > 0; }
+static bool carries(const kn_held_node *h, int p) { return h->probe == p && !h->gone && h->force_n[2] > 0; }
 
 static void settle_all(const sums *all, const sums part[KN_PATCHES_MAX], fitted *f)
 {
@@ -253,7 +253,7 @@ static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int 
     if (!several(f)) return;
     memset(part, 0, sizeof part);
     for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *h = &contact->hold[i];
+        const kn_held_node *h = &contact->hold[i];
         double arm[3];
         if (!carries(h, p)) continue;
         kn_state_position(fit->model, state, h->node, arm);
@@ -441,7 +441,7 @@ static void each_force(const kn_contact_fit *fit, const kn_state *state, int p, 
         }
     }
     for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *h = &contact->hold[i];
+        const kn_held_node *h = &contact->hold[i];
         if (h->probe != p || h->gone || (by_patch && !carries(h, p))) continue;
         int patch = by_patch ? patch_of(fit, p, &h->node, 1) : 0;
         if (by_patch) whole_n = f->patch[patch].force_n;

@@ -11,7 +11,7 @@
 // precision. It does not cover tools, quality and device, because a restored object has no tool in it.
 //
 // The reader does not trust the bytes. It compares the sizes with the model's before it reads anything, and checks that
-// every real is finite and that every count and flag is in its range. The file has a checksum (server/snapshot.h).
+// every real is finite and that every count and flag is in its range. The file has a checksum (server/snapshot_file.h).
 #include "core/state.h"
 
 typedef enum kn_snapshot_fit {

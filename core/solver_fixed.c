@@ -367,7 +367,7 @@ static kn_fixed_bound *record(work *w, int *count, int node)
 static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, int *count)
 {
     for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *hold = &contact->hold[i];
+        const kn_held_node *hold = &contact->hold[i];
         kn_fixed_bound *b = record(w, count, hold->node);
         b->holds = true;
         for (int k = 0; k < 3; k++)
@@ -425,7 +425,7 @@ static void read_forces(const kn_model *m, kn_contact *contact, const work *w, c
 {
     double largest = 0;
     for (int i = 0; i < contact->hold_count; i++) {
-        kn_hold *hold = &contact->hold[i];
+        kn_held_node *hold = &contact->hold[i];
         for (int k = 0; k < 3; k++) {
             hold->force_n[k] = m->fixed->phi_n * (double)w->reaction[w->place[hold->node]][k];
             hold->force_n[k] += w->load_n[hold->node][k]; // a record that holds carries no load

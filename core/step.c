@@ -18,7 +18,7 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
     for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
     // a held node moves with its plate, except in components that the support already fixes
     for (int i = 0; i < s->contact.hold_count; i++) {
-        const kn_hold *hold = &s->contact.hold[i];
+        const kn_held_node *hold = &s->contact.hold[i];
         for (int k = 0; k < 3; k++)
             if (!(s->fixed[hold->node] >> k & 1)) s->velocity[hold->node][k] = hold->velocity_m_s[k];
         s->fixed[hold->node] = 7;

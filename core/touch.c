@@ -78,7 +78,7 @@ static double under(double x, double size_m, double cell_m)
     return fmax(fmin(x + 0.5 * cell_m, half) - fmax(x - 0.5 * cell_m, -half), 0.1 * cell_m);
 }
 
-static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const kn_hold *hold, piece *out)
+static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const kn_held_node *hold, piece *out)
 {
     const kn_probe_def *def = &m->def.probe[p];
     double h = m->def.spacing_m;
@@ -199,7 +199,7 @@ void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[
     const kn_contact *c = &kn_state_scratch(state)->contact;
     memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
     // forces of the nodes on plates, then of samples, with the sign of the force on the node
-    for (const kn_hold *hold = c->hold; hold < c->hold + c->hold_count; hold++)
+    for (const kn_held_node *hold = c->hold; hold < c->hold + c->hold_count; hold++)
         for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= 0; k++) force_n[hold->node][k] -= hold->force_n[k];
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)
         for (int a = 0; a < s->nodes && s->probe != KN_TABLE && s->line.active; a++)

@@ -211,7 +211,7 @@ static int device_of(struct msghdr *header)
     return 0;
 }
 
-void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch)
+void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_datagram_batch *batch)
 {
     struct mmsghdr header[KN_BATCH] = {0};
     struct iovec vector[KN_BATCH];

@@ -33,10 +33,10 @@ typedef struct kn_datagram {
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
 
-typedef struct kn_batch { // the datagrams read in one wake of the main thread
+typedef struct kn_datagram_batch { // the datagrams read in one wake of the main thread
     int count;
     kn_datagram datagram[KN_BATCH];
-} kn_batch;
+} kn_datagram_batch;
 
 // Parse udpm://GROUP:PORT[?ttl=0&recv_buf_size=N]. If `lan` is NULL, the bus is on lo and ttl must be 0. Otherwise
 // `lan` names an interface and ttl must be 1 or more. For any other URL return false and put one line in error.
@@ -65,7 +65,7 @@ bool kn_bus_same(const kn_bus *a, const kn_bus *b);
 int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error_size);
 
 // Read the waiting datagrams, at most `limit` (<= KN_BATCH) of them. Neither blocks nor allocates.
-void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_batch *batch);
+void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_datagram_batch *batch);
 
 // Read one datagram of at most `room` bytes; a longer one is cut. Return its size, or -1 when none waits. Set *here to
 // true if the datagram arrived over the bus's network interface. Neither blocks nor allocates.

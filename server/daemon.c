@@ -39,11 +39,11 @@ typedef struct server {
     int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
     kn_exchange exchange;      // used by the main thread
     kn_auth auth;              // key and life of kneadd, used if a key file was given
-    kn_batch batch;
+    kn_datagram_batch batch;
     kn_skin skin;
     kn_control *control; // control socket; NULL: none
     kn_operator operator;
-    kn_trace trace;
+    kn_tick_trace trace;
     kn_loop loop;
     kn_keeper keeper;
     kn_sentinel sentinel;
@@ -279,7 +279,7 @@ static void *mesh_main(void *arg)
             kn_skin_publish_topology(&d->skin, kn_stamp_us());
             kn_health_report_second(&d->check);
         }
-        kn_trace_drain(&d->trace);
+        kn_tick_trace_drain(&d->trace);
         // Sleep until just before the next frame is due, however long this frame took to measure. Then look for the
         // frame every millisecond. With a fixed sleep period the thread could be late by a whole period.
         const int64_t taken_ns = kn_now_ns();
@@ -523,7 +523,7 @@ static void free_all(server *d)
     if (d->claim >= 0) close(d->claim);
     if (d->mesh_claim >= 0) close(d->mesh_claim);
     kn_control_close(d->control);
-    kn_trace_close(&d->trace);
+    kn_tick_trace_close(&d->trace);
     kn_keeper_close(&d->keeper);
     kn_operator_free(&d->operator);
     kn_served_object_free(&d->on);
@@ -543,7 +543,7 @@ static int serve(server *d, const kn_daemon_def *def)
     if (code == 0) {
         code = 3;
         if (open_buses(d, def, error, sizeof error) && open_control(d, def, error, sizeof error) &&
-            kn_trace_open(&d->trace, def->trace, def->later, error, sizeof error) &&
+            kn_tick_trace_open(&d->trace, def->trace, def->later, error, sizeof error) &&
             start_threads(d, def, error, sizeof error)) {
             kn_health_report_start(&d->check);
             sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
@@ -556,7 +556,7 @@ static int serve(server *d, const kn_daemon_def *def)
             if (code)
                 snprintf(error, sizeof error, "--state-dir %s: the last state of the object was not saved",
                          def->object.state_dir);
-            if (!kn_trace_close(&d->trace)) {
+            if (!kn_tick_trace_close(&d->trace)) {
                 snprintf(error, sizeof error, "--trace %s: could not be written completely", def->trace);
                 code = 3;
             }

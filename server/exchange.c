@@ -72,7 +72,7 @@ static void answer_hello(kn_publisher *p, const unsigned char nonce[KN_AUTH_NONC
 
 // Publish a tick: its events in the order they were applied, then the force of every probe that has a session. If local
 // contact models are identified, the probe's contact model (KNEAD_CONTACT) follows its force.
-static void publish_record(kn_publisher *p, const kn_record *record)
+static void publish_record(kn_publisher *p, const kn_tick_record *record)
 {
     for (int i = 0; i < record->out.event_count; i++) {
         knead_event_t message;
@@ -129,9 +129,9 @@ typedef struct row {
     int64_t tick, session, seq, arrived_ns, woke_ns, stepped_ns, guarded_ns, due_ns, asked_ns, late_ns;
 } row;
 
-bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size)
+bool kn_tick_trace_open(kn_tick_trace *trace, const char *path, bool append, char *error, size_t error_size)
 {
-    *trace = (kn_trace){0};
+    *trace = (kn_tick_trace){0};
     // write the column names only into a new file, because a second scene of the same process appends rows
     if (!path) return true;
     trace->file = fopen(path, append ? "ae" : "we");
@@ -142,12 +142,12 @@ bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, 
         return true;
     }
     snprintf(error, error_size, "--trace %s: %s", path, strerror(errno));
-    kn_trace_close(trace);
+    kn_tick_trace_close(trace);
     return false;
 }
 
 // Add the rows of a tick to the ring; real-time safe.
-static void trace_record(kn_trace *trace, const kn_record *record, const kn_model_def *def)
+static void trace_record(kn_tick_trace *trace, const kn_tick_record *record, const kn_model_def *def)
 {
     for (int p = 0; trace->file && p < record->out.probes; p++) {
         const kn_force *force = &record->out.force[p];
@@ -168,7 +168,7 @@ static void trace_record(kn_trace *trace, const kn_record *record, const kn_mode
     }
 }
 
-void kn_trace_drain(kn_trace *trace)
+void kn_tick_trace_drain(kn_tick_trace *trace)
 {
     // a failed write is reported at the end, and does not stop the server
     for (const row *r; trace->file && (r = kn_ring_front(&trace->rows)); kn_ring_pop(&trace->rows))
@@ -179,9 +179,9 @@ void kn_trace_drain(kn_trace *trace)
                                  r->guarded_ns, r->due_ns, r->asked_ns, r->late_ns) < 0;
 }
 
-bool kn_trace_close(kn_trace *trace)
+bool kn_tick_trace_close(kn_tick_trace *trace)
 {
-    kn_trace_drain(trace);
+    kn_tick_trace_drain(trace);
     if (trace->file) trace->failed |= fclose(trace->file) != 0;
     kn_ring_free(&trace->rows);
     trace->file = NULL;
@@ -190,13 +190,13 @@ bool kn_trace_close(kn_trace *trace)
 
 // --- exchange ---
 
-void kn_exchange_hear(kn_exchange *x, const kn_batch *batch)
+void kn_exchange_hear(kn_exchange *x, const kn_datagram_batch *batch)
 {
     int64_t now_ns = kn_now_ns();
     for (int i = 0; i < batch->count; i++) {
         int probe;
         kn_pose pose;
-        kn_verdict verdict = kn_receiver_judge(&x->receiver, &batch->datagram[i], now_ns, &probe, &pose);
+        kn_pose_verdict verdict = kn_receiver_judge(&x->receiver, &batch->datagram[i], now_ns, &probe, &pose);
         if (verdict == KN_ACCEPTED) kn_loop_post(x->loop, probe, &pose);
         if (verdict == KN_REJECT_HELLO) answer_hello(&x->publisher, x->receiver.nonce);
     }
@@ -205,7 +205,7 @@ void kn_exchange_hear(kn_exchange *x, const kn_batch *batch)
 // Publish the records of all ticks since the last call, in order.
 static void publish_records(kn_exchange *x)
 {
-    for (const kn_record *record; (record = kn_ring_front(&x->loop->records)); kn_ring_pop(&x->loop->records)) {
+    for (const kn_tick_record *record; (record = kn_ring_front(&x->loop->records)); kn_ring_pop(&x->loop->records)) {
         publish_record(&x->publisher, record);
         if (x->trace) trace_record(x->trace, record, &x->publisher.scene->model);
         if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);

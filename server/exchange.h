@@ -65,19 +65,19 @@ void kn_publisher_health(kn_publisher *p, const knead_health_t *health);
 // Rows go through a ring from the main thread to a thread that may wait for a disk. A full ring loses rows and counts
 // them. Without --trace, taking the time stamps is the only cost.
 
-typedef struct kn_trace {
+typedef struct kn_tick_trace {
     FILE *file; // the open trace file; NULL: no trace
     kn_ring rows;
     int64_t lost; // number of rows lost because the ring was full
     bool failed;  // true if a write to the file has failed
-} kn_trace;
+} kn_tick_trace;
 
 // Create a trace file, or append to it if `append` is true. `path` NULL: no trace. On failure return false and put one
 // line in error.
-bool kn_trace_open(kn_trace *trace, const char *path, bool append, char *error, size_t error_size);
-void kn_trace_drain(kn_trace *trace); // write the rows in the ring to the file; one thread only
+bool kn_tick_trace_open(kn_tick_trace *trace, const char *path, bool append, char *error, size_t error_size);
+void kn_tick_trace_drain(kn_tick_trace *trace); // write the rows in the ring to the file; one thread only
 // Write the rows in the ring and close the file; return false if a write failed; a zeroed trace is allowed.
-bool kn_trace_close(kn_trace *trace);
+bool kn_tick_trace_close(kn_tick_trace *trace);
 
 // --- exchange ---
 
@@ -85,7 +85,7 @@ typedef struct kn_exchange {
     kn_receiver receiver; // the caller initialises the receiver and opens the publisher
     kn_publisher publisher;
     kn_loop *loop;         // servo loop; borrowed, as are `trace` and `sentinel`
-    kn_trace *trace;       // trace file of the run; NULL: no trace
+    kn_tick_trace *trace;  // trace file of the run; NULL: no trace
     kn_sentinel *sentinel; // sentinel thread; NULL: none
     // Change whose scene is published; NULL: the scene of the server's start is published.
     kn_scene_change *told;
@@ -93,7 +93,7 @@ typedef struct kn_exchange {
 } kn_exchange;
 
 // Judge the datagrams, and post accepted poses to the loop.
-void kn_exchange_hear(kn_exchange *exchange, const kn_batch *batch);
+void kn_exchange_hear(kn_exchange *exchange, const kn_datagram_batch *batch);
 
 // Call after one tick or more. Publish the records and touches that wait, and end the sessions that fell silent. Return
 // true when the loop has ended and its last record has been published.

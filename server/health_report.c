@@ -98,7 +98,7 @@ static knead_health_t health_of(const kn_health_check *c, const kn_fpga_counts *
     kn_account_health(&c->loop->account, &health);
     // Copy the link counters of each probe.
     for (int p = 0; p < c->exchange->receiver.probes; p++) {
-        const kn_source *source = &c->exchange->receiver.source[p];
+        const kn_pose_sender *source = &c->exchange->receiver.source[p];
         const kn_packets *n = &source->packets;
         health.session[p] = source->last.session;
         health.accepted[p] = n->accepted;
@@ -154,13 +154,13 @@ void kn_health_publication(kn_health_check *c, kn_health *health)
 
 void kn_health_report_refusals(kn_health_check *c)
 {
-    static const kn_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK,
-                                      KN_REJECT_TYPE};
+    static const kn_pose_verdict told[] = {KN_REJECT_PEER, KN_REJECT_MAC, KN_REJECT_REPLAYED, KN_REJECT_CLOCK,
+                                           KN_REJECT_TYPE};
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (c->exchange->receiver.rejected[told[i]] == 0 || c->refusals_told >> told[i] & 1) continue;
         c->refusals_told |= 1u << told[i];
         kn_console_err("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts",
-                       kn_verdict_name(told[i]), kn_verdict_meaning(told[i]));
+                       kn_pose_verdict_name(told[i]), kn_pose_verdict_meaning(told[i]));
     }
 }
 
@@ -345,7 +345,7 @@ static void tell_summary(kn_health_check *c, FILE *out)
             s->whole.count, s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
     fprintf(out, "kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
-        if (r->rejected[i]) fprintf(out, ", %" PRId64 " %s", r->rejected[i], kn_verdict_name((kn_verdict)i));
+        if (r->rejected[i]) fprintf(out, ", %" PRId64 " %s", r->rejected[i], kn_pose_verdict_name((kn_pose_verdict)i));
     fprintf(out, "; %" PRId64 " dropped by the kernel\n", kernel_drops(c));
     const kn_audit_news *audit = c->loop->audit ? kn_audit_read(c->loop->audit) : NULL;
     if (audit && audit->windows)

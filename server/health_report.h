@@ -35,7 +35,7 @@ typedef struct kn_health_check {
     int32_t service_errors; // ERROR_* bits of the disk and the circuit since the last fault
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
-    unsigned refusals_told; // reasons of rejected poses that have been reported, one bit per kn_verdict
+    unsigned refusals_told; // reasons of rejected poses that have been reported, one bit per kn_pose_verdict
     // Private to the mesh thread: what its lines have reported so far. tick_told begins at -1, quality_told at the
     // scene's quality.
     int64_t tick_told, unpublished_told, missed_told, created_told;

@@ -72,7 +72,7 @@ bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void
 // --- summary ---
 //
 // The summary of a log is collected by reading the log once from beginning to end: scenes, events, probes with forces,
-// and the range of ticks. It also gives the end of the part that one run of a server recorded without damage. replay.h
+// and the range of ticks. It also gives the end of the part that one run of a server recorded without damage. log_replay.h
 // replays that part in a second reading.
 
 // kneadd records a checkpoint every second, so the number of records limits the span of a log. This limit prevents a

@@ -29,7 +29,7 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
     for (int p = 0; p < KN_PROBES_MAX; p++)
         kn_mailbox_init(&loop->pose[p], loop->pose_slots[p], sizeof(kn_posted_pose));
     loop->skin = skin;
-    return kn_ring_init(&loop->records, RECORDS, sizeof(kn_record));
+    return kn_ring_init(&loop->records, RECORDS, sizeof(kn_tick_record));
 }
 
 void kn_loop_free(kn_loop *loop)
@@ -72,7 +72,7 @@ typedef struct turn {
     kn_tick_in in;
     int64_t orders; // total number of orders given so far
     kn_arrival arrival[KN_PROBES_MAX];
-    kn_record record;
+    kn_tick_record record;
     bool published; // the record was queued for the main thread
     bool last;      // the loop ends after this turn
 } turn;
@@ -109,7 +109,7 @@ static void read_input(kn_loop *loop, turn *t)
                          .stop = atomic_load_explicit(&loop->stop, memory_order_relaxed)};
     t->orders = kn_orders_take(&loop->orders, &t->in);
     if (t->in.change) take_deadline(loop, &t->in);
-    memset(&t->record, 0, offsetof(kn_record, out)); // clear all fields but `out`, which the servo fills in
+    memset(&t->record, 0, offsetof(kn_tick_record, out)); // clear all fields but `out`, which the servo fills in
     t->record.wake = *wake;
     read_poses(loop, &t->in, t->arrival);
 }
@@ -150,7 +150,7 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
 // The forces are ready. Complete the record of the tick, queue it and wake the main thread.
 static void publish(kn_loop *loop, turn *t)
 {
-    kn_record *record = &t->record;
+    kn_tick_record *record = &t->record;
     // End after the tick that has brought every gain to zero, or after KN_LOOP_STOP_TICKS.
     if (!t->in.stop) loop->running_tick = t->wake->tick;
     t->last = record->out.stopped || t->wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
@@ -160,7 +160,7 @@ static void publish(kn_loop *loop, turn *t)
     adapt_deadline(loop, record->out.units);
     for (int p = 0; p < record->out.probes; p++) record->posted_ns[p] = t->arrival[p].arrived_ns;
     // Leave out the contacts if nobody identifies local models.
-    size_t bytes = record->out.local ? sizeof *record : offsetof(kn_record, out.contact);
+    size_t bytes = record->out.local ? sizeof *record : offsetof(kn_tick_record, out.contact);
     t->published = kn_ring_push_start(&loop->records, record, bytes);
     kn_orders_done(&loop->orders, t->orders, &t->in, &record->out);
     if (t->last) atomic_store_explicit(&loop->done, true, memory_order_release);
@@ -171,7 +171,7 @@ static void publish(kn_loop *loop, turn *t)
 
 // Queue the touch patches, every KN_LOOP_TOUCH_TICKS ticks. A touch display tolerates more delay than a force on a hand.
 // The main thread is woken once more for the patches.
-static void queue_touches(kn_loop *loop, const kn_record *record)
+static void queue_touches(kn_loop *loop, const kn_tick_record *record)
 {
     // Missed ticks may skip the tick of a patch, so compare quotients instead of testing the remainder.
     int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
@@ -187,25 +187,25 @@ static void queue_touches(kn_loop *loop, const kn_record *record)
     if (loop->notify) loop->notify(loop->notify_arg);
 }
 
-static void identify_contacts(kn_loop *loop, const kn_record *record)
+static void identify_contacts(kn_loop *loop, const kn_tick_record *record)
 {
     (void)record;
     loop->servo.backend->afterwards(loop->servo.backend->self);
 }
 
-static void audit_energy(kn_loop *loop, const kn_record *record)
+static void audit_energy(kn_loop *loop, const kn_tick_record *record)
 {
     kn_backend *backend = loop->servo.backend;
     if (record->out.replaced) kn_audit_restart(loop->audit);
     kn_audit_tick(loop->audit, backend->state(backend->self));
 }
 
-static void leave_copy(kn_loop *loop, const kn_record *record)
+static void leave_copy(kn_loop *loop, const kn_tick_record *record)
 {
     kn_keeper_tick(loop->keeper, &loop->servo, &record->wake, record->utime);
 }
 
-static void capture_skin(kn_loop *loop, const kn_record *record)
+static void capture_skin(kn_loop *loop, const kn_tick_record *record)
 {
     const kn_servo *servo = &loop->servo;
     kn_skin_capture(loop->skin, servo->model, servo->backend->state(servo->backend->self), record->out.tick,
@@ -221,14 +221,14 @@ static bool has_skin(const kn_loop *loop) { return loop->skin; }
 // The jobs in their order.
 static const struct after_job {
     bool (*when)(const kn_loop *loop);
-    void (*run)(kn_loop *loop, const kn_record *record);
+    void (*run)(kn_loop *loop, const kn_tick_record *record);
 } after_jobs[] = {{has_touches, queue_touches},
                   {has_afterwards, identify_contacts},
                   {has_audit, audit_energy},
                   {has_keeper, leave_copy},
                   {has_skin, capture_skin}};
 
-static void run_after_jobs(kn_loop *loop, const kn_record *record)
+static void run_after_jobs(kn_loop *loop, const kn_tick_record *record)
 {
     for (size_t i = 0; i < sizeof after_jobs / sizeof *after_jobs; i++)
         if (after_jobs[i].when(loop)) after_jobs[i].run(loop, record);

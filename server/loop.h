@@ -25,7 +25,7 @@
 
 #define KN_LOOP_STOP_TICKS 100 // a stop ends the loop after this many ticks at the latest; forces fade within 20
 
-typedef struct kn_record { // result and times of one tick, for the publisher
+typedef struct kn_tick_record { // result and times of one tick, for the publisher
     kn_wake wake;
     int64_t utime;                    // us since 1970, when the forces were ready
     int64_t execution_ns;             // time from the start of the tick until the forces were ready, ns
@@ -34,7 +34,7 @@ typedef struct kn_record { // result and times of one tick, for the publisher
     // Result of the tick; must be the last member, because its contacts at the end are queued only if out.local is
     // true.
     kn_tick_out out;
-} kn_record;
+} kn_tick_record;
 
 #define KN_LOOP_TOUCH_TICKS 4 // number of ticks from one touch patch to the next: 250 Hz
 
@@ -56,7 +56,7 @@ typedef struct kn_loop {
     bool free;                // true: the tick grid does not follow the poses (tick_timing.h); set before the start
     _Atomic int64_t start_ns; // time of tick 0 on the clock's grid, for threads that follow the grid, ns
     kn_account account;
-    kn_ring records; // queue of kn_record; read by the main thread
+    kn_ring records; // queue of kn_tick_record; read by the main thread
     kn_ring touches; // queue of kn_touch_patch; read by the main thread; capacity 0: touch patches are not computed
     kn_skin *skin;
     kn_audit *audit;

@@ -113,7 +113,7 @@ static json_t *rejections(const knead_status_t *s)
 {
     json_t *object = json_object();
     for (int i = 0; i < KN_REJECT_COUNT; i++)
-        json_object_set_new(object, kn_verdict_name((kn_verdict)i), json_integer(s->rejected[i]));
+        json_object_set_new(object, kn_pose_verdict_name((kn_pose_verdict)i), json_integer(s->rejected[i]));
     return object;
 }
 

@@ -2,7 +2,7 @@
 #include "core/snapshot.h"
 #include "proto/knead_event_t.h"
 #include "server/clock.h"
-#include "server/snapshot.h"
+#include "server/snapshot_file.h"
 
 #define ORDER_BITS 8 // number of low bits in kn_orders.given that hold the kinds of orders
 // interval at which kn_orders_await looks, ns; it polls because the servo makes no system call to wake a thread
@@ -53,7 +53,7 @@ int64_t kn_orders_take(kn_orders *orders, kn_tick_in *in)
         in->restored_tick = orders->restore->tick;
     }
     if (given >> KN_ORDER_QUALITY & 1) {
-        in->take = KN_TAKE_COMMAND;
+        in->take = KN_QUALITY_CAUSE_COMMAND;
         in->quality = (kn_quality)atomic_load(&orders->quality);
     }
     return given >> ORDER_BITS;

@@ -23,7 +23,7 @@
 // at once
 #define CREDIT_NS 200000000
 
-const char *kn_verdict_name(kn_verdict verdict)
+const char *kn_pose_verdict_name(kn_pose_verdict verdict)
 {
     static const char *const names[] = {
 #define KN_REJECT(name, text, meaning) text,
@@ -33,7 +33,7 @@ const char *kn_verdict_name(kn_verdict verdict)
     return verdict == KN_ACCEPTED ? "accepted" : names[verdict];
 }
 
-const char *kn_verdict_meaning(kn_verdict verdict)
+const char *kn_pose_verdict_meaning(kn_pose_verdict verdict)
 {
     static const char *const meanings[] = {
 #define KN_REJECT(name, text, meaning) meaning,
@@ -63,7 +63,7 @@ static bool known(const kn_receiver *r, struct in_addr from)
 
 // Check that the tag is right, and that the message is of this life and recent. The sender of a hello message does not
 // know the life yet, so only the tag of a hello is checked.
-static kn_verdict authenticate(const kn_receiver *r, const kn_packet *packet, int64_t now_ns)
+static kn_pose_verdict authenticate(const kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
     kn_auth_stamp stamp;
     if (!kn_auth_check(r->auth, packet->channel, packet->payload, packet->size, &stamp)) return KN_REJECT_MAC;
@@ -75,10 +75,10 @@ static kn_verdict authenticate(const kn_receiver *r, const kn_packet *packet, in
 
 // Keep a listener's nonce for the answer. Answers are limited to 10 kHz, because anybody can record a hello message and
 // repeat it.
-static kn_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t now_ns)
+static kn_pose_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
     if (!r->auth || packet->size != KN_AUTH_NONCE + KN_AUTH_TRAILER) return KN_REJECT_CHANNEL;
-    kn_verdict verdict = authenticate(r, packet, now_ns);
+    kn_pose_verdict verdict = authenticate(r, packet, now_ns);
     if (verdict != KN_ACCEPTED) return verdict;
     if (now_ns - r->greeted_ns < HELLO_NS) return KN_REJECT_RATE;
     r->greeted_ns = now_ns;
@@ -87,9 +87,9 @@ static kn_verdict take_hello(kn_receiver *r, const kn_packet *packet, int64_t no
 }
 
 // Split a datagram into channel and payload. All bounds are checked before any field is read.
-static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_packet *packet)
+static kn_pose_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_packet *packet)
 {
-    static const kn_verdict of_frame[] = {KN_ACCEPTED, KN_REJECT_RUNT, KN_REJECT_MAGIC, KN_REJECT_CHANNEL_END};
+    static const kn_pose_verdict of_frame[] = {KN_ACCEPTED, KN_REJECT_RUNT, KN_REJECT_MAGIC, KN_REJECT_CHANNEL_END};
     if (!datagram->here) return KN_REJECT_INTERFACE;
     if (!known(r, datagram->from)) return KN_REJECT_PEER;
     if (datagram->size >= 4 && memcmp(datagram->bytes, "LC03", 4) == 0) return KN_REJECT_FRAGMENT;
@@ -97,8 +97,8 @@ static kn_verdict unpack(const kn_receiver *r, const kn_datagram *datagram, kn_p
 }
 
 // Decode the payload of a pose and find its probe. The tag is checked before any part of the payload is read.
-static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t now_ns, int *probe,
-                         knead_probe_pose_t *message)
+static kn_pose_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t now_ns, int *probe,
+                              knead_probe_pose_t *message)
 {
     // check by channel and length whether the message can be a pose
     if (strncmp(packet->channel, CHANNEL_PREFIX, strlen(CHANNEL_PREFIX)) != 0) return KN_REJECT_CHANNEL;
@@ -106,7 +106,7 @@ static kn_verdict decode(const kn_receiver *r, const kn_packet *packet, int64_t 
     if (*probe == r->probes) return KN_REJECT_PROBE;
     int size = knead_probe_pose_t_encoded_size(message);
     if (!kn_auth_fits(packet->size, (size_t)size)) return KN_REJECT_LENGTH;
-    kn_verdict verdict = r->auth ? authenticate(r, packet, now_ns) : KN_ACCEPTED;
+    kn_pose_verdict verdict = r->auth ? authenticate(r, packet, now_ns) : KN_ACCEPTED;
     if (verdict != KN_ACCEPTED) return verdict;
     return knead_probe_pose_t_decode(packet->payload, 0, size, message) == size ? KN_ACCEPTED : KN_REJECT_TYPE;
 }
@@ -119,7 +119,7 @@ static double length(const double *value, int count)
 }
 
 // Check the values that can be judged without knowing the session.
-static kn_verdict check_fields(const knead_probe_pose_t *m)
+static kn_pose_verdict check_fields(const knead_probe_pose_t *m)
 {
     if (m->frame != KNEAD_PROBE_POSE_T_FRAME_SCENE) return KN_REJECT_FRAME;
     if (!kn_wire_finite(m->position_m, 3) || !kn_wire_finite(m->orientation_wxyz, 4) ||
@@ -134,7 +134,7 @@ static kn_verdict check_fields(const knead_probe_pose_t *m)
 // Check a pose against the earlier poses of its session. A rejected jump does not become the new reference. The time
 // since the old reference grows, however. So a tool that really is elsewhere is accepted after the time in which it
 // could have moved there.
-static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t *m)
+static kn_pose_verdict check_motion(const kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     bool goes_on = source->last.session != 0;
     const kn_pose *last = &source->last;
@@ -155,7 +155,7 @@ static kn_verdict check_motion(const kn_source *source, const knead_probe_pose_t
 }
 
 // Subtract one pose from the credit, which grows with time (a token bucket). Return false if the sender exceeds 5 kHz.
-static bool afford(kn_source *source, int64_t now_ns)
+static bool afford(kn_pose_sender *source, int64_t now_ns)
 {
     int64_t credit_ns = source->heard_ns == 0 ? CREDIT_NS : source->credit_ns + (now_ns - source->heard_ns);
     if (credit_ns > CREDIT_NS) credit_ns = CREDIT_NS;
@@ -165,7 +165,7 @@ static bool afford(kn_source *source, int64_t now_ns)
 }
 
 // Return whether the session that owns the probe has been silent for 1 s.
-static bool expired(const kn_source *source, int64_t now_ns)
+static bool expired(const kn_pose_sender *source, int64_t now_ns)
 {
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
@@ -181,7 +181,7 @@ static int ones(uint64_t bits)
 }
 
 // Count a pose that is not newer than the last one: a duplicate, or a pose that arrived after a later one.
-static void count_stale(kn_source *source, const knead_probe_pose_t *m)
+static void count_stale(kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     // a newer pose of a session that has left is neither a duplicate nor reordered
     if (m->session != source->last.session || m->seq > source->last.seq) return;
@@ -199,7 +199,7 @@ static void count_stale(kn_source *source, const knead_probe_pose_t *m)
 }
 
 // Remember a newer pose that was refused: it arrived, so it is not lost.
-static void count_refused(kn_source *source, const knead_probe_pose_t *m)
+static void count_refused(kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     uint64_t ahead = (uint64_t)m->seq - (uint64_t)source->last.seq - 1;
     if (source->last.session == m->session && m->seq > source->last.seq && ahead < 64)
@@ -207,7 +207,7 @@ static void count_refused(kn_source *source, const knead_probe_pose_t *m)
 }
 
 // Count an accepted pose, just before it becomes the last one. The session of the pose continues or begins.
-static void count_new(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns)
+static void count_new(kn_pose_sender *source, const knead_probe_pose_t *m, int64_t now_ns)
 {
     const kn_pose *last = &source->last;
     kn_packets *n = &source->packets;
@@ -245,11 +245,11 @@ static kn_pose pose_of(const knead_probe_pose_t *m)
 
 // Judge session, motion and rate of a pose whose own values are valid. If the pose is accepted, it becomes the last
 // pose.
-static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
+static kn_pose_verdict admit(kn_pose_sender *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     if (expired(source, now_ns)) source->last.session = 0;
     if (source->last.session != 0 && source->last.session != m->session) return KN_REJECT_SESSION;
-    kn_verdict verdict = check_motion(source, m);
+    kn_pose_verdict verdict = check_motion(source, m);
     if (verdict == KN_ACCEPTED && !afford(source, now_ns)) verdict = KN_REJECT_RATE;
     if (verdict == KN_REJECT_STALE) count_stale(source, m);
     else if (verdict != KN_ACCEPTED) count_refused(source, m);
@@ -266,7 +266,7 @@ static kn_verdict admit(kn_source *source, const knead_probe_pose_t *m, int64_t 
 }
 
 // Judge a pose, but refuse all poses of a session that has left, until that session has sent nothing for a second.
-static kn_verdict admit_present(kn_source *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
+static kn_pose_verdict admit_present(kn_pose_sender *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
     struct kn_ended *place = source->ended; // choose the session's own entry, or else the entry that expires first
     for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
@@ -278,17 +278,18 @@ static kn_verdict admit_present(kn_source *source, const knead_probe_pose_t *m, 
         count_stale(source, m);
         return KN_REJECT_STALE;
     }
-    kn_verdict verdict = admit(source, m, now_ns, pose);
+    kn_pose_verdict verdict = admit(source, m, now_ns, pose);
     if (verdict == KN_ACCEPTED && m->buttons & KN_BUTTON_LEAVING)
         *place = (struct kn_ended){m->session, now_ns + SILENCE_NS};
     return verdict;
 }
 
-kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose)
+kn_pose_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe,
+                                  kn_pose *pose)
 {
     knead_probe_pose_t message = {0};
     kn_packet packet;
-    kn_verdict verdict = unpack(r, datagram, &packet);
+    kn_pose_verdict verdict = unpack(r, datagram, &packet);
     if (verdict == KN_ACCEPTED && strcmp(packet.channel, KN_HELLO_CHANNEL) == 0)
         verdict = take_hello(r, &packet, now_ns);
     else if (verdict == KN_ACCEPTED) {
@@ -304,11 +305,11 @@ kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_
     return verdict;
 }
 
-kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose)
+kn_pose_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose)
 {
     knead_probe_pose_t message = {0};
     kn_packet packet;
-    kn_verdict verdict = unpack(r, datagram, &packet);
+    kn_pose_verdict verdict = unpack(r, datagram, &packet);
     if (verdict == KN_ACCEPTED) verdict = decode(r, &packet, 0, probe, &message);
     if (verdict == KN_ACCEPTED) verdict = check_fields(&message);
     if (verdict == KN_ACCEPTED) *pose = pose_of(&message);
@@ -328,7 +329,7 @@ unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns)
 
 bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session)
 {
-    kn_source *source = &r->source[probe];
+    kn_pose_sender *source = &r->source[probe];
     if (source->last.session != session || !(source->last.buttons & KN_BUTTON_LEAVING)) return false;
     source->last.session = 0;
     return true;

@@ -53,18 +53,18 @@
     X(REPLAYED, "replayed", "authentic, but for another run of kneadd, or from another time")                          \
     X(HELLO, "hello", "not a pose: a listener asks for the number of this run, and gets an answer")
 
-typedef enum kn_verdict {
+typedef enum kn_pose_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
     KN_REJECTS(KN_REJECT)
 #undef KN_REJECT
         KN_REJECT_COUNT,
     KN_ACCEPTED = -1
-} kn_verdict;
+} kn_pose_verdict;
 
 // Return the name of a verdict, for example "stale"; "accepted" for KN_ACCEPTED.
-const char *kn_verdict_name(kn_verdict verdict);
+const char *kn_pose_verdict_name(kn_pose_verdict verdict);
 // Return the reason of the rejection in words; must not be called for KN_ACCEPTED.
-const char *kn_verdict_meaning(kn_verdict verdict);
+const char *kn_pose_verdict_meaning(kn_pose_verdict verdict);
 
 #define KN_ENDED_MAX 16 // largest number of ended sessions that are remembered, each until it has been silent for 1 s
 
@@ -72,8 +72,8 @@ typedef struct kn_packets { // link counters of one probe, over all its sessions
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
 } kn_packets;
 
-typedef struct kn_source { // the sender that moves one probe
-    kn_pose last;          // last accepted pose; session 0: nobody owns the probe
+typedef struct kn_pose_sender { // the sender that moves one probe
+    kn_pose last;               // last accepted pose; session 0: nobody owns the probe
     // Accepted pose from which speeds are measured; replaced by `last` when `last` is at least 1 ms newer.
     kn_pose reference;
     int64_t heard_ns; // time at which `last` was accepted
@@ -85,14 +85,14 @@ typedef struct kn_source { // the sender that moves one probe
     kn_packets packets;
     uint64_t seen;    // bit n: the pose with number last.seq - n has arrived
     uint64_t refused; // bit n: the pose with number last.seq + 1 + n has arrived and was rejected
-} kn_source;
+} kn_pose_sender;
 
 #define KN_PEERS_MAX 16
 
 typedef struct kn_receiver {
     int probes;
     char channel[KN_PROBES_MAX][64]; // LCM channel of each probe's poses: KNEAD_POSE_<probe>
-    kn_source source[KN_PROBES_MAX];
+    kn_pose_sender source[KN_PROBES_MAX];
     const kn_auth *auth;                // key with which poses are authenticated, borrowed; NULL: no key
     unsigned char nonce[KN_AUTH_NONCE]; // nonce of the last hello message (KN_REJECT_HELLO)
     int64_t greeted_ns;                 // time at which the last hello message arrived, ns
@@ -105,11 +105,12 @@ void kn_receiver_init(kn_receiver *r, const kn_model_def *def);
 
 // Judge and count one datagram that arrived at now_ns (monotonic). If the datagram is accepted, set *probe and *pose.
 // After KN_REJECT_HELLO the caller must answer with the nonce in r->nonce.
-kn_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe, kn_pose *pose);
+kn_pose_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, int64_t now_ns, int *probe,
+                                  kn_pose *pose);
 
 // Judge a datagram by its bytes alone, without the checks of session, motion and rate. Return KN_ACCEPTED if it is a
 // pose, and set *probe and *pose. Counts nothing.
-kn_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
+kn_pose_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
 
 // End sessions that have been silent for 1 s. Return a bit per probe whose session this call has ended.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);

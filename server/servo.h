@@ -55,11 +55,11 @@ typedef struct kn_clutch {
 // count, and for delays by a busy hyperthread.
 #define KN_STEP_SHARE 0.7
 
-typedef enum kn_take { // reason why a tick changes to another quality point (a solver effort that the scene names)
-    KN_TAKE_NONE,
-    KN_TAKE_COMMAND, // an operator chose the quality point; kn_servo.asked is set to it as well
-    KN_TAKE_BUDGET   // in a replay: the recorded server exceeded its time budget and chose this quality point
-} kn_take;
+typedef enum kn_quality_cause { // reason why a tick changes to another quality point (a solver effort that the scene names)
+    KN_QUALITY_CAUSE_NONE,
+    KN_QUALITY_CAUSE_COMMAND, // an operator chose the quality point; kn_servo.asked is set to it as well
+    KN_QUALITY_CAUSE_BUDGET   // in a replay: the recorded server exceeded its time budget and chose this quality point
+} kn_quality_cause;
 
 // Input of one tick. The servo applies reset, restore, undo and change in this order, before the step.
 typedef struct kn_tick_in {
@@ -78,8 +78,8 @@ typedef struct kn_tick_in {
     int64_t deadline;
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.
     int overload;
-    kn_take take;
-    kn_quality quality; // new quality point, unless `take` is KN_TAKE_NONE; its kn_point.live must be set
+    kn_quality_cause take;
+    kn_quality quality; // new quality point, unless `take` is KN_QUALITY_CAUSE_NONE; its kn_point.live must be set
     // Time from the start of the last tick until its forces were ready, ns; 0: no clock, so ticks are not judged by
     // time.
     int64_t execution_ns;

@@ -74,8 +74,8 @@ static void judge_time(kn_tick *t)
     bool over = (double)t->in->execution_ns > 1e9 * servo->scene->budget_s;
     if (!over) servo->over = 0;
     else if (servo->over < KN_OVER_TICKS) servo->over++;
-    if (t->in->take != KN_TAKE_NONE) {
-        kn_orders_take_quality(t, t->in->quality, t->in->take == KN_TAKE_COMMAND);
+    if (t->in->take != KN_QUALITY_CAUSE_NONE) {
+        kn_orders_take_quality(t, t->in->quality, t->in->take == KN_QUALITY_CAUSE_COMMAND);
     } else if (servo->over == KN_OVER_TICKS && !t->in->stop && has_points(servo->scene)) {
         // if no lower quality point exists, next_lower() returns the present one; record this only once
         kn_quality to = next_lower(servo);

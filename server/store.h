@@ -13,7 +13,7 @@
 // With this order, the newest whole file is at every moment either the previous one or the new one, even after a power
 // cut. A store is locked, because two daemons that write alternately would each restore the other's object. Not
 // real-time: a save takes 5 ms and more.
-#include "server/snapshot.h"
+#include "server/snapshot_file.h"
 #include <stdatomic.h>
 #include <stdio.h>
 #include <sys/types.h>

@@ -98,7 +98,7 @@ static inline void kn_recorder_tick(kn_recorder *r)
         if (r->out.force[p].left) r->in.pose[p] = NULL;
     memset(r->in.fresh, 0, sizeof r->in.fresh);
     r->in.reset = r->in.recover = false;
-    r->in.take = KN_TAKE_NONE;
+    r->in.take = KN_QUALITY_CAUSE_NONE;
     r->in.missed = 0;
 }
 

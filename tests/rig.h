@@ -43,7 +43,7 @@ typedef struct kn_rig {
     int64_t frozen_ns, thawed_ns;
     kn_rig_end end[KN_RIG_ENDS];
     int ends, batches;
-    kn_batch inbox[KN_RIG_BATCHES]; // datagrams waiting in kneadd's socket
+    kn_datagram_batch inbox[KN_RIG_BATCHES]; // datagrams waiting in kneadd's socket
 } kn_rig;
 
 static inline bool kn_rig_frozen(const kn_rig *r)
@@ -63,7 +63,7 @@ static inline void kn_rig_arrive(void *to, const char *channel, const void *byte
     bool full = r->batches == 0 || r->inbox[r->batches - 1].count == KN_BATCH;
     if (full && r->batches == KN_RIG_BATCHES) return; // drop the datagram, as a full socket does
     if (full) r->inbox[r->batches++].count = 0;
-    kn_batch *batch = &r->inbox[r->batches - 1];
+    kn_datagram_batch *batch = &r->inbox[r->batches - 1];
     kn_datagram *d = &batch->datagram[batch->count++];
     *d = (kn_datagram){.here = true};
     d->size = kn_lc02(d->bytes, sizeof d->bytes, channel, bytes, size);

@@ -6,7 +6,7 @@
 //     if (option == JSON) kn_result_open();              from here on, printing to stdout has no effect
 //     kn_result_number(kn_result(), "force_n", 3.1);     without --json this call has no effect
 //     kn_result_close(code);                             called by main
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include <jansson.h>
 #include <stdint.h>
 

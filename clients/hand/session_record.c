@@ -2,7 +2,7 @@
 #include "core/algebra/algebra.h"
 #include "proto/knead_scene_t.h"
 #include "server/clock.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>

@@ -4,7 +4,7 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/cli/result.h"
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include "server/clock.h"
 #include <math.h>
 #include <stdlib.h>

@@ -10,7 +10,7 @@
 #include "clients/viewer/beside.h"
 #include "core/algebra/algebra.h"
 #include "server/option_table.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include <ctype.h>
 #include <errno.h>
 #include <limits.h>

@@ -1,4 +1,4 @@
-// knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/replay.h makes the replay.
+// knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/log_replay.h makes the replay.
 // This file writes the results and messages.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
@@ -11,7 +11,7 @@
 #include "server/clock.h"
 #include "server/log.h"
 #include "server/option_table.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>

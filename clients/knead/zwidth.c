@@ -5,7 +5,7 @@
 #include "clients/cli/output.h"
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include "clients/hand/haptic_loop.h"
 #include "server/option_table.h"
 #include <math.h>

@@ -12,8 +12,8 @@
 #include "clients/viewer/renderer.h"
 #include "core/lattice/measure.h"
 #include "server/option_table.h"
-#include "server/replay.h"
-#include "server/snapshot.h"
+#include "server/log_replay.h"
+#include "server/snapshot_file.h"
 
 // Command line of `knead view`.
 

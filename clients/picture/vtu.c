@@ -78,7 +78,7 @@ static void end(sheet *s) { say(s, xmlTextWriterEndElement(s->xml)); }
 
 // Write an array: the number of bytes and then the numbers, together in base64. VTK calls this format uncompressed
 // inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built (core/fixed.h,
-// server/snapshot.h). tuples: number of tuples; a negative number stands for an array of -tuples tuples for the whole
+// server/snapshot_file.h). tuples: number of tuples; a negative number stands for an array of -tuples tuples for the whole
 // file.
 static void write_array(sheet *s, const char *name, const char *type, int components, int64_t tuples, const void *value,
                         size_t size)

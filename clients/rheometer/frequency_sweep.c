@@ -2,7 +2,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include "clients/rheometer/rheometer.h"
 #include "core/oneport.h"
 #include <math.h>

@@ -10,7 +10,7 @@
 //
 // Compression is positive. All values are in SI units. The units gf and cm appear only in input and output.
 #include "clients/cli/command.h"
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
 #include "core/step.h"

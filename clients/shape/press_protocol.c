@@ -2,7 +2,7 @@
 #include "clients/hand/tool_height.h"
 #include "clients/hand/tool_path.h"
 #include "server/backend/backend.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

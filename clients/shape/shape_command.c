@@ -171,7 +171,7 @@ static int fit_all(kn_candidate *candidate, int count, const kn_measurement *m, 
 // ---- files
 
 // Write the scene of the best structure, with the verdict as a comment.
-static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_verdict *v)
+static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_structure_verdict *v)
 {
     char error[600];
     kn_beside out;
@@ -202,7 +202,7 @@ static int write_depth(const kn_shape_options *o, const kn_measurement *m, const
 }
 
 static int write_files(const kn_shape_options *o, const kn_measurement *m, const kn_candidate *best,
-                       const kn_verdict *v)
+                       const kn_structure_verdict *v)
 {
     int code = o->out ? write_scene(o, best, v) : KN_EXIT_OK;
     if (code == KN_EXIT_OK && o->out_depth) code = write_depth(o, m, best);
@@ -245,7 +245,7 @@ static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate
 static int identify(const kn_shape_options *o, kn_candidate *candidate, int count)
 {
     kn_measurement m;
-    kn_verdict v;
+    kn_structure_verdict v;
     int code = check_wanted(o, candidate);
     if (code != KN_EXIT_OK) return code;
     kn_shape_print_object(o, candidate);
@@ -258,7 +258,7 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
                         "--png %s: expected --depth or a force, %s has none and points are not drawn", o->png, o->log);
     if (code == KN_EXIT_OK) code = fit_all(candidate, count, &m, o->jobs);
     if (code == KN_EXIT_OK) {
-        kn_verdict_make(&v, count, candidate, &m);
+        kn_structure_verdict_make(&v, count, candidate, &m);
         kn_shape_print(&m, candidate, count, &v);
         if (v.best < 0) code = kn_complain(me, KN_EXIT_USAGE, "%s", v.words);
         else code = write_files(o, &m, &candidate[v.best], &v);

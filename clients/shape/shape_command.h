@@ -11,7 +11,7 @@ int kn_shape_measured(kn_measurement *measurement, const kn_shape_options *optio
 // Print the results, and add them to kn_result (--json).
 void kn_shape_print_object(const kn_shape_options *options, const kn_candidate *first);
 void kn_shape_print(const kn_measurement *measurement, const kn_candidate *candidate, int count,
-                    const kn_verdict *verdict);
+                    const kn_structure_verdict *verdict);
 
 // Print the misfit of the best candidate, computed again with cells of half the width (kn_candidate_finer).
 void kn_shape_print_finer(const kn_measurement *measurement, const kn_candidate *best, const kn_candidate *finer);

@@ -107,7 +107,7 @@ static void tell(const kn_measurement *m, const kn_candidate *c, double off, dou
     kn_result_number(row, "shift_y_m", c->shift_m[1]);
 }
 
-void kn_shape_print(const kn_measurement *m, const kn_candidate *c, int count, const kn_verdict *v)
+void kn_shape_print(const kn_measurement *m, const kn_candidate *c, int count, const kn_structure_verdict *v)
 {
     printf("\n%-13s %-24s %-24s %7s %8s %13s%13s %6s %7s %7s %5s %6s\n", "structure", "P0 atm", "gamma", "rms mm",
            "outline", "bulge x mm", "bulge y mm", "force%", "off", "dAICc", "press", "s");

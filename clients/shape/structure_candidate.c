@@ -373,7 +373,7 @@ static double aicc(const kn_candidate *c, int readings, double independent)
     return kn_fit_aicc(n, c->unknowns, fmax(c->sum, readings) * n / readings);
 }
 
-static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
+static void judge(kn_structure_verdict *v, int count, const kn_candidate *c, int readings)
 {
     double best_sum = INFINITY, independent = 0, least = INFINITY;
     // The candidate with the least sum of squares determines the number of independent readings for all candidates.
@@ -390,14 +390,15 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
     for (int i = 0; i < count && v->best < 0; i++)
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
-    v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    v->explained = v->best >= 0 && v->off[v->best] <= KN_STRUCTURE_VERDICT_OFF;
     // If no candidate explains the data, choose the candidate with the least `off` (size of the residuals).
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
-    v->explained = v->best >= 0 && v->off[v->best] <= KN_VERDICT_OFF;
+    v->explained = v->best >= 0 && v->off[v->best] <= KN_STRUCTURE_VERDICT_OFF;
     // The rival is the candidate other than the best that is nearest to the best and cannot be excluded.
     for (int i = 0; i < count && v->best >= 0; i++) {
-        const bool near = v->explained ? v->delta[i] < KN_VERDICT_APART : v->off[i] < KN_VERDICT_NEAR * v->off[v->best];
+        const bool near = v->explained ? v->delta[i] < KN_STRUCTURE_VERDICT_APART
+                                       : v->off[i] < KN_STRUCTURE_VERDICT_NEAR * v->off[v->best];
         if (i == v->best || c[i].no_gas_left || !near) continue;
         const bool nearer =
             v->rival >= 0 && (v->explained ? v->delta[i] < v->delta[v->rival] : v->off[i] < v->off[v->rival]);
@@ -405,7 +406,7 @@ static void judge(kn_verdict *v, int count, const kn_candidate *c, int readings)
     }
 }
 
-__attribute__((format(printf, 2, 3))) static void add(kn_verdict *v, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void add(kn_structure_verdict *v, const char *format, ...)
 {
     const size_t n = strlen(v->words);
     va_list args;
@@ -415,7 +416,7 @@ __attribute__((format(printf, 2, 3))) static void add(kn_verdict *v, const char 
 }
 
 // State how the rival compares with the best, and which measurement could separate the two.
-static void tell_rival(kn_verdict *v, const kn_candidate *c)
+static void tell_rival(kn_structure_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
     if (!v->explained) {
@@ -429,7 +430,7 @@ static void tell_rival(kn_verdict *v, const kn_candidate *c)
 }
 
 // State the verdict in words: the best, its misfit, the rival, and structures without gas.
-static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_measurement *m)
+static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, const kn_measurement *m)
 {
     const kn_candidate *best = &c[v->best];
     if (v->explained) {
@@ -449,9 +450,10 @@ static void tell(kn_verdict *v, int count, const kn_candidate *c, const kn_measu
     if (!best->settled) add(v, " Its fit had not settled.");
 }
 
-void kn_verdict_make(kn_verdict *v, int count, const kn_candidate *candidate, const kn_measurement *measurement)
+void kn_structure_verdict_make(kn_structure_verdict *v, int count, const kn_candidate *candidate,
+                               const kn_measurement *measurement)
 {
-    *v = (kn_verdict){.best = -1, .rival = -1};
+    *v = (kn_structure_verdict){.best = -1, .rival = -1};
     judge(v, count, candidate, measurement->readings);
     if (v->best < 0) {
         add(v, "No structure can be pressed like that: %s", candidate[0].why);

@@ -20,14 +20,14 @@
 // sum of squared residuals, n the number of residuals.
 //
 //     off     sqrt(S/n), the size of the residuals in units of the noise. A candidate with a larger `off` than
-//             KN_VERDICT_OFF does not explain the data
+//             KN_STRUCTURE_VERDICT_OFF does not explain the data
 //     dAICc   difference between the candidate's and the best candidate's AICc (Akaike's criterion for small samples).
 //             The AICc is computed for the number of independent readings of the candidate with the least S. An S below
 //             n is raised to n, since a misfit below the noise supports no candidate
 //
 // If no candidate explains the data, the residuals come from errors of the models, not from noise. In that case the
 // best candidate is the one with the least `off`, whatever its number of unknowns. All candidates whose `off` is at
-// most KN_VERDICT_NEAR times the least `off` count as equally likely.
+// most KN_STRUCTURE_VERDICT_NEAR times the least `off` count as equally likely.
 //
 // A structure whose fitted gas pressure is near 0 is not counted: it equals the structure without gas.
 #include "clients/identify/parameter_estimate.h"
@@ -97,19 +97,20 @@ char *kn_candidate_scene(const kn_candidate *candidate, const kn_candidate_def *
 bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *candidate, const kn_candidate_def *def, char *error,
                         size_t error_size);
 
-#define KN_VERDICT_OFF 3.0
-#define KN_VERDICT_NEAR 1.3
-#define KN_VERDICT_APART 10.0 // dAICc above which a candidate has hardly any support
+#define KN_STRUCTURE_VERDICT_OFF 3.0
+#define KN_STRUCTURE_VERDICT_NEAR 1.3
+#define KN_STRUCTURE_VERDICT_APART 10.0 // dAICc above which a candidate has hardly any support
 
-typedef struct kn_verdict {
+typedef struct kn_structure_verdict {
     int best;                    // index of the best candidate; -1: no candidate has a solution
     double delta[KN_CANDIDATES]; // dAICc of each candidate; INFINITY: the candidate has no solution
     double off[KN_CANDIDATES];   // `off` of each candidate: size of the residuals in units of the noise
-    bool explained;              // whether `off` of the best candidate is at most KN_VERDICT_OFF
+    bool explained;              // whether `off` of the best candidate is at most KN_STRUCTURE_VERDICT_OFF
     int rival;                   // index of a candidate that is as well supported as the best; -1: there is none
     char words[600];             // the verdict in sentences
-} kn_verdict;
+} kn_structure_verdict;
 
-void kn_verdict_make(kn_verdict *verdict, int count, const kn_candidate *candidate, const kn_measurement *measurement);
+void kn_structure_verdict_make(kn_structure_verdict *verdict, int count, const kn_candidate *candidate,
+                               const kn_measurement *measurement);
 
 #endif

@@ -7,7 +7,7 @@
 // A trace file has the byte order and layout of this machine. The file is written under another name and renamed when
 // it is complete, so an interrupted program leaves no partial trace. A damaged file, and a file of another program, are
 // reported differently from a missing one.
-#include "server/replay.h"
+#include "server/log_replay.h"
 
 typedef struct kn_replay_trace {
     int64_t ticks, probes;

@@ -15,7 +15,7 @@
 // check `quality` against these keys. The replay does not use `quality`. The id of a run is a hash of its canonical
 // text.
 #include "core/scene/scene.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 
 #define KN_SWEEP_RUNS_MAX 1024
 #define KN_SWEEP_RUN_SETS 9

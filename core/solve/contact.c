@@ -50,14 +50,14 @@ size_t kn_contact_anchors(const kn_model *model)
 
 size_t kn_contact_bytes(const kn_model *model)
 {
-    return (size_t)model->top_count * sizeof(kn_hold) + (size_t)kn_contact_samples(model) * sizeof(kn_sample);
+    return (size_t)model->top_count * sizeof(kn_held_node) + (size_t)kn_contact_samples(model) * sizeof(kn_sample);
 }
 
 void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
 {
     *contact = (kn_contact){.hold_max = model->top_count, .sample_max = kn_contact_samples(model)};
     contact->sample = memory;
-    contact->hold = (kn_hold *)(void *)(contact->sample + contact->sample_max);
+    contact->hold = (kn_held_node *)(void *)(contact->sample + contact->sample_max);
 }
 
 // --- plate ----------------------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
     double dt = model->def.solver.dt_s, plane = probe->position_m[2] + dt * probe->velocity_m_s[2];
     uint8_t *held = state->held + (size_t)p * (size_t)model->top_count;
     for (int t = 0; t < model->top_count; t++) {
-        kn_hold hold = {.node = model->top[t], .top = t, .probe = p};
+        kn_held_node hold = {.node = model->top[t], .top = t, .probe = p};
         memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
         if (!held[t]) {
             // a new node must be under the plate and in its path, and must not move away by itself
@@ -594,7 +594,7 @@ static void add_force(kn_probe_output *out, const double arm[3], const double fo
     out->contacts++;
 }
 
-static void end_hold(const kn_model *model, kn_state *state, const kn_hold *hold, kn_output *output)
+static void end_hold(const kn_model *model, kn_state *state, const kn_held_node *hold, kn_output *output)
 {
     // The work follows the node's own motion, which differs from the plate's at first touch. Work is also done on a
     // node that pulls.

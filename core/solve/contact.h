@@ -41,13 +41,13 @@ static inline double kn_probe_foundation(const kn_probe_def *probe)
     return probe->foundation_n_m3 > 0 ? probe->foundation_n_m3 : KN_FOUNDATION_N_M3;
 }
 
-typedef struct kn_hold { // a node that a plate holds in this step
-    int node, top;       // id of the held node; index of the node in model->top
-    int probe;           // probe whose plate holds the node
+typedef struct kn_held_node { // a node that a plate holds in this step
+    int node, top;            // id of the held node; index of the node in model->top
+    int probe;                // probe whose plate holds the node
     double velocity_m_s[3];
     double force_n[3]; // set by the solver: force of the node on the plate
     bool gone;         // set by the solver: the plate released the node within the step
-} kn_hold;
+} kn_held_node;
 
 typedef struct kn_sample { // a point of the skin near a tool
     int probe, face;
@@ -81,7 +81,7 @@ typedef struct kn_sample { // a point of the skin near a tool
 } kn_sample;
 
 typedef struct kn_contact { // contacts of one step; lives in the state's scratch
-    kn_hold *hold;
+    kn_held_node *hold;
     kn_sample *sample;
     int hold_count, hold_max;
     int sample_count, sample_max;

@@ -22,7 +22,7 @@ static void free_last_held(const kn_model *m, kn_scratch *s)
 
 // Prescribe the velocity of one held node. Mark the row as held, and as moved if the
 // velocity differs from the last one.
-static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_hold *hold)
+static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_held_node *hold)
 {
     const size_t at = m->offset[hold->node];
     size_t row = at / (3 * m->stride);
@@ -287,7 +287,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
 static void read_forces(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
-        kn_hold *hold = &s->contact.hold[i];
+        kn_held_node *hold = &s->contact.hold[i];
         const size_t at = m->offset[hold->node];
         for (size_t k = 0; k < 3; k++)
             hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, at + k * m->stride);
@@ -317,7 +317,7 @@ static kn_linearization linearization_of(const kn_model *m, const kn_scratch *s)
 static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
-        kn_hold *hold = &s->contact.hold[i];
+        kn_held_node *hold = &s->contact.hold[i];
         const size_t at = m->offset[hold->node];
         if (hold->gone || kn_real_get(m, s->work.r, at + 2 * m->stride) >= 0) continue;
         hold->gone = true;

@@ -15,7 +15,7 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
 {
     double h = m->def.spacing_m, flow_m_s = flow_velocity(m), change = 0, way = 0;
     for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *hold = &contact->hold[i];
+        const kn_held_node *hold = &contact->hold[i];
         // left: share of the height below the node that is not yet compressed
         double x[3], high = m->rest_m[hold->node][2], left = 1;
         kn_state_position(m, state, hold->node, x);
@@ -84,7 +84,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY}, change[3] = {0}, top_m = 0;
     int count = 0;
     for (int i = 0; i < contact->hold_count; i++) {
-        const kn_hold *hold = &contact->hold[i];
+        const kn_held_node *hold = &contact->hold[i];
         const double *rest_m = m->rest_m[hold->node];
         if (hold->probe != probe) continue;
         for (size_t k = 0; k < 3; k++)

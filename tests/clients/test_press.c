@@ -1,7 +1,7 @@
 // clients/shape/press_protocol.h: repeat a hand's press on a model, from a path and from a log whose server missed cycles.
 #include "clients/shape/press_protocol.h"
 #include "clients/shape/structure_candidate.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "tests/check.h"
 #include "tests/clients/recorded_press.h"
 

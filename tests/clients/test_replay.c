@@ -1,7 +1,7 @@
 // gate in release: three times as long with the sanitizers; fuzz.log and fuzz.replay look at its memory there
 #include "clients/cli/commands.h"
 #include "server/operator_orders.h"
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "server/store.h"
 #include "tests/check.h"
 #include "tests/dice.h"
@@ -586,7 +586,7 @@ static void tell_slow_story(const char *path)
     r->in.execution_ns = 900000;
     move(r, 0, 0.0285, 30, 0.0);
     r->in.execution_ns = 300000;
-    r->in.take = KN_TAKE_COMMAND;
+    r->in.take = KN_QUALITY_CAUSE_COMMAND;
     r->in.quality = KN_QUALITY_OWN;
     move(r, 0, 0.028, 600, 0.0);
     CHECK(r->servo.quality == KN_QUALITY_OWN && r->servo.safety[0].gain == 1.0);

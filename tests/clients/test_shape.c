@@ -414,7 +414,7 @@ TEST("the distance to a surface is exact outside, and negative inside")
 
 TEST("the verdict names the nearest structure if none explains the data, otherwise the one with the fewest parameters")
 {
-    kn_verdict v;
+    kn_structure_verdict v;
     const kn_measurement e = {.readings = 1000};
     kn_candidate c[3] = {
         {.name = "diagonals", .words = "D", .found = true, .unknowns = 1, .independent = 12, .settled = true},
@@ -423,12 +423,12 @@ TEST("the verdict names the nearest structure if none explains the data, otherwi
     const double off[3] = {10.5, 10.2, 10};
     for (int i = 0; i < 3; i++) c[i].sum = off[i] * off[i] * e.readings;
     c[1].no_gas_left = true;
-    kn_verdict_make(&v, 3, c, &e);
+    kn_structure_verdict_make(&v, 3, c, &e);
     CHECK(v.best == 2 && v.rival == 0 && !v.explained && v.delta[0] < v.delta[2]);
     CHECK(strstr(v.words, "both comes nearest and is off by 10.0 times") &&
           strstr(v.words, "diagonals is nearly as close, 10.5"));
     for (int i = 0; i < 3; i++) c[i].sum = 0.01 * off[i] * off[i] * e.readings;
-    kn_verdict_make(&v, 3, c, &e);
+    kn_structure_verdict_make(&v, 3, c, &e);
     CHECK(v.best == 0 && v.rival == 2 && v.explained); // the fewest numbers that explain the data
 }
 

@@ -26,7 +26,7 @@ includes clients 'core/|proto/|server/|clients/|hdl/(registers|knead_hash).h'
 circles() {
     local found
     found=$(grep -rnoE '^ *# *include +"(core|server|clients)/[^"]+\.h"' --include='*.[ch]' "$@" |
-        sed -E 's/^([^:]+)\.[ch]:[^"]*"([^"]+)\.h"/\1 \2/; s/_parts\>//g' | awk '$1 != $2' | sort -u |
+        sed -E 's/^([^:]+)\.[ch]:[^"]*"([^"]+)\.h"/\1 \2/; s/_(parts|job)\>//g' | awk '$1 != $2' | sort -u |
         tsort 2>&1 >/dev/null | awk '/a loop:$/ { printf "\n "; next } { printf " %s", $2 }')
     [ -z "$found" ] && echo "ok   no include circle in $*" && return
     printf 'FAIL include circles, each module includes the next:%s\n' "$found" && fail=1

@@ -1,5 +1,5 @@
 // libFuzzer target: any log is either refused in one line or replays.
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "tests/fuzz/memory_file.h"
 #include <string.h>
 

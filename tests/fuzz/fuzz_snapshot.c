@@ -3,7 +3,7 @@
 // begin as a snapshot modifies a valid one: every three bytes are an offset and a byte, and any rest cuts off the
 // end.
 #include "core/snapshot.h"
-#include "server/snapshot.h"
+#include "server/snapshot_file.h"
 #include "tests/fuzz/fuzz.h"
 #include <sodium.h>
 #include <string.h>

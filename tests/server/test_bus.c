@@ -100,7 +100,7 @@ static bool send_over(const char *interface, const kn_bus *bus, const char *text
 TEST("a datagram from another interface is not delivered or is marked as foreign")
 {
     kn_bus bus;
-    static kn_batch batch;
+    static kn_datagram_batch batch;
     char error[256] = "";
     if (kn_test_failures > 0) return; // SKIP would hide an earlier failure
     if (!enter_network()) SKIP("no network of its own, or no ip (package iproute2)");

@@ -86,7 +86,7 @@ static void tick(rig *r, double z_m)
     kn_loop_tick(&r->fixture.loop, &wake);
     // A slow machine would otherwise count as an overload.
     r->fixture.loop.execution_ns = 0;
-    for (const kn_record *record; (record = kn_ring_front(&r->fixture.loop.records));
+    for (const kn_tick_record *record; (record = kn_ring_front(&r->fixture.loop.records));
          kn_ring_pop(&r->fixture.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {

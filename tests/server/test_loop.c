@@ -49,7 +49,7 @@ static void move(rig *r, double vz_m_s)
     kn_wake wake = {.tick = r->tick++, .now_ns = kn_now_ns() - r->took_ns};
     kn_loop_tick(&r->fixture.loop, &wake);
     r->fixture.loop.execution_ns = 0; // a slow machine would report an overload
-    for (const kn_record *record; (record = kn_ring_front(&r->fixture.loop.records));
+    for (const kn_tick_record *record; (record = kn_ring_front(&r->fixture.loop.records));
          kn_ring_pop(&r->fixture.loop.records)) {
         r->out = record->out;
         for (int i = 0; i < r->out.event_count; i++) {

@@ -27,7 +27,7 @@ static knead_probe_pose_t good_pose(int64_t session, int64_t seq) // one per ms,
                                 .buttons = 3};
 }
 
-static kn_verdict judge(const kn_datagram *datagram)
+static kn_pose_verdict judge(const kn_datagram *datagram)
 {
     int probe;
     kn_pose pose;
@@ -41,13 +41,13 @@ static kn_datagram datagram_of(const char *channel, const knead_probe_pose_t *po
     return datagram;
 }
 
-static kn_verdict send_pose(knead_probe_pose_t pose)
+static kn_pose_verdict send_pose(knead_probe_pose_t pose)
 {
     kn_datagram datagram = datagram_of("KNEAD_POSE_hand", &pose);
     return judge(&datagram);
 }
 
-#define CHECK_VERDICT(value, expected) CHECK_STR(kn_verdict_name(value), kn_verdict_name(expected))
+#define CHECK_VERDICT(value, expected) CHECK_STR(kn_pose_verdict_name(value), kn_pose_verdict_name(expected))
 
 TEST("a valid pose is accepted with every field as sent")
 {
@@ -514,7 +514,7 @@ TEST("every random datagram ends in exactly one counter, and every accepted one 
     for (int i = 0; i < KN_REJECT_COUNT;
          i++) // the mix reaches every reason; rate and the later reasons have their own tests
         if (i != KN_REJECT_RATE && i < KN_REJECT_PEER && receiver.rejected[i] == 0)
-            KN_TEST_FAIL("the mix never reached '%s'", kn_verdict_name((kn_verdict)i));
+            KN_TEST_FAIL("the mix never reached '%s'", kn_pose_verdict_name((kn_pose_verdict)i));
 }
 
 // Send a pose with this seq. late_ms: delay added to its interval from the pose before.
@@ -609,7 +609,7 @@ TEST("proto/README.md lists every reject reason with its index in status_t.rejec
     if (file) fclose(file);
     for (int i = 0; i < KN_REJECT_COUNT; i++) {
         char row[64];
-        snprintf(row, sizeof row, "| %d | %s |", i, kn_verdict_name((kn_verdict)i));
+        snprintf(row, sizeof row, "| %d | %s |", i, kn_pose_verdict_name((kn_pose_verdict)i));
         if (!strstr(text, row)) KN_TEST_FAIL("not in proto/README.md: %s", row);
     }
 }

@@ -437,10 +437,10 @@ TEST("quality falls point by point, reports the lowest point once, and rises onl
     hold(r, 100, OVER_NS);
     CHECK(told(r) == 3 && (r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
 
-    r->in.take = KN_TAKE_COMMAND;
+    r->in.take = KN_QUALITY_CAUSE_COMMAND;
     r->in.quality = KN_QUALITY_OWN;
     hold(r, 1, OVER_NS);
-    r->in.take = KN_TAKE_NONE;
+    r->in.take = KN_QUALITY_CAUSE_NONE;
     CHECK(told(r) == 4 && r->out.event[0].arg[1] == KN_QUALITY_OWN && r->out.event[0].arg[2] == 1);
     CHECK(!(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED));
     CHECK(r->out.force[0].flags & KNEAD_CONTACT_FORCE_T_FLAG_RAMPING);
@@ -473,7 +473,7 @@ TEST("a quality point taken during a run gives the bits of a servo that started 
         char chosen[256];
         snprintf(chosen, sizeof chosen, "quality={chosen: %s, " POINTS "}", names[q]);
         OWN(rig) *began = rig_make(chosen), *took = rig_make("quality={" POINTS "}"), *own = rig_make(NULL);
-        took->in.take = KN_TAKE_COMMAND;
+        took->in.take = KN_QUALITY_CAUSE_COMMAND;
         took->in.quality = (kn_quality)q;
         press(took, 0.004);
         press(began, 0.004);

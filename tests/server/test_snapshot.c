@@ -135,7 +135,7 @@ TEST("a servo resumed from a file has the same forces, events and states as the 
                 b->in.tick = b->found.tick;
                 b->pose = a->pose;
             }
-            a->in.take = n == 1300 ? KN_TAKE_COMMAND : KN_TAKE_NONE;
+            a->in.take = n == 1300 ? KN_QUALITY_CAUSE_COMMAND : KN_QUALITY_CAUSE_NONE;
             a->in.quality = KN_QUALITY_FAST;
             b->in.take = a->in.take, b->in.quality = a->in.quality;
             tick(a, silent, buttons);

@@ -4,7 +4,7 @@
 #include "core/hash.h"
 #include "server/loop.h"
 #include "server/receiver.h"
-#include "server/snapshot.h"
+#include "server/snapshot_file.h"
 #include "server/wire.h"
 #include "tests/check.h"
 #include "tests/server/datagram.h"
@@ -125,7 +125,7 @@ static void hear(soak *s, int64_t n, int64_t now_ns)
 static void say(soak *s)
 {
     kn_ring *records = &s->d->fixture.loop.records;
-    for (const kn_record *r; (r = kn_ring_front(records)); kn_ring_pop(records))
+    for (const kn_tick_record *r; (r = kn_ring_front(records)); kn_ring_pop(records))
         for (int p = 0; p < r->out.probes; p++) {
             const kn_force *f = &r->out.force[p];
             knead_contact_force_t message;

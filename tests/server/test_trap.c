@@ -91,7 +91,7 @@ static void rig_close(rig *r)
 
 static void rig_drain(rig *r)
 {
-    for (const kn_record *record; (record = kn_ring_front(&r->fixture.loop.records));
+    for (const kn_tick_record *record; (record = kn_ring_front(&r->fixture.loop.records));
          kn_ring_pop(&r->fixture.loop.records)) {
         r->ticks++;
         r->forces += record->out.force[0].live;

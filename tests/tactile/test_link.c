@@ -283,7 +283,7 @@ TEST("with a key every flipped or replayed message is rejected, and all others a
 
     start(&(kn_link_fault){0}, 0, &auth); // poses of another life are not accepted, but the hands find the new life
     kn_rig_run(&p.rig, 1500);
-    kn_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
+    kn_datagram_batch recorded = {.count = 1, .datagram[0] = p.rig.inbox[0].datagram[0]};
     int64_t life = auth.life, session = p.bridge[0].now.session.session, pressed = p.near.rules.pressed;
     kn_rig_kill(&p.rig);
     kn_rig_run(&p.rig, 50);

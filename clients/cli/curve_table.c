@@ -1,4 +1,4 @@
-#include "clients/cli/table.h"
+#include "clients/cli/curve_table.h"
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"

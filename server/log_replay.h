@@ -1,5 +1,5 @@
-#ifndef KN_SERVER_REPLAY_H
-#define KN_SERVER_REPLAY_H
+#ifndef KN_SERVER_LOG_REPLAY_H
+#define KN_SERVER_LOG_REPLAY_H
 // A replay runs a log tick by tick through the same servo code as the daemon, under a virtual clock.
 //
 //     kn_replay_def def = {.log_path = "press.lcmlog"};

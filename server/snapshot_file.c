@@ -1,4 +1,4 @@
-#include "server/snapshot.h"
+#include "server/snapshot_file.h"
 #include "core/algebra/bytes.h"
 #include "core/snapshot.h"
 #include <assert.h>

@@ -1,4 +1,4 @@
-#include "server/replay.h"
+#include "server/log_replay.h"
 #include "server/backend/fpga.h"
 #include "proto/knead_event_t.h"
 #include "server/console.h"
@@ -375,7 +375,7 @@ static void remember_pose(kn_replay *r)
     int p;
     kn_pose pose;
     const kn_datagram d = datagram_of(&v->record);
-    kn_verdict verdict = kn_receiver_read(&v->receiver, &d, &p, &pose);
+    kn_pose_verdict verdict = kn_receiver_read(&v->receiver, &d, &p, &pose);
     if (verdict == KN_ACCEPTED) v->poses[p][(uint64_t)pose.seq % POSES] = pose;
     else if (verdict == KN_REJECT_LENGTH || verdict == KN_REJECT_TYPE) r->tally.malformed++;
 }
@@ -504,7 +504,7 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     double to = e->arg[1];
     if (!r->same) return;
     if (to >= 0 && to < KN_QUALITIES && r->scene->point[(int)to].live) {
-        in->take = e->arg[2] != 0 ? KN_TAKE_COMMAND : KN_TAKE_BUDGET;
+        in->take = e->arg[2] != 0 ? KN_QUALITY_CAUSE_COMMAND : KN_QUALITY_CAUSE_BUDGET;
         in->quality = (kn_quality)to;
         return;
     }

@@ -1,5 +1,5 @@
-#ifndef KN_CLIENTS_TABLE_H
-#define KN_CLIENTS_TABLE_H
+#ifndef KN_CLIENTS_CURVE_TABLE_H
+#define KN_CLIENTS_CURVE_TABLE_H
 // Table of the curves of an experiment. Its rows of numbers are grouped into series, each with a label. A table can be
 // written as CSV or drawn by gnuplot.
 #include <stdbool.h>

@@ -1,5 +1,5 @@
-#ifndef KN_SERVER_SNAPSHOT_H
-#define KN_SERVER_SNAPSHOT_H
+#ifndef KN_SERVER_SNAPSHOT_FILE_H
+#define KN_SERVER_SNAPSHOT_FILE_H
 // A snapshot file holds everything that a served object needs to continue with the same bits, and identifies the scene.
 //
 //     magic | format | file size | knead's version | scene's name | hash of its text | state hash
