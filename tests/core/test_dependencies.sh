@@ -31,8 +31,7 @@ circles() {
     [ -z "$found" ] && echo "ok   no include circle in $*" && return
     printf 'FAIL include circles, each module includes the next:%s\n' "$found" && fail=1
 }
-circles core
-echo "     server and clients are not judged yet: clean them, then add them to the call of circles"
+circles core server
 
 # core may use C library headers without clocks, threads, sockets or files. Only the scene parser uses YAML.
 system='assert|complex|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'
