@@ -17,12 +17,11 @@ test -n "$compilers" || { echo "skipped: no compiler"; exit 77; }
 for cc in $compilers; do
     mkdir "$out/$cc"
     command="$cc -w -Wno-psabi -std=c17 -D_GNU_SOURCE -I. -ffp-contract=off -O1"
-    for file in core/*.c tests/golden/test_golden.c; do
-        case $file in core/kernel*.c) continue ;; esac
+    for file in $(find core -name '*.c' ! -path 'core/scene/*' ! -name 'kernel_*.c') tests/golden/test_golden.c; do
         echo "$command -c $file -o $out/$cc/$(basename "$file" .c).o"
     done
     for precision in F32 F64; do
-        for file in core/kernel*.c; do
+        for file in core/solve/kernel_*.c; do
             kernel="-c $file -DKN_KERNEL_$precision=1 -o $out/$cc/$(basename "$file" .c)_$precision"
             echo "$command $kernel.base.o -DKN_KERNEL_BASE=1"
             echo "$command $kernel.avx2.o -DKN_KERNEL_AVX2=1 -mavx2 -mfma"
