@@ -1,11 +1,11 @@
 #ifndef KN_BENCH_BENCH_H
 #define KN_BENCH_BENCH_H
-// Functions shared by the benches: the first lines of output, and the clock.
+// Helpers that all benches share: clocks, and the lines about processor and compiler that every bench prints first.
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
-// Return the time of a clock, us. CLOCK_THREAD_CPUTIME_ID excludes the machine's work for others.
+// Return the time of a clock, us. CLOCK_THREAD_CPUTIME_ID counts only the processor time of the calling thread.
 static inline double clock_us(clockid_t clock)
 {
     struct timespec t;

@@ -1,13 +1,15 @@
-// Closed loops in simulated time with the lattice itself: every class of devices, in every hand, on every material.
-// The tools are a ball, a flat box, a plate without a virtual coupling, and two balls with a device each. The bench
-// answers a haptician's first questions: whether it buzzes, whether it gives energy, and how much of the object's
+// Closed loops of hand, device and lattice in simulated time: every class of devices, in every grip of a hand, on every
+// material. The tools are a ball, a flat box, a plate without a virtual coupling, and two balls with a device each. The
+// bench answers three questions: does the loop buzz, does it give energy to the hand, and how much of the object's
 // stiffness remains behind the virtual coupling.
 //
-//     bench_loop [--quick]     847 nodes, ten minutes; --quick: 144 nodes, three
+//     bench_loop [--quick]     847 nodes, ten minutes; --quick: 144 nodes, five minutes
 //
-// The device moves along three axes. Force is judged as in clients/hand/haptic_loop.h, above 10 Hz, and taps by their
-// turns. A device without a hand leans on the object only where no second hand moves the object. Exit 1 if a coupled
-// tool buzzes, gives a stroke over a millijoule, or renders 10 % more or less than its springs in series.
+// The device moves along three axes. clients/hand/haptic_loop.h defines when a loop buzzes: by its force above 10 Hz,
+// and in a tap by the number of reversals of its force. The motion "lean", of a device that no hand holds, is left out
+// for two balls, because the second hand would move the object. The exit code is 1 if a loop with a coupled tool
+// buzzes, if one stroke gives the hand more than 1 mJ, or if the rendered stiffness differs by more than 10 % from that
+// of the object and the coupling in series.
 #include "bench/bench.h"
 #include "clients/hand/haptic_loop.h"
 #include "core/scene/scene.h"
@@ -24,14 +26,15 @@ static const double apart_m = 0.0125; // distance of the two balls from the midd
 
 // --- object ---------------------------------------------------------------------------------------------------------
 
-typedef struct block { // the object of a rig: the lattice, its tool, and possibly another hand's tool
+typedef struct block { // object of a closed loop: the lattice under one tool or two, and the second hand's device
     kn_model *model;
     kn_state *state;
     kn_input input;
     kn_output output;
-    double touch_m; // height at which the first tool just touches
+    double touch_m; // height of the first tool at which it just touches the object, m
     bool two;
-    kn_held_device other; // the second hand's device: it gets the force of the last tick, as from a server
+    // Simulated device of the second hand. It gets the force of a tick one tick later, as a device of kneadd does.
+    kn_held_device other;
     kn_turns turns;
     long tick;
     bool diverged;
@@ -103,7 +106,7 @@ static void put(kn_probe_input *in, const double position_m[3], const double vel
     in->position_m[2] += up_m;
 }
 
-// Press and lift with the second hand once in two seconds, independent of the first.
+// Let the second hand press and lift once every two seconds, whatever the first hand does.
 static void move_other(block *b, const double force_n[3])
 {
     double w = 3.141592653589793, t = 1e-3 * (double)b->tick++, path_m[3] = {0, 0, 0.006 * cos(w * t)};
@@ -126,9 +129,14 @@ static double touch(void *self, const double position_m[3], const double velocit
 // --- grid -----------------------------------------------------------------------------------------------------------
 
 typedef struct tally {
-    int runs, buzzes, gave;                      // gave: over a millijoule in a stroke
-    double loudest_n, floors, returned_j, turns; // floors: loudest held force, in steps that the device resolves
-    char worst[80];                              // the loudest that buzzes, otherwise the loudest
+    // Number of runs of one tool, of runs that buzz, and of runs in which one stroke gave the hand more than 1 mJ
+    // (gave).
+    int runs, buzzes, gave;
+    // Largest values of all runs. loudest_n: rms force above 10 Hz. floors: rms force above 10 Hz of a lean or a press,
+    // divided by the resolution of the force. returned_j: energy given to the hand in one stroke. turns: number of
+    // reversals of the force, per stroke of a tap or per second of a slide.
+    double loudest_n, floors, returned_j, turns;
+    char worst[80]; // name of the loudest run that buzzes; if no run buzzes, of the loudest run
     double worst_n;
 } tally;
 
@@ -174,8 +182,8 @@ static void run(tally *t, const kn_device_def *device, const char *material, boo
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    bool other_buzzes =
-        b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS; // two strokes, and the effect of the first hand
+    // The second hand makes two strokes in a run, so its force may reverse twice as often.
+    bool other_buzzes = b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS;
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);
 }
@@ -203,7 +211,7 @@ static bool grid_of(int tool, bool quick)
 
 // --- stiffness ------------------------------------------------------------------------------------------------------
 
-// Go down at 1 mm/s to a depth, wait 2 s, and return the force.
+// Press down at 1 mm/s from the depth from_m to the depth to_m, wait at least 2 s, and return the vertical force, N.
 static double settled(block *b, double from_m, double to_m)
 {
     double f[3] = {0}, way_m = 0;
@@ -216,7 +224,7 @@ static double settled(block *b, double from_m, double to_m)
     return f[2];
 }
 
-// Return the stiffness of a ball in jelly between 2 and 3 mm, N/m.
+// Return the stiffness of jelly under a ball, N/m, from the forces at the depths of 2 and 3 mm.
 static double stiffness(const kn_coupling *coupling, bool quick)
 {
     block b;
@@ -247,13 +255,14 @@ int main(int argc, char **argv)
 {
     bool quick = argc == 2 && !strcmp(argv[1], "--quick"), met = true;
     if (argc == 2 && !strcmp(argv[1], "--help"))
-        return printf("usage: bench_loop [--quick]\nClosed loops in simulated time on 847 nodes, ten minutes; --quick: "
-                      "on 144, five. What it tells: bench/README.md\n"),
+        return printf(
+                   "usage: bench_loop [--quick]\nSimulate closed loops on 847 nodes, in ten minutes; --quick: on 144 "
+                   "nodes, in five minutes. bench/README.md explains the tables.\n"),
                0;
     if (argc > 1 && !quick) return fprintf(stderr, "bench_loop: %s: expected --quick, --help or nothing\n", argv[1]), 2;
     print_machine();
-    printf("\nRound trips of 0 and 1 ms. floors: held force above 10 Hz, in steps that the device resolves; turns per "
-           "stroke.\n\n"
+    printf("\nRound trips of 0 and 1 ms. floors: force above 10 Hz of a held tool / resolution of the force; turns: "
+           "reversals of the force per stroke of a tap or second of a slide.\n\n"
            "| tool         | runs | buzzes | >10Hz N | floors | turns  | given mJ | > 1 mJ | loudest\n"
            "|--------------|-----:|-------:|--------:|-------:|-------:|---------:|-------:|--------\n");
     for (int tool = 0; tool < TOOLS; tool++) met &= grid_of(tool, quick) || tool == RIGID;

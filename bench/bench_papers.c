@@ -1,6 +1,6 @@
-// One experiment of the papers: a scene, pressed by its first probe or left to its weight. bench/papers makes its
-// figures from such experiments. The program writes pictures and curves beside --prefix, and the measures as one line
-// of JSON.
+// One experiment of the papers: the first probe of a scene presses the object, or the object sags under its own weight.
+// bench/papers runs this program for each figure of the papers. The program writes pictures and curves to files whose
+// names begin with --prefix, and prints the measures as one line of JSON.
 #include "clients/picture/object_still.h"
 #include "clients/viewer/image.h"
 #include "core/scene/scene.h"
@@ -10,8 +10,9 @@
 
 #define PICTURE_WIDTH 800
 #define PICTURE_HEIGHT 560
-#define CELLS_EVERY 20 // steps between two looks at the cells
-#define CATCH 3        // steps whose median is the force: a node that a plate catches gives a kick for one of them
+#define CELLS_EVERY 20 // number of steps between two checks of the cells' volumes
+// Number of steps over which the force is a median. When the plate catches a node, the force of one step jumps.
+#define CATCH 3
 
 typedef struct options {
     const char *scene, *prefix, *sets[32];
@@ -23,15 +24,20 @@ typedef struct options {
 } options;
 
 typedef struct measures {
-    double peak_n, dip_n, end_n;     // greatest force; greatest fall on the way down; force at the end of the hold
-    double bulge_m[2], volume_share; // at the end of the hold: outwards along x, y; change of volume / volume
-    double least_cell;               // smallest V/V0 of a cell at any time
-    double pressed_m, left_m;        // depth of the dent at the end of the hold; depth that remains at the end
-    double left_share;               // |u| at the end / |u| at the end of the hold, over all nodes
-    double sag;                      // mean fall of the top at the end, share of the height
-    double iterations;               // mean per step
-    int capped;                      // steps that the solver left above its tolerance
-    double fallen_s;                 // time at which the top had come down by half, < 0: never
+    // peak_n: largest force. dip_n: largest decrease of the force while the tool goes down. end_n: force at the end of
+    // the hold.
+    double peak_n, dip_n, end_n;
+    // At the end of the hold. bulge_m: outward motion of the sides along x and y. volume_share: change of the volume,
+    // relative to the volume at rest.
+    double bulge_m[2], volume_share;
+    double least_cell;        // smallest volume of a cell at any time, relative to the cell's volume at rest
+    double pressed_m, left_m; // depth of the dent at the end of the hold, and at the end of the experiment
+    // Displacement of all nodes (root of the sum of squares) at the end, relative to that at the end of the hold.
+    double left_share;
+    double sag;        // mean descent of the top at the end, relative to the object's height
+    double iterations; // mean number of solver iterations per step
+    int capped;        // number of steps that ended with a residual above the solver's tolerance
+    double fallen_s;   // time at which the top had come down by half the object's height; < 0: never
     kn_status status;
 } measures;
 
@@ -41,11 +47,11 @@ typedef struct experiment {
     kn_model *model;
     kn_state *state;
     kn_surface *surface;
-    double top_m, low_m[3], high_m[3]; // of the surface at rest
-    kn_cell *cell;                     // cells of a block
-    int cell_count;                    // cells of a block, or elements of a net
-    double (*held)[3];                 // [nodes] displacement at the end of the hold
-    double recent_n[CATCH];            // forces of the last steps, in a ring
+    double top_m, low_m[3], high_m[3]; // height of the top, and corners of the box around the object, at rest
+    kn_cell *cell;                     // [cell_count] cells of a block; NULL for a mesh
+    int cell_count;                    // number of cells of a block, or of elements of a mesh
+    double (*held)[3];                 // [nodes] displacement of each node at the end of the hold
+    double recent_n[CATCH];            // forces of the last CATCH steps, in a ring buffer
     FILE *curve;
     measures m;
 } experiment;
@@ -70,7 +76,7 @@ static void place_of(const experiment *x, int node, bool now, double p[3])
     else memcpy(p, x->model->rest_m[node], 3 * sizeof *p);
 }
 
-// Return the volume of a cell, or of an element of a net. A flat net has areas.
+// Return the volume of a block's cell or of a mesh's element, now or at rest. For a flat mesh, return the area.
 static double cell_volume(const experiment *x, int i, bool now)
 {
     const kn_simplices *s = x->model->def.mesh;
@@ -107,7 +113,7 @@ static double mean_top(const experiment *x)
     return sum / (x->high_m[2] - x->low_m[2]);
 }
 
-// Return the largest depth of a top node below its place at rest.
+// Return the depth of the dent: how far the deepest node of the top is below its place at rest, m.
 static double dent(const experiment *x)
 {
     double deepest = 0, u[3];
@@ -118,19 +124,21 @@ static double dent(const experiment *x)
     return deepest;
 }
 
-// Write the profile of the side towards +x, on the middle plane: height of each node and its outward displacement.
+// Write the profile of the object's side that faces +x, on the middle plane of the block: height and outward
+// displacement of each node.
 static void write_profile(const experiment *x)
 {
     char path[600];
     snprintf(path, sizeof path, "%s-profile.csv", x->opt->prefix);
     FILE *f = fopen(path, "w");
-    if (!f) fail("the profile cannot be written");
+    if (!f) fail("cannot write the profile to PATH-profile.csv");
     fprintf(f, "height_m,outwards_m\n");
     const kn_model *m = x->model;
     const kn_grid *g = &m->grid;
     for (int iz = 0; !m->def.mesh && iz < g->n[2]; iz++) {
         double sum[2] = {0}, at[3];
-        int first = (g->n[1] - 1) / 2, last = g->n[1] / 2; // one node, or the two beside the middle
+        // The middle plane has a row of nodes, or lies between two rows, of which the mean is taken.
+        int first = (g->n[1] - 1) / 2, last = g->n[1] / 2;
         for (int iy = first; iy <= last; iy++) {
             int node = kn_grid_node(g, g->n[0] - 1, iy, iz);
             kn_state_position(m, x->state, node, at);
@@ -198,7 +206,8 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
 
 // ---- the experiment
 
-// Lean the object by so much of its height. Without diagonals there is no resistance, and no motion starts by itself.
+// Shear the object sideways: each node moves along x by `share` of its height. A lattice without diagonals does not
+// resist shear, but an upright one does not begin to fall by itself.
 static void lean(experiment *x, double share)
 {
     bool wide = x->model->def.solver.precision == KN_PRECISION_F64;
@@ -245,14 +254,15 @@ static void close_experiment(experiment *x)
     kn_scene_destroy(x->scene);
 }
 
-// Return the plate's position at the end of the step that ends at time t. press_input of tests/physics/press.h is
-// similar, but takes the first node of the top for the highest.
+// Return the input of the step that ends at time t: the plate's position at the beginning of the step, and its mean
+// velocity during the step. The function press_input of tests/physics/press.h is similar, but takes the first node of
+// the top for the highest one.
 static kn_input input_at(const experiment *x, double t)
 {
     kn_input in = {0};
     const press *p = &x->opt->path;
     double dt = x->model->def.solver.dt_s, before = press_depth(p, t - dt);
-    if (p->depth_m == 0 || before < -0.005) return in; // withdrawn
+    if (p->depth_m == 0 || before < -0.005) return in; // no press, or the plate is more than 5 mm above the object
     in.probe[0].attached = true;
     in.probe[0].position_m[2] = x->top_m - before;
     in.probe[0].velocity_m_s[2] = (before - press_depth(p, t)) / dt;
@@ -276,7 +286,8 @@ static void watch(experiment *x, double t, int step, const kn_output *out, doubl
     x->recent_n[step % CATCH] = out->probe[0].force_n[2];
     double force = median(x->recent_n);
     m->peak_n = fmax(m->peak_n, force);
-    if (t <= press_down_s(&x->opt->path) - PRESS_RAMP) { // not while the hand slows down
+    // Look for a dip only while the plate goes down at full speed: when the plate slows down, the force falls anyway.
+    if (t <= press_down_s(&x->opt->path) - PRESS_RAMP) {
         *highest = fmax(*highest, force);
         m->dip_n = fmax(m->dip_n, *highest - force);
     }
@@ -303,7 +314,8 @@ static void run_experiment(experiment *x)
         if (x->curve && i % (int)fmax(1, 0.01 / dt + 0.5) == 0)
             fprintf(x->curve, "%.4f,%.6g,%.6g,%.6g\n", i * dt, pressed ? press_depth(&o->path, i * dt) : 0,
                     out.probe[0].force_n[2], mean_top(x));
-        // A fallen object is a heap of folded cells. Its further motion has no meaning, and diverges in the end.
+        // Stop 1 s after the object has fallen. A fallen object is a heap of folded cells; its further motion has no
+        // meaning, and in the end the solver diverges.
         bool heap = x->m.fallen_s >= 0 && i * dt > x->m.fallen_s + 1;
         if (i == held || (heap && i < held)) {
             x->m.end_n = out.probe[0].force_n[2];
@@ -331,14 +343,14 @@ static void print(const experiment *x)
 }
 
 static const char usage[] =
-    "usage: bench_papers SCENE [OPTION]...      one experiment of bench/papers\n"
-    "  --set KEY=VALUE   any key of a scene\n"
-    "  --depth M         the first probe goes down that far at 1 cm/s; 0: it stays away\n"
-    "  --hold S          it stays there; without a depth: how long the object is left to its weight\n"
-    "  --rest S          after it has begun to rise\n"
-    "  --lean SHARE      the object starts leaning by that much of its height\n"
-    "  --prefix PATH     writes PATH.csv, PATH-profile.csv\n"
-    "  --pictures AZIMUTH,ELEVATION   and PATH-initial.png, -deformed.png, -stationary.png\n";
+    "usage: bench_papers SCENE [OPTION]...      run one experiment of bench/papers\n"
+    "  --set KEY=VALUE   set a key of the scene\n"
+    "  --depth M         press the first probe M metres deep, at 1 cm/s (default: 0, no press)\n"
+    "  --hold S          hold the probe at this depth for S seconds; without --depth: let it sag for S seconds\n"
+    "  --rest S          after --hold, withdraw the probe and go on for S seconds\n"
+    "  --lean SHARE      let the object lean to the side at the start, by SHARE of its height\n"
+    "  --prefix PATH     write PATH.csv and PATH-profile.csv\n"
+    "  --pictures AZIMUTH,ELEVATION   also draw PATH-initial.png, PATH-deformed.png and PATH-stationary.png\n";
 
 static options parse(int argc, char **argv)
 {
@@ -363,7 +375,7 @@ static options parse(int argc, char **argv)
             break;
         default: fputs(usage, stdout); exit(c == 'h' ? 0 : 2);
         }
-    if (optind + 1 != argc) fail("expected one SCENE; --help tells the rest");
+    if (optind + 1 != argc) fail("expected one SCENE; bench_papers --help lists the options");
     if (o.pictures && !o.prefix) fail("--pictures: expected --prefix");
     o.scene = argv[optind];
     return o;
@@ -376,7 +388,7 @@ int main(int argc, char **argv)
     if (o.path.depth_m > 0 && x.model->def.probe_count == 0) fail("the scene has no probe to press with");
     char path[600];
     snprintf(path, sizeof path, "%s.csv", o.prefix ? o.prefix : "");
-    if (o.prefix && !(x.curve = fopen(path, "w"))) fail("the curve cannot be written");
+    if (o.prefix && !(x.curve = fopen(path, "w"))) fail("cannot write the curve to PATH.csv");
     if (x.curve) fprintf(x.curve, "time_s,depth_m,force_n,sag\n");
     run_experiment(&x);
     if (x.curve) fclose(x.curve);

@@ -1,20 +1,23 @@
 // Strokes and stirring with every tool of every shipped scene, through the servo's own tick. The bench shows whether
-// any tick takes longer than its millisecond, and how much force the deadline costs that prevents this.
+// any tick takes longer than 1 ms. It also shows the error of the force that is caused by the deadline, which ends
+// ticks in time.
 //
 //     bench_strike [--units N] [SCENE...]
 //
-// Without SCENE: core/scenes/*.yaml, and dough.yaml at 2.5 mm. --units: a deadline of N units, 0: none; default:
-// priced as kneadd does.
+// Without SCENE, the bench runs all core/scenes/*.yaml, and dough.yaml with a spacing of 2.5 mm. --units sets the
+// deadline to N units of the solver's work; 0 means no deadline. Without --units, the deadline is computed as in
+// kneadd.
 //
-// A stroke goes 8 mm in and out at one speed and turns at once. Stirring is a circle of 5 mm radius, 5 mm deep. A
-// blow of a rigid plate would trip the impulse guard, so the guard is set to its maximum. The time of a tick is this
-// thread's, the least of three rounds of the same bits.
+// A stroke goes 8 mm into the object and out again at one speed, without a pause. Stirring is a circle of 5 mm radius
+// at a depth of 5 mm. A blow of a rigid plate would trip the impulse guard, so the limit of the guard is set to its
+// maximum. The time of a tick is the processor time of this thread, the smallest of three rounds with identical states.
 //
-// Errors are shares of the stroke's peak. A capped tick is compared with the same step from the same state, solved by
-// 12 linearisations of 300 iterations. A whole stroke is compared with the same stroke solved that way. A jump is the
-// change of force in a millisecond, less the largest change of the reference there within two ticks. A rigid plate's
-// stirring has neither of the last two, since it depends on which node lets go first. Exit 1: a tick above 1 ms, or a
-// force that is not a number.
+// Errors are relative to the largest force of the stroke. A capped tick is one that ended above the solver's tolerance.
+// Its force is compared with that of the same step from the same state, solved by 12 linearisations of 300 iterations.
+// The reference for a whole stroke is this stroke with every step solved in that way. A jump is the change of the force
+// in 1 ms, minus the largest change of the reference force within two ticks. The stirring of a rigid plate gets no
+// error of the whole stroke and no jump, because both depend on which node lets go first. The exit code is 1 if a tick
+// takes more than 1 ms or a force is not finite.
 #include "bench/bench.h"
 #include "core/solve/step_effort.h"
 #include "server/clock.h"
@@ -24,10 +27,11 @@
 #include <string.h>
 
 #define DEPTH_M 8e-3
-#define STIR_M 5e-3 // depth and radius
+#define STIR_M 5e-3 // depth of the stirring, and radius of its circle, m
 #define AIR_M 2e-3
 #define ROUNDS 3
-enum { WARM = 450, TICKS = 2500 }; // WARM: ticks in air, in which a tool engages and its gain rises
+// WARM: number of ticks in the air before a stroke, in which the tool engages and its gain rises to 1.
+enum { WARM = 450, TICKS = 2500 };
 
 static const struct stroke {
     const char *name;
@@ -36,20 +40,20 @@ static const struct stroke {
                {"20 cm/s", 0.2, 0}, {"30 cm/s", 0.3, 0}, {"stir 2 Hz", 0.05, 2}, {"stir 5 Hz", 0.05, 5}};
 enum { STROKES = sizeof strokes / sizeof *strokes };
 
-typedef struct track { // one stroke
+typedef struct track { // ticks of one stroke
     int ticks;
     double force_n[TICKS][3], us[TICKS];
-    double off_n[TICKS]; // error of a capped tick
+    double off_n[TICKS]; // error of the force in each capped tick, N
     bool capped[TICKS];
 } track;
 
-typedef struct tally { // sums of one tool
+typedef struct tally { // results of one tool over all its strokes
     int ticks, over, capped;
     double worst_us, off, off_capped, jump_n;
     const char *off_by;
 } tally;
 
-// The start of the last step. A capped step is repeated from there by the reference.
+// State and input with which the last step began. The reference solver repeats a capped step from this state.
 static struct last {
     const kn_model *model;
     const kn_backend *backend, *reference;
@@ -92,7 +96,7 @@ static double touch_height(const kn_served_object *on, int p)
     return high;
 }
 
-// Set the tool's position and velocity after t s. Return false after the end.
+// Set position and velocity of the tool at the time t of the stroke, s. Return false after the end of the stroke.
 static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose)
 {
     const double depth_m = s->hz > 0 ? STIR_M : DEPTH_M, in_s = (AIR_M + depth_m) / s->speed_m_s, stir_s = s->hz > 0;
@@ -110,7 +114,8 @@ static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose
     return t <= 2 * in_s + stir_s + 0.1;
 }
 
-// reference: solver for the errors of capped ticks; then no time is taken. NULL: only times are taken.
+// Play one stroke. With a reference, compute the error of each capped tick and measure no times. If `reference` is
+// NULL, measure the times only.
 static void run(kn_served_object *on, kn_served_object *reference, const struct stroke *s, int probe, int64_t deadline,
                 track *to)
 {
@@ -142,18 +147,19 @@ static void run(kn_served_object *on, kn_served_object *reference, const struct 
         if (in.tick < WARM) continue;
         int n = to->ticks++;
         if (!reference)
-            // not with a reference, whose copy and second solve would count
+            // Do not time a tick that also runs the reference model, because the tick then includes a copy of the
+            // state.
             to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us;
         to->capped[n] = out.capped;
         memcpy(to->force_n[n], out.force[probe].contact_force_n, sizeof to->force_n[n]);
         if (reference && out.capped) to->off_n[n] = off_n(probe, to->force_n[n]);
         if (!isfinite(apart(to->force_n[n], (double[3]){0}) + to->off_n[n]))
-            fprintf(stderr, "bench_strike: %s: a force that is no number\n", s->name), exit(1);
+            fprintf(stderr, "bench_strike: %s: the force is not finite\n", s->name), exit(1);
     }
     if (reference) kn_state_destroy(last.from);
 }
 
-// follows: the force of the whole stroke can be compared.
+// Add a stroke to the results of a tool. follows: true if the whole stroke can be compared with the reference stroke.
 static void add(tally *sum, const struct stroke *s, const track *t, const track *exact, bool follows)
 {
     static const double none[3] = {0};
@@ -181,7 +187,9 @@ static void load(kn_served_object *on, const char *path, const char *const *sets
     if (code) fprintf(stderr, "bench_strike: %s\n", error), exit(code);
 }
 
-// finer: dough.yaml at 2.5 mm, which is not solved exactly. units: the deadline, -1: priced.
+// Play all strokes of every tool in a scene, and print one row per tool. Return the number of ticks that took longer
+// than 1 ms. finer: true: use a spacing of 2.5 mm, and run no reference model. units: deadline of a step in units of
+// the solver's work; 0: no deadline; -1: compute the deadline as kneadd does.
 static int strike(const char *path, bool finer, int64_t units)
 {
     static track t, exact;
@@ -226,13 +234,13 @@ int main(int argc, char **argv)
     char *end = "x";
     const int64_t units = argc > 2 && given ? strtoll(argv[2], &end, 10) : -1;
     if (given && (*end || units < 0))
-        return fprintf(stderr, "bench_strike: --units: expected a whole number, 0 for none\n"), 2;
+        return fprintf(stderr, "bench_strike: --units: expected a whole number; 0 means no deadline\n"), 2;
     char **scene = all ? found.gl_pathv : argv + 1 + 2 * given;
     int over = 0, count = all ? (int)found.gl_pathc : argc - 1 - 2 * given;
     print_machine();
-    printf("\n| scene         | tool      |  nodes | k units | ticks | above 1 ms | worst us | capped | off %% of the "
-           "peak "
-           "in capped ticks | in all | jump N |\n|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|\n");
+    printf("\n| scene         | tool      |  nodes | k units | ticks | above 1 ms | worst us | capped "
+           "| error of capped ticks, %% of the peak | of all ticks | jump N |\n"
+           "|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|\n");
     for (int i = 0; i < count; i++) over += strike(scene[i], false, units);
     if (all) over += strike(KN_SOURCE_DIR "/core/scenes/dough.yaml", true, units);
     globfree(&found);

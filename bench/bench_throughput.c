@@ -1,4 +1,4 @@
-// The cost of the step beside the limits of the machine, in one run. bench/README.md explains the tables.
+// Cost of a time step, compared with the limits of the machine in one run. bench/README.md explains the tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
 
@@ -6,7 +6,7 @@
 #include <limits.h>
 #include <string.h>
 
-// --- numbers for files ----------------------------------------------------------------------------------------------
+// --- numbers for --csv and --json -----------------------------------------------------------------------------------
 
 typedef struct entry {
     char table[16], object[48], kernel[16], name[40];
@@ -60,11 +60,11 @@ static int write_file(const char *path, void (*print)(FILE *))
 
 static const char usage[] = "usage: bench/throughput [options]\n"
                             "  --only TABLES  some of ceilings,lattices,nets,features,composite,integers,peer,errors\n"
-                            "  --all          errors too, whose references take minutes\n"
-                            "  --nodes N      leave out larger lattices and nets (20000)\n"
-                            "  --quick        fewer rounds, and no more than 2560 nodes\n"
-                            "  --csv FILE     every number of the tables, a line each\n"
-                            "  --json FILE    the same\n";
+                            "  --all          all tables: by default, errors is left out, because it takes minutes\n"
+                            "  --nodes N      leave out lattices and nets of more than N nodes (default: 20000)\n"
+                            "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n"
+                            "  --csv FILE     write every number of the tables as CSV, one per line\n"
+                            "  --json FILE    write every number of the tables as JSON\n";
 
 typedef struct options {
     throughput_options tables;
@@ -99,7 +99,7 @@ static int check_only(const char *only)
                : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
 }
 
-// Parse the options. Return 0, or the exit code; -1 for help.
+// Parse the options. Return 0, -1 after --help, or the exit code after a mistake.
 static int parse(int argc, char **argv, options *o)
 {
     static const struct option longs[] = {{"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'},
@@ -138,7 +138,7 @@ int main(int argc, char **argv)
     puts("# What a step costs\n\n```");
     print_machine();
     puts("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held 0.5 s, withdrawn; 1 ms steps\n"
-         "time      the thread's own on one core, of each tick the least of some rounds, in turns\n```\n");
+         "time      processor time of the thread; of each tick the smallest of several rounds, in turns\n```\n");
     ceilings c = ceilings_measure();
     if (wanted(o.only, "ceilings")) table_ceilings(&c);
     if (wanted(o.only, "lattices")) table_lattices(&c, &o.tables);

@@ -1,5 +1,6 @@
-// The time of a picture: the dough block with its lines, a plate and an arrow, drawn and read back. cpu: all threads
-// of this process together. wall: the time that a caller waits, which on a busy machine includes the work of others.
+// Time to draw a picture and read it back: the block of dough with its lattice lines, a plate and a force arrow. cpu:
+// processor time of all threads of this process. wall: time until the caller has the picture, which on a busy machine
+// includes the work of other programs.
 #include "bench/bench.h"
 #include "clients/viewer/renderer.h"
 #include "core/algebra/algebra.h"
@@ -7,11 +8,13 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-enum { PICTURES = 60, WARM_UP = 3 }; // Mesa compiles its shaders during the first pictures
+// WARM_UP: number of first pictures that are not timed, because Mesa compiles its shaders during them.
+enum { PICTURES = 60, WARM_UP = 3 };
 
 static double clock_ms(clockid_t clock) { return clock_us(clock) * 1e-3; }
 
-// turn_deg: the camera turns by this angle with every picture, so that no part of the picture before can be reused.
+// Time one kind of picture and print a row. turn_deg: angle by which the camera turns after every picture. When the
+// camera turns, no part of the previous picture can be used again.
 static void bench(int per_cm, int width, int height, int samples, double turn_deg)
 {
     char error[300];
@@ -75,7 +78,7 @@ int main(void)
     bench(2, 960, 540, 1, 0); // a frame of the live page
     bench(3, 1280, 720, 4, 0);
     bench(3, 1280, 720, 1, 0); // a frame of a large page
-    bench(3, 1280, 720, 1, 1);
-    bench(3, 1280, 720, 4, 1); // a frame of the live page whose view is turned
+    bench(3, 1280, 720, 1, 1); // a frame of a large page whose view is turned
+    bench(3, 1280, 720, 4, 1);
     return 0;
 }

@@ -1,4 +1,4 @@
-#include "bench/ceilings.h"
+#include "bench/throughput.h"
 #include "bench/bench.h"
 
 #include <string.h>
@@ -11,8 +11,8 @@ enum { CHAINS = 12, STREAMS = 8, RUNS = 5, ROUNDS = 8 };
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// Fused operations are called by name, since -ffp-contract=off keeps the compiler from fusing. Noinline keeps the
-// compiler from knowing the result.
+// Call the fused multiply-add as an intrinsic, because -ffp-contract=off keeps the compiler from fusing. noinline keeps
+// the compiler from computing the result in advance.
 #define FMA_CHAINS(name, isa, vector, real, set, fma)                                                                  \
     static __attribute__((noinline, target(isa))) double name(long rounds)                                             \
     {                                                                                                                  \
@@ -94,8 +94,9 @@ static size_t cache(int name, size_t otherwise)
     return bytes > 0 ? (size_t)bytes : otherwise;
 }
 
-// Choose half of a cache's size, so that the rest of the program fits in too. The third level is shared with other
-// cores: 8 times the second. Memory: four times the third level, 1 GiB or a quarter of memory at most.
+// Choose the amount of data to read for each level. L1 and L2: half of the cache, so that the other data of the program
+// fits in too. L3, which other cores share: 8 times the L2 cache, at most half of the L3 cache. Memory: four times the
+// L3 cache, at most 1 GiB and at most a quarter of the memory.
 static void choose_sizes(ceilings *c)
 {
     c->l1_bytes = cache(_SC_LEVEL1_DCACHE_SIZE, 32 << 10);
@@ -123,7 +124,8 @@ ceilings ceilings_measure(void)
     void *p = aligned_alloc(64, bytes);
     if (!p) abort();
     memset(p, 0, bytes);
-    for (int round = 0; round < ROUNDS * CEILING_WIDTHS; round++) { // other programs sometimes use the caches too
+    // Measure in several rounds, because other programs use the caches at times.
+    for (int round = 0; round < ROUNDS * CEILING_WIDTHS; round++) {
         int width = round % CEILING_WIDTHS;
         if (!has(width)) continue;
         for (int f64 = 0; f64 < 2; f64++) keep_best(&c.gflop_s[width][f64], measure_fma(width, f64));

@@ -1,13 +1,13 @@
-// Compiled once per precision, as a kernel is.
+// Loops of a step that count their operations (throughput.h). Compiled once per precision, as core/solve/kernel_grid.c.
 #define KN_KERNEL_BASE 1
 #include "core/solve/lanes.h"
 
-#include "bench/counted.h"
+#include "bench/throughput.h"
 #include <stdlib.h>
 
-static counted now;           // counts of the running loop
-static unsigned char *line;   // [line_count] lines of the state: 1 touched
-static const char *line_base; // start of the state
+static counted now;           // counts of the loop that runs at present
+static unsigned char *line;   // [line_count] 1: the running loop has touched this 64-byte line of the state
+static const char *line_base; // address of the state
 static size_t line_count;
 
 static void add_operations(int operations, int flops)
@@ -18,7 +18,8 @@ static void add_operations(int operations, int flops)
 
 static void touch(const real *p)
 {
-    size_t first = (size_t)((const char *)p - line_base) / 64; // an address below the state wraps to a huge number
+    // Index of the line. For an address below the state, the index wraps to a huge number, which is not counted.
+    size_t first = (size_t)((const char *)p - line_base) / 64;
     for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
         if (i < line_count && !line[i]) {
             line[i] = 1;
@@ -26,7 +27,7 @@ static void touch(const real *p)
         }
 }
 
-// Inside a macro its own name means the function.
+// Replace each operation by a macro that counts and then calls the function: a macro does not expand its own name.
 #define lanes_add(a, b) (add_operations(1, 1), lanes_add(a, b))
 #define lanes_sub(a, b) (add_operations(1, 1), lanes_sub(a, b))
 #define lanes_mul(a, b) (add_operations(1, 1), lanes_mul(a, b))

@@ -1,7 +1,8 @@
 #ifndef KN_BENCH_PEER_H
 #define KN_BENCH_PEER_H
-// The same block in another engine: nodes and links, with one stiffness and one damping for all links, as in such
-// engines. Held nodes stand still or move as prescribed.
+// The block of dough in another physics engine, which is compared with knead. The block consists of nodes and links.
+// All links have one stiffness and one damping, because other engines allow no more. A held node stands still, or moves
+// as peer_hold prescribes.
 #include <stdbool.h>
 
 #ifdef __cplusplus
@@ -16,7 +17,7 @@ typedef struct peer_block {
     double mass_kg;         // of each node
     double stiffness_n_m;   // of each link
     double damping_n_s_m;
-    bool axial; // damping along the link; otherwise of the whole relative velocity
+    bool axial; // true: damp the relative velocity along the link; false: damp the whole relative velocity
     double dt_s;
 } peer_block;
 
@@ -26,7 +27,8 @@ extern const char peer_name[]; // name and version
 
 peer *peer_create(const peer_block *block); // copies the block
 void peer_destroy(peer *p);
-void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3]); // for the next step
+// Prescribe position and velocity of a held node for the next step.
+void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3]);
 void peer_step(peer *p);
 void peer_position(const peer *p, int node, double x_m[3]);
 void peer_velocity(const peer *p, int node, double v_m_s[3]);

@@ -1,6 +1,7 @@
-// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds
-// it: float, elasticity explicit, damping implicit by conjugate gradients. All settings are Bullet's own; only
-// gravity, contact and sleep are off. The file is C++ because Bullet is; the rest of the project is not.
+// Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds it:
+// in float, with explicit elasticity and implicit damping, solved by conjugate gradients. All settings are Bullet's
+// defaults, but gravity, contact and sleep are off. This is the only C++ file of the benches, because Bullet has a C++
+// interface.
 #include "bench/peer.h"
 
 #include <BulletCollision/BroadphaseCollision/btDbvtBroadphase.h>
@@ -34,7 +35,7 @@ struct peer {
         btAlignedObjectArray<btScalar> mass;
         for (int i = 0; i < b.node_count; i++) {
             x.push_back(btVector3(btScalar(b.x_m[i][0]), btScalar(b.x_m[i][1]), btScalar(b.x_m[i][2])));
-            mass.push_back(b.held[i] ? 0 : btScalar(b.mass_kg)); // 0: moves as prescribed
+            mass.push_back(b.held[i] ? 0 : btScalar(b.mass_kg)); // mass 0: the node moves as peer_hold prescribes
         }
         body = new btSoftBody(&world->getWorldInfo(), b.node_count, &x[0], &mass[0]);
         for (int i = 0; i < b.link_count; i++) body->appendLink(b.link[i][0], b.link[i][1]);

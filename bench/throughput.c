@@ -24,7 +24,7 @@ int kernels_of(kn_model_def def, kn_model_def out[KERNELS])
 kn_input press_hand(const kn_model *model, double t_s)
 {
     static const press path = {.depth_m = 0.01, .hold_s = 0.5};
-    double highest = model->rest_m[model->top[0]][2]; // the highest node, where a round top is touched first
+    double highest = model->rest_m[model->top[0]][2]; // height of the highest node, which the plate touches first
     for (int t = 1; t < model->top_count; t++) highest = fmax(highest, model->rest_m[model->top[t]][2]);
     kn_input in = press_input(model, &path, t_s);
     in.probe[0].position_m[2] += highest - model->rest_m[model->top[0]][2];

@@ -1,12 +1,109 @@
 #ifndef KN_BENCH_THROUGHPUT_H
 #define KN_BENCH_THROUGHPUT_H
-// The tables of bench_throughput. Each prints itself as markdown and records its numbers for --csv and --json.
-#include "bench/ceilings.h"
-#include "bench/turns.h"
+// Tables of bench_throughput, and the measurements from which the tables are made.
+#include "core/state.h"
+#include "core/step.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+// ---- ceilings.c
+//
+// Measured limits of one core of this machine: fused multiply-adds in registers, and reading from caches and memory.
+//
+// Twelve independent chains of multiply-adds keep both arithmetic pipes of any x86 busy (2 pipes x 4 cycles). Reading
+// adds up eight streams of data. Each number is the best of 8 rounds, each of some milliseconds of the thread's
+// processor time.
+
+enum { CEILING_256, CEILING_512, CEILING_WIDTHS }; // vectors of 256 and of 512 bits
+enum { CEILING_L1, CEILING_L2, CEILING_L3, CEILING_MEMORY, CEILING_LEVELS };
+
+typedef struct ceilings {
+    // [width][0: f32, 1: f64] rate of multiply-adds, each counted as two operations; 0: the processor lacks vectors of
+    // this width.
+    double gflop_s[CEILING_WIDTHS][2];
+    struct {
+        size_t bytes; // size of the array that was read again and again to measure gb_s
+        double gb_s[CEILING_WIDTHS];
+    } level[CEILING_LEVELS];
+    size_t l1_bytes, l2_bytes, l3_bytes; // sizes of the caches, as the processor reports them
+} ceilings;
+
+extern const char *const ceiling_level[CEILING_LEVELS]; // "L1", ...
+
+ceilings ceilings_measure(void);
+
+// Return the smallest level of cache, or the memory, that holds `bytes` bytes.
+int ceiling_of(const ceilings *c, size_t bytes);
+
+// ---- counted.c
+//
+// Work done by the loops of a block's time step, counted while the loops run. counted.c compiles
+// core/solve/kernel_grid.c with a counter in every operation on 16 lanes, so the counts always agree with the code.
+//
+// An operation is one vector instruction of the arithmetic pipes, counted once per lane. Add, subtract, multiply,
+// divide, root, minimum and fused multiply-add count as one operation each; compare and select count as two. Flops are
+// counted as in textbooks: a fused multiply-add counts as two, minimum and select as none. Moves, rotations, table
+// look-ups and scalar sums are not counted. Bytes are those of the 64-byte lines of the state that a loop touches, each
+// line once per loop. This is the data that must come from the cache or memory in which the state lies.
+
+typedef struct counted { // counts of operations, flops and bytes in one loop over the whole lattice, including padding
+    double operations, flops, bytes;
+} counted;
+
+// Run one step from `state` under `input` with the counting loops. Write the work of the edge pass to `edge`, and the
+// work of the last iteration (product and update) to `iteration`. The model must be a block with KN_ISA_BASE. During
+// the step, the counting loops replace the model's own.
+void counted_step_f32(kn_model *model, kn_state *state, const kn_input *input, counted *edge, counted *iteration);
+void counted_step_f64(kn_model *model, kn_state *state, const kn_input *input, counted *edge, counted *iteration);
+
+// ---- turns.c
+//
+// Comparison of the times of steps on a machine that also runs other programs.
+//
+// A runner repeats its ticks in every round, from identical states, so a tick does the same work in every round.
+// Runners take turns every 20 ticks, so that all of them meet the same load from other programs. Times are processor
+// times of the thread, and for each tick the smallest time of all rounds counts. The rounds begin their turns at
+// different ticks, because the first tick of a turn also pays for caches that the previous runner has filled. The
+// smallest time is the cost of the step.
+
+typedef kn_input hand_fn(const kn_model *model, double t_s); // returns the input of the step that ends at the time t_s
+
+typedef struct runner {
+    void *self;
+    void (*rewind)(void *self);
+    double (*step)(void *self, int tick, int *iterations); // returns us
+    double *us;                                            // [ticks] smallest time of each tick in all rounds, us
+    int *iterations;                                       // [ticks] solver iterations of each tick
+} runner;
+
+typedef struct summary { // statistics of one runner over all its ticks
+    double median_us, mean_us, p90_us, mean_iterations;
+    int median_iterations;
+} summary;
+
+// Run all runners in turns, and fill in the arrays `us` and `iterations` of each. turns_free frees these arrays.
+void turns_run(runner *runners, int count, int ticks, int rounds);
+summary turns_summary(const runner *r, int ticks);
+void turns_free(runner *runners, int count);
+
+// Return a runner of knead's step. Each round starts from a copy of `start`, or from the object at rest if `start` is
+// NULL, at the tick `from` of the hand's motion. `start` may come from a model with another instruction set or number
+// of iterations. Lattice, law and precision must be those of `def`.
+runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start, int from);
+const kn_model *turns_model(const runner *r);
+void turns_destroy(runner *r); // frees a runner made by turns_knead
+
+// Return the state after the first `ticks` ticks of the hand's motion. turns_knead can start from this state.
+kn_state *turns_warm(const kn_model_def *def, hand_fn *hand, int ticks);
+
+// Return `def`, changed so that every step makes this number of solver iterations, whatever the residual is.
+kn_model_def turns_fixed(kn_model_def def, int iterations);
+
+// ---- tables: each function prints a table as markdown and records its numbers for --csv and --json
 
 typedef struct throughput_options {
-    bool quick;    // fewer ticks and rounds
-    int nodes_max; // larger lattices are left out
+    bool quick;    // true: fewer ticks and rounds, less accurate times
+    int nodes_max; // largest number of nodes; lattices and nets with more nodes are left out
 } throughput_options;
 
 void table_ceilings(const ceilings *c);
@@ -15,31 +112,34 @@ void table_nets(const throughput_options *o);
 void table_features(const throughput_options *o);
 void table_composite(const throughput_options *o);
 void table_integers(const throughput_options *o);
-void table_peer(const throughput_options *o); // says so if this build has no peer
+void table_peer(const throughput_options *o); // prints one line instead if Bullet was missing at the build
 void table_errors(const throughput_options *o);
 
-// Record one number for --csv and --json: its table, its object (a lattice, a feature), its kernel ("" if none), and
-// its name with the unit.
+// Record one number for --csv and --json. object: the lattice, net or feature that was measured. kernel: name of the
+// kernel, or "". name: name of the number, with its unit.
 void note(const char *table, const char *object, const char *kernel, const char *name, double value);
 
-// --- shared by the tables
-// -------------------------------------------------------------------------------------------
+// ---- shared by the tables
 
-// Return def with each kernel of this processor, in this order: avx512 f32, avx512 f64, avx2 f32, avx2 f64.
+// Write to `out` one copy of `def` for each kernel that this processor can run, in the order avx512 f32, avx512 f64,
+// avx2 f32, avx2 f64. Return the number of copies.
 enum { KERNELS = 4 };
 int kernels_of(kn_model_def def, kn_model_def out[KERNELS]);
-const char *kernel_name(const kn_model_def *def); // "avx512 f32"
+const char *kernel_name(const kn_model_def *def); // returns for example "avx512 f32"
 
-// The press of press.h: 1 cm/s to 1 cm, half a second held, withdrawn: 2100 ticks with the rest afterwards.
+// Return the input of one step of a press (tests/physics/press.h): down at 1 cm/s to a depth of 1 cm, hold for half a
+// second, withdraw. Together with the rest afterwards, the press takes PRESS_TICKS ticks of 1 ms.
 kn_input press_hand(const kn_model *model, double t_s);
 enum { PRESS_TICKS = 2100, PRESS_MIDDLE = 400 };
-kn_state *warm_state(kn_model_def def); // at tick PRESS_MIDDLE, where the plate goes down steadily
+kn_state *warm_state(kn_model_def def); // returns the state at tick PRESS_MIDDLE, while the plate goes down steadily
 
-// The parts of a step: one edge pass with all other work done once per step, and the iterations. The times come from
-// steps of 4 and of 20 iterations, in turns, after PRESS_MIDDLE. start: one state per precision.
+// Times of the parts of a step: the edge pass with all other work that is done once per step (edge_us), and one
+// iteration.
 typedef struct taken_apart {
     double edge_us, iteration_us;
 } taken_apart;
+// Compute the times of the parts from steps of 4 and of 20 iterations, which run in turns after tick PRESS_MIDDLE. def,
+// out: arrays of `count` kernels. start: state at PRESS_MIDDLE in f32 and in f64.
 void take_apart(const kn_model_def *def, int count, kn_state *const start[2], int ticks, int rounds, taken_apart *out);
 
 #endif

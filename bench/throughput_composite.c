@@ -1,5 +1,6 @@
-// Two resolutions in one block, compared with a block that is fine everywhere. The cases are the shipped scene,
-// pressed in the allowed places of its tools, and a strip, which has more coarse surroundings than a spatula.
+// Table of blocks with two resolutions, compared with a block that is fine everywhere. The cases are the scene
+// dough-fine.yaml, pressed at places that its tools can reach, and a strip across the whole block, which needs more
+// fine nodes than a spatula.
 #include "bench/throughput.h"
 #include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
@@ -11,7 +12,7 @@ typedef struct place {
     double at_m[2], depth_m;
 } place;
 
-static const place *now; // place and depth of the press
+static const place *now; // place and depth of the press that is being measured
 
 static kn_input hand(const kn_model *model, double t_s)
 {
@@ -82,8 +83,8 @@ static void row(const place *p, const kn_model_def *composite, const throughput_
     }
 }
 
-// Make a plate 1 cm wide across the whole block, with a fine box by the scene's rule: 0.7 of its width around, 1.05
-// deep.
+// Return the scene's model with a single plate, 1 cm wide, across the whole block. The fine box around the plate
+// follows the scene's rule: it extends beyond the plate by 0.7 of the plate's width, and down by 1.05 widths.
 static kn_model_def strip_of(kn_model_def def)
 {
     double length = def.spacing_m * (def.nodes[1] - 1), top = def.spacing_m * (def.nodes[2] - 1);
@@ -110,9 +111,9 @@ void table_composite(const throughput_options *o)
         return;
     }
     printf(
-        "dough-fine.yaml against the same lattice fine everywhere; means over the press; errors relative L2 against\n"
-        "that lattice, force over all ticks, shape at all its nodes at the end. Not tuned: the scene's rule makes the "
-        "box.\n\n"
+        "dough-fine.yaml compared with a lattice of this block that is fine everywhere (columns `of`). Times are\n"
+        "means over the press. Errors are relative L2: of the force over all ticks, and of the shape at the end at\n"
+        "all nodes of the fine lattice. The fine box is that of the scene's rule, not chosen for these presses.\n\n"
         "| press                      | nodes | of    | its   | of    | us     | of     | ratio | force%% | shape%% |\n"
         "|----------------------------|------:|------:|------:|------:|-------:|-------:|------:|-------:|-------:|\n");
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) row(&places[i], &scene->model, o);

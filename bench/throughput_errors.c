@@ -1,5 +1,5 @@
-// The error of the default settings against an f64 run of the same program at the same step: secant, five
-// linearisations, conjugate gradients to 1e-8.
+// Table of the errors of the default settings. The reference is an f64 run of this program with the same time step, the
+// secant linearisation, five linearisations per step, and conjugate gradients to 1e-8.
 #include "bench/throughput.h"
 #include "tests/physics/press.h"
 
@@ -18,13 +18,13 @@ static void print_error(const char *object, const char *kernel, const run *fast,
     note("errors", object, kernel, "secant_steps", (double)fast->secant_steps);
 }
 
-// f32, and also f64 for objects without gas.
+// Print the errors of one object in f32 and, if it contains no gas, in f64.
 static void measure_errors(const kn_model_def *def)
 {
     char object[32];
     const bool gas = def->pressure != KN_PRESSURE_NONE;
     snprintf(object, sizeof object, "%d%s", def->nodes[0] * def->nodes[1] * def->nodes[2], gas ? " gas" : "");
-    fprintf(stderr, "reference of %s nodes ...\n", object);
+    fprintf(stderr, "computing the reference of %s nodes ...\n", object);
     kn_model_def exact = converged(*def), fast = *def;
     run reference = press_run(&exact, &path, SECONDS, 1e-3);
     for (int p = 0; p < (gas ? 1 : 2); p++) {
@@ -39,7 +39,7 @@ static void measure_errors(const kn_model_def *def)
     run_free(&reference);
 }
 
-// Print the error of the step length itself: the converged run at 1 ms against one at 1/16 ms.
+// Print the error that the time step causes: of a converged run with steps of 1 ms, against one with steps of 1/16 ms.
 static void print_time_step_error(void)
 {
     kn_model_def def = converged(press_def(1));
@@ -47,7 +47,8 @@ static void print_time_step_error(void)
     def.solver.dt_s = 1e-3 / 16;
     run fine = press_run(&def, &path, SECONDS, 1e-3);
     double force = 100 * force_error(&coarse, &fine), shape = 100 * shape_error(&coarse, &fine);
-    printf("\nThe 1 ms step itself (144 nodes, against 1/16 ms): force %.3f %%, shape %.3f %%.\n", force, shape);
+    printf("\nError of a time step of 1 ms (144 nodes, against 1/16 ms): force %.3f %%, shape %.3f %%.\n", force,
+           shape);
     note("errors", "step 1 ms", "", "force_percent", force);
     note("errors", "step 1 ms", "", "shape_percent", shape);
     run_free(&coarse);
@@ -56,8 +57,8 @@ static void print_time_step_error(void)
 
 void table_errors(const throughput_options *o)
 {
-    puts("\nErrors of the default settings over the press, relative L2 against a converged f64 run; TV/pk: the\n"
-         "force's total variation over its peak.\n");
+    puts("\nErrors of the default settings over the press, relative L2 against a converged f64 run; TV/pk: total\n"
+         "variation of the force, divided by the largest force.\n");
     puts("| nodes     | precision |  force % |  shape % | TV/pk | its   | secant |");
     puts("|----------:|-----------|---------:|---------:|------:|------:|-------:|");
     for (int per_cm = 1; per_cm <= 4; per_cm++) {

@@ -1,12 +1,12 @@
-// The lattice in the circuit's integers on one core, compared with the same lattice in floating point. A further
-// column estimates the circuit's time from its clock cycles at an assumed frequency.
+// Table of steps that compute in the circuit's integers on one core, compared with steps in floating point. Further
+// columns estimate the time of the circuit itself from its number of clock cycles and assumed clock frequencies.
 #include "bench/throughput.h"
 #include "core/solver_fixed.h"
 #include "hdl/registers.h"
 #include "tests/physics/press.h"
 
-// Return the circuit's clock cycles of a tick. The test hdl.engine compares this number with the circuit's own
-// counter.
+// Return the number of clock cycles that the circuit needs for a tick. records: number of nodes under tools. The test
+// hdl.engine compares this number with a counter in the circuit.
 static double clocks_of(const kn_model *m, uint32_t records)
 {
     const kn_fixed_config *c = &m->fixed->image.config;
@@ -49,12 +49,11 @@ static void measure(int per_cm, const throughput_options *o)
 
 void table_integers(const throughput_options *o)
 {
-    puts("\nIntegers: the step of core/fixed.h, two passes of eight iterations, on one core, beside the default step "
-         "in f32;\n"
-         "clocks of a tick of the circuit with 16 nodes under a plate, and us at clocks that are assumed, not "
-         "measured:\n"
-         "100 MHz for an ECP5, 150 for an Artix-7, 300 for an UltraScale+. Its memories hold 1024 nodes as "
-         "synthesized.\n");
+    puts(
+        "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, beside the default step\n"
+        "in f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time in us at clock\n"
+        "frequencies that are assumed, not measured: 100 MHz for an ECP5, 150 MHz for an Artix-7, 300 MHz for an\n"
+        "UltraScale+. The memories of the synthesized circuit hold 1024 nodes.\n");
     puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");
     puts("|------:|------:|---------:|---------:|---------:|-------:|-------:|-------:|");
     for (int per_cm = 1; per_cm <= 3; per_cm++)

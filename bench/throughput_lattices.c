@@ -1,11 +1,10 @@
-// Blocks of dough of every size, with every kernel.
-#include "bench/counted.h"
+// Tables of blocks of dough in several sizes, with every kernel.
 #include "bench/throughput.h"
 #include "tests/physics/press.h"
 
 typedef struct lattice {
     int nodes[3];
-    double spacing_m, target_us; // target of a step in f32 with AVX-512; 0: none
+    double spacing_m, target_us; // target_us: largest wanted median time of a step in f32 with AVX-512; 0: no target
 } lattice;
 
 static const lattice lattices[] = {{{6, 6, 4}, 0.01, 0},
@@ -14,17 +13,17 @@ static const lattice lattices[] = {{{6, 6, 4}, 0.01, 0},
                                    {{21, 21, 13}, 0.0025, 500},
                                    {{29, 29, 20}, 0.05 / 28, 0}};
 enum { LATTICES = sizeof lattices / sizeof *lattices };
-#define AVX2_LONGER 1.6 // target relative to AVX-512
-#define F64_LONGER 2.2  // target relative to f32, at most
+#define AVX2_LONGER 1.6 // largest wanted ratio of a time with AVX2 to the time with AVX-512
+#define F64_LONGER 2.2  // largest wanted ratio of a time in f64 to the time in f32
 
-typedef struct measured { // one lattice with one kernel
+typedef struct measured { // results of one lattice with one kernel
     char object[16];
     kn_model_def def;
-    int nodes, edges, lanes; // lanes include the padding
+    int nodes, edges, lanes; // lanes: nodes and the padding of the vectors
     size_t state_bytes;
     taken_apart took;
     counted edge, iteration;
-    summary pressed; // with the default settings
+    summary pressed; // times of the steps of the whole press, with the default settings
     double target_us;
 } measured;
 
@@ -60,7 +59,7 @@ static void count_work(measured *m, const kn_state *start)
     kn_model_destroy(model);
 }
 
-// Run the whole press as a scene would.
+// Measure the steps of the whole press with the default settings.
 static void run_press(measured *m, int count, int ticks, int rounds)
 {
     runner r[KERNELS];
@@ -97,7 +96,7 @@ static int measure(const lattice *l, bool quick, measured *m)
 
 static int width_of(const measured *m) { return m->def.solver.isa == KN_ISA_AVX512 ? CEILING_512 : CEILING_256; }
 
-// Return the share of the operations that the pipes could have done in that time, per cent.
+// Return the number of operations done in `us`, in per cent of those that the arithmetic pipes can do in this time.
 static double pipe_share(const ceilings *c, const measured *m, const counted *work, double us)
 {
     return 100 * work->operations / us * 1e-3 / (c->gflop_s[width_of(m)][m->def.solver.precision] / 2);
@@ -124,10 +123,11 @@ static void print_apart(const ceilings *c, const measured *m)
     note("lattices", m->object, kernel, "iteration_bandwidth_percent", 100 * gb_s / most);
 }
 
-// Print the work of the last lattice, the largest. Smaller ones have more surface, whose nodes have fewer edges.
+// Print the counted work of the largest lattice. Smaller lattices have more nodes at the surface in proportion, and
+// these have fewer edges.
 static void print_work(const measured *m, int count)
 {
-    printf("\nPer lane of %d nodes, operations, flops and bytes:", m->nodes);
+    printf("\nOperations, flops and bytes per lane, with %d nodes:", m->nodes);
     for (int i = 0; i < count && i < 2; i++) // one entry per precision
         printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
                m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
@@ -196,12 +196,13 @@ void table_lattices(const ceilings *c, const throughput_options *o)
         lattice_count++;
     }
     if (lattice_count == 0 || count[0] == 0) {
-        puts("\nNo lattice: this processor has no AVX2, or --nodes leaves none.");
+        puts("\nNo lattice was measured: this processor has no AVX2, or --nodes leaves none.");
         return;
     }
     puts(
-        "\nA step taken apart: the edge pass, with all that is done once, and one iteration. ns per node, per lane\n"
-        "with padding, per edge; pipe: arithmetic operations against the ceiling's; GB/s: the state, once per loop.\n");
+        "\nParts of a step: the edge pass with all other work done once per step, and one iteration. Times in ns per\n"
+        "node, per lane (with padding) and per edge; pipe%: rate of arithmetic operations, in % of the ceiling; GB/s:\n"
+        "the state, read once per loop.\n");
     puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|"
          "iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
     puts("|------:|------------|------:|------:|------:|----:|"
@@ -214,7 +215,7 @@ void table_lattices(const ceilings *c, const throughput_options *o)
     puts("|------:|------------|------:|----:|---------:|---------:|---------:|--------:|-----------:|");
     for (int l = 0; l < lattice_count; l++)
         for (int i = 0; i < count[l]; i++) print_pressed(&m[l][i]);
-    puts("\nMedians over one another, and what is aimed at:\n");
+    puts("\nRatios of the medians, and their targets:\n");
     puts("| nodes | AVX2/AVX-512 f32 <= 1.6 | f64 <= 1.6 | f64/f32 AVX-512 <= 2.2 | AVX2 <= 2.2 |");
     puts("|------:|------:|------:|------:|------:|");
     for (int l = 0; l < lattice_count; l++) print_ratios(m[l], count[l]);

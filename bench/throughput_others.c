@@ -1,4 +1,4 @@
-// Nets, and the cost of each feature of a scene.
+// Table of nets (meshes of tetrahedra or triangles), and table of the cost of each feature of a scene.
 #include "bench/throughput.h"
 #include "core/scene/mesh_file.h"
 #include "tests/physics/bcc.h"
@@ -85,8 +85,8 @@ void table_nets(const throughput_options *o)
                   net_of("disc.msh", shipped("disc.msh")),
                   net_of("bcc 5 mm", bcc_block((const int[3]){10, 10, 6}, 0.005)),
                   net_of("bcc 2.5mm", bcc_block((const int[3]){20, 20, 12}, 0.0025))};
-    puts("\nNets: tetrahedra (disc.msh: triangles), under the same press; edge pass, iteration, and the step with the\n"
-         "default settings over its first 0.7 s.\n");
+    puts("\nNets of tetrahedra (disc.msh: of triangles) under the press of the blocks: edge pass, iteration, and a\n"
+         "step with the default settings in the first 0.7 s of the press.\n");
     puts("| net       | nodes | edges | kernel     | "
          "edge us| /node | /edge | iter us| /node | /edge | its   | median us|");
     puts("|-----------|------:|------:|------------|"
@@ -99,7 +99,8 @@ void table_nets(const throughput_options *o)
 
 // --- features -------------------------------------------------------------------------------------------------------
 
-// Return a load that rises and falls, so that untouched parts of the object move too, and inputs for all probes.
+// Return the input of a press, with a load on the top that rises and falls, so that all parts of the object move. All
+// probes get the input of the first one.
 static kn_input feature_hand(const kn_model *model, double t_s)
 {
     kn_input in = press_hand(model, t_s);
@@ -110,7 +111,7 @@ static kn_input feature_hand(const kn_model *model, double t_s)
 
 typedef struct feature {
     const char *name;
-    int over; // index of the feature that this one is added to
+    int over; // index of the feature to which this feature is added
     kn_model_def def;
 } feature;
 
@@ -175,8 +176,8 @@ void table_features(const throughput_options *o)
         kn_state_destroy(start);
     }
     turns_run(r, FEATURES, TICKS, o->quick ? 5 : 20);
-    puts("\nWhat a scene declares is what it pays for: 847 nodes, the best kernel in f32, 8 iterations, under a load\n"
-         "that comes and goes; each feature alone, in turns.\n");
+    puts("\nCost of each feature of a scene, added alone: 847 nodes, the fastest kernel in f32, 8 iterations, under a\n"
+         "load that rises and falls. The features are measured in turns.\n");
     puts("| feature                            | us     | more   | state KiB |");
     puts("|------------------------------------|-------:|-------:|----------:|");
     for (int i = 0; i < FEATURES; i++) {

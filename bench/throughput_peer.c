@@ -1,4 +1,4 @@
-// Bullet's deformable body compared with ours on one block. Only built if libbullet-dev is installed.
+// Table that compares Bullet's deformable body with knead on one block. Built only if libbullet-dev is installed.
 #include "bench/throughput.h"
 
 #include <stdio.h>
@@ -9,9 +9,9 @@
 #include "tests/physics/press.h"
 
 #define VISCOSITY_PA_S (2500 * GF_CM2)          // the dough's c1
-enum { PEER_TICKS = 300, PEERS = 5, AIM = 10 }; // AIM: times as long as ours
+enum { PEER_TICKS = 300, PEERS = 5, AIM = 10 }; // AIM: wanted ratio of Bullet's time to knead's
 
-// Return dough without its damper, which both engines can model. 1 kHz.
+// Return the block of dough without its damper, because Bullet can model only the remaining Voigt part.
 static kn_model_def voigt_def(void)
 {
     kn_model_def def = press_def(2);
@@ -20,11 +20,11 @@ static kn_model_def voigt_def(void)
 }
 
 typedef struct rival {
-    const kn_model *model; // our model of the same block, for nodes and the hand
+    const kn_model *model; // knead's model of the block, from which nodes, links and the press are taken
     peer_block block;
     double (*x_m)[3];
     int (*link)[2];
-    bool *held, *plate; // [nodes] held by base or plate; held by the plate
+    bool *held, *plate; // [nodes] held: the table or the plate holds the node; plate: the plate holds the node
     int substeps;
     peer *peer;
     double force_n, peak_n;
@@ -51,7 +51,7 @@ static void copy_lattice(rival *r, const kn_model *m)
     for (int t = 0; t < m->top_count; t++)
         r->held[m->top[t]] = r->plate[m->top[t]] = fabs(m->rest_m[m->top[t]][0]) <= half_m;
     free(edges);
-    // One stiffness for all links: the mean of ours, so that the sum is the same.
+    // All links get the mean stiffness of knead's edges, so that the sum of all stiffnesses is that of knead.
     r->block = (peer_block){.node_count = nodes,
                             .link_count = links,
                             .x_m = (const double(*)[3])r->x_m,
@@ -69,7 +69,7 @@ static void rival_rewind(void *self)
     r->peak_n = 0;
 }
 
-// Return the pull of the links at the plate's nodes.
+// Return the sum of the vertical forces that the links exert on the plate's nodes, N.
 static double plate_force(const rival *r)
 {
     double sum = 0;
@@ -87,7 +87,7 @@ static double plate_force(const rival *r)
         length = sqrt(length), rest = sqrt(rest), rate /= length;
         double pull = r->block.stiffness_n_m * (length - rest) / length, up = (b[2] - a[2]) * pull;
         up += r->block.damping_n_s_m * (r->block.axial ? rate * (b[2] - a[2]) / length : v[2] - u[2]);
-        sum += r->plate[end[0]] ? up : -up; // counted at the end that the plate holds
+        sum += r->plate[end[0]] ? up : -up; // force on the end that the plate holds
     }
     return sum;
 }
@@ -157,9 +157,11 @@ void table_peer(const throughput_options *o)
                        rival_runner(&rivals[2], model, tau_s, true, 1)};
     const double peaks[2] = {our_peak(&dough_def), our_peak(&voigt)};
     turns_run(r, PEERS, PEER_TICKS, o->quick ? 1 : 3);
-    printf("\n%s's deformable body on the same block: %d nodes, %d links, one stiffness %.1f N/m, damped by %.2f s\n"
-           "of it, the first 0.3 s of the press, 1 ms a tick, knead with its default settings; peak: of the force.\n\n",
-           peer_name, rivals[0].block.node_count, rivals[0].block.link_count, rivals[0].block.stiffness_n_m, tau_s);
+    printf(
+        "\n%s's deformable body as the same block: %d nodes, %d links, all with a stiffness of %.1f N/m and a damping\n"
+        "of %.2f s times this stiffness. The first 0.3 s of the press, in ticks of 1 ms. knead has its default\n"
+        "settings; peak: largest force.\n\n",
+        peer_name, rivals[0].block.node_count, rivals[0].block.link_count, rivals[0].block.stiffness_n_m, tau_s);
     puts("|                                | us     | of knead's law | peak N  | aim >= 10x |");
     puts("|--------------------------------|-------:|---------------:|--------:|-----------:|");
     double ours = 0;
@@ -182,6 +184,7 @@ void table_peer(const throughput_options *o)
 void table_peer(const throughput_options *o)
 {
     (void)o;
-    puts("\nNo peer: Bullet was not found when this was built (apt-get install libbullet-dev g++).");
+    puts(
+        "\nNo comparison with Bullet: it was missing when this program was built (apt-get install libbullet-dev g++).");
 }
 #endif

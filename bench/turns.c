@@ -1,4 +1,4 @@
-#include "bench/turns.h"
+#include "bench/throughput.h"
 #include "bench/bench.h"
 #include "core/algebra/algebra.h"
 #include "tests/physics/press.h"
@@ -64,8 +64,7 @@ void turns_free(runner *runners, int count)
     }
 }
 
-// --- our runner
-// -----------------------------------------------------------------------------------------------------
+// --- runner of knead's step
 
 typedef struct subject {
     kn_model *model;

@@ -1,5 +1,5 @@
-// Assembly of a model and of its states: the checks of a definition, then lattice, kernels, tools and the tables of the
-// chosen solver; and one arena per state with the memory of that solver.
+// Assembly of a model: check its definition, then build the lattice, the kernels, the tools and the tables of the
+// chosen solver. Assembly of a state: one block of memory with the fields and the memory of that solver.
 #include "core/algebra/bytes.h"
 #include "core/solve/contact.h"
 #include "core/solve/kernel.h"
@@ -12,7 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Longest step with gas, s. In a longer step, a press reduces a cell's volume too much at once.
+// Longest time step of an object with gas in its cells, s. In a longer step, a press would take too much of a cell's
+// volume at once.
 #define GAS_STEP_MOST_S 0.03
 #define NODES_MAX (1 << 22) // largest number of nodes: their state takes 3 GB, and no index overflows
 
@@ -20,7 +21,8 @@
 
 static bool is_real(double x) { return x >= 0 && isfinite(x); }
 
-// Check contact and coupling of one probe. All check functions return NULL or a sentence that says what is wrong.
+// Check contact and coupling of one probe. Every check function in this file returns NULL, or a sentence that says what
+// is wrong.
 static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
 {
     const bool plate = p->shape == KN_PROBE_PLATE;
@@ -107,7 +109,7 @@ static const char *check_solver(const kn_solver_def *s)
     return NULL;
 }
 
-// Check a whole definition: parts first, then how they fit together.
+// Check a whole definition: first its parts, then whether the parts fit together.
 static const char *check(const kn_model_def *def)
 {
     const char *wrong = kn_material_check(&def->material);
@@ -123,20 +125,21 @@ static const char *check(const kn_model_def *def)
 
 // --- checks of a lattice --------------------------------------------------------------------------------------------
 
-// Limits of the stiffness of tools' foundations and of gas, relative to the resistance of an object's node at rest in
-// one step. Beyond these limits, conjugate gradients in f32 (seven digits) need more iterations than any step has
-// (measured with `knead stability`, family mixed). Gas is stiff in only one direction of each cell.
+// Largest stiffness of a tool's foundation and of the gas: stiffness times dt, as a multiple of the resistance of one
+// node at rest (kg/s, see `body` below). With a stiffer foundation or gas, conjugate gradients in f32 (seven digits)
+// need more iterations than a step allows; measured with `knead stability`, family mixed. The limit of the gas is
+// higher, because gas is stiff in only one direction of each cell.
 #define FOUNDATION_MOST 500.0
 #define GAS_MOST 1e4
-// Limit of the gas in f32, relative to the pressure of a tool one spacing deep: the rounding of the gas is then a
-// hundredth of that pressure.
+// Largest gas pressure in f32, as a multiple of the pressure on a tool that is pressed in by one spacing. At this
+// limit, the rounding error of the gas pressure is a hundredth of the pressure on the tool.
 #define GAS_MOST_F32 1e4
 
 static const char *check_stiffness(const kn_model *m)
 {
     const kn_model_def *def = &m->def;
     double h = def->spacing_m, dt = def->solver.dt_s, at_rest = m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_rest;
-    // body: resistance of one node to a change of velocity, kg/s
+    // body: resistance of one node to a change of its velocity, from its edges at rest and its mass [kg/s]
     double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt;
     double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
     if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
@@ -147,13 +150,15 @@ static const char *check_stiffness(const kn_model *m)
         if (foundation * h * h * dt > FOUNDATION_MOST * body)
             return "the tool's foundation is more than 500 times as stiff as the object under it";
         if (def->solver.precision == KN_PRECISION_F32 && gas > GAS_MOST_F32 * foundation * h)
-            return "in f32 the gas inside rounds by more than the tool's soft foundation presses: needs precision: f64";
+            return "in f32 the rounding error of the gas exceeds the pressure of a tool's soft foundation: needs "
+                   "precision: f64";
     }
     return NULL;
 }
 
-// Build the shapes of the tools. If the table can push the object, list the nodes that it can push, too: the support is
-// FRICTION, or a tool is coupled and may throw the object at the table. Return false if memory is short.
+// Build the shapes of the tools. Also list the nodes that the table can push, if the table can push the object at all.
+// That is so with the support FRICTION, and with a coupled tool, which may throw the object at the table. Return false
+// if memory is short.
 static bool build_tools(kn_model *model)
 {
     model->shape = calloc(KN_PROBES_MAX, sizeof *model->shape);
@@ -161,7 +166,7 @@ static bool build_tools(kn_model *model)
     bool table = model->def.support == KN_SUPPORT_FRICTION;
     for (int p = 0; p < model->def.probe_count; p++) {
         kn_tool_shape(&model->def.probe[p], &model->shape[p]);
-        // a coupled tool may drive the object against the table, whatever the support: the table must stop it
+        // a coupled tool may push the object down onto the table, whatever the support: the table must stop the object
         table |= model->def.probe[p].coupling_n_m > 0 && model->def.support != KN_SUPPORT_NONE;
     }
     return !table || kn_base_build(model);
@@ -186,9 +191,10 @@ static bool fail(char *error, size_t size, const char *text)
     return false;
 }
 
-// Speed of a press for the check below. If a hand moves by an element's height in one step, the element turns inside
-// out and back in every step, because the step uses the edges' directions at its beginning. Measured with `knead
-// stability`, family sliver: the object is calm if the height over the step is 2 cm/s, and oscillates if it is 7 mm/s.
+// Speed of a pressing hand for the check of the flattest element. If a hand moves by an element's height in one step,
+// the element turns inside out and back in every step, because a step uses the edges' directions at its beginning.
+// Measured with `knead stability`, family sliver: an object with a height of 2 cm/s times dt stays calm, and one with
+// 7 mm/s times dt oscillates.
 #define HAND_M_S 0.01
 
 // Refuse a step that is too long for the flattest element of a mesh.
@@ -217,7 +223,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    // then the nodes: of a mesh, of a block with a fine box, or of a plain block
+    // then the nodes of a mesh, of a block of two resolutions, or of a plain block
     const char *wrong;
     if (def->mesh) wrong = kn_net_build(m);
     else if (kn_composite_is(def)) wrong = kn_composite_build(m);
@@ -231,7 +237,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (!check_flattest(m, error, size)) return false;
-    // an explicit step beyond its stability limit is refused, with the mass scale that would allow it
+    // refuse a Runge-Kutta step beyond its stability limit, and name the mass scale that would make this step stable
     if (rk4 && def->solver.dt_s > m->rk4_limit_s) {
         if (size > 0)
             snprintf(error, size,
@@ -283,7 +289,7 @@ void kn_model_destroy(kn_model *model)
 
 // --- states ---------------------------------------------------------------------------------------------------------
 
-// Return the number of reals stored for the cells' pressure: see kn_work.cell.
+// Return the number of reals that the field kn_work.cell holds for the gas pressure in the cells.
 static size_t cell_reals(const kn_model *m)
 {
     if (m->def.pressure == KN_PRESSURE_OBJECT) return kn_model_field(m, 3);
@@ -294,7 +300,7 @@ static size_t cell_reals(const kn_model *m)
 static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     kn_work *w = &s->work;
-    // vectors first, then edges, blocks of held rows and cells
+    // first the solver's vectors, then the values per edge, the blocks of held rows, and the values per cell
     struct {
         void **field;
         int components;
@@ -305,7 +311,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     w->whole = m->composite ? kn_arena_take(a, kn_state_field(m, 6)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * kn_model_real(m));
-    // then one byte per row, and the arrays of contact and rigid motion
+    // then the flags of the rows, and the arrays of the rigid motions and of the held nodes
     w->row_held = kn_arena_take(a, (size_t)m->row_count);
     w->row_moved = kn_arena_take(a, (size_t)m->row_count);
     s->row_base = kn_arena_take(a, (size_t)m->row_count);
@@ -331,14 +337,14 @@ static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
     if (s->stages) kn_fixed_scratch_init(m, s->stages);
 }
 
-// Lay out a state. One description serves to measure (base NULL) and to hand out memory. `kept`: leave out the
-// scratch.
+// Lay out a state in the memory at `base` and return its size. If `base` is NULL, only measure. `kept`: leave out the
+// solver's scratch.
 static size_t layout(const kn_model *m, char *base, bool kept)
 {
     kn_arena a = {.base = base};
     kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
     kn_scratch unused_scratch, *scratch = &unused_scratch;
-    // saved part: the struct, the fields, held nodes and anchors
+    // the part that a snapshot saves: the struct, the fields, held nodes and anchors
     kn_arena_take(&a, sizeof *state);
 #define KN_FIELD(name, components)                                                                                     \
     state->name = kn_arena_take(&a, kn_state_field(m, components));                                                    \
@@ -350,7 +356,7 @@ static size_t layout(const kn_model *m, char *base, bool kept)
     state->anchor = anchors > 0 ? kn_arena_take(&a, anchors * sizeof *state->anchor) : NULL;
     if (base) state->bytes = a.used;
     if (kept) return a.used;
-    // scratch: contact and the solver's vectors
+    // the part that no snapshot saves: contact of the step and the solver's vectors
     state->scratch = kn_arena_take(&a, sizeof *scratch);
     if (base) scratch = state->scratch;
     void *contact = kn_arena_take(&a, kn_contact_bytes(m));
@@ -385,14 +391,15 @@ kn_state *kn_state_keep(const kn_model *model) { return allocate(model, kn_state
 
 void kn_state_destroy(kn_state *state) { free(state); }
 
-// Reset the implicit solver's scratch: zero vectors, and free components except those of the support.
+// Reset the implicit solver's scratch: clear its vectors, and mark all components of nodes as free, except those that
+// the support holds.
 static void reset_implicit(const kn_model *m, kn_scratch *s)
 {
     kn_work *w = &s->work;
     memset(w->guess, 0, kn_state_field(m, 3));
     memset(w->q, 0, kn_state_field(m, 3));
     memset(w->d, 0, kn_state_field(m, 3));
-    // edges that do not exist are never written, so their g must be 0
+    // the steps never write the vector g of places without an edge, so clear it here
     memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
@@ -409,7 +416,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
 
 void kn_state_reset(const kn_model *model, kn_state *state)
 {
-    // the plain part first, then the fields up to the held nodes; anchors are empty when their count is 0
+    // clear the plain members (anchor_count = 0 empties the list of anchors), then the fields and the held nodes
     memset(state, 0, offsetof(kn_state, displacement));
 #define KN_FIELD(name, components)                                                                                     \
     if (state->name) memset(state->name, 0, kn_state_field(model, components));

@@ -19,7 +19,8 @@ int kn_grid_cells(const kn_grid *g, kn_cell *out)
     return count;
 }
 
-// Return the volume of the tetrahedron of the origin and a triangle, 1/6 det(a, b, c), and add its derivatives.
+// Return the volume of the tetrahedron between the origin and a triangle, 1/6 det(a, b, c). Add its derivatives with
+// respect to a, b and c to da, db and dc.
 static double add_triangle(const double a[3], const double b[3], const double c[3], double da[3], double db[3],
                            double dc[3])
 {
@@ -35,7 +36,8 @@ static double add_triangle(const double a[3], const double b[3], const double c[
     return volume;
 }
 
-// Return the volume of a solid cell from four triangles per face. Add the derivatives by the corners' positions to `d`.
+// Return the volume of a solid cell from four triangles per face. Add the derivatives with respect to the corners'
+// positions to `d`.
 static double block_volume(const double x[8][3], double d[8][3])
 {
     // corners of the faces, counter-clockwise from outside
@@ -56,8 +58,7 @@ static double block_volume(const double x[8][3], double d[8][3])
     return volume;
 }
 
-// Return the volume of a flat cell: the area of the quadrilateral 0 1 3 2, half the cross product of its
-// diagonals, times the thickness.
+// Return the volume of a flat cell: the thickness times the area of the quadrilateral with the corners 0 1 3 2.
 static double flat_volume(double depth_m, const double x[8][3], double d[8][3])
 {
     static const int ring[4] = {0, 1, 3, 2};
@@ -87,7 +88,8 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
     memset(d, 0, 8 * sizeof d[0]);
     for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
         for (int k = 0; k < 3; k++) side[i][k] = x[i + 1][k] - x[0][k];
-    // a flat element is a third of a parallelepiped of its depth; triangles turn from x to z
+    // Triangle times thickness is a sixth of the product of two sides and a vector of three times the thickness along
+    // -y. Its sign fits triangles, whose corners turn from x to z.
     if (depth_m > 0) side[2][1] = -3 * depth_m;
     double volume = 0;
     // the gradient at a corner is a sixth of the cross product of the other two sides
@@ -103,7 +105,7 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
 
 double kn_cell_pressure(double j, double *slope)
 {
-    // below KN_CELL_LEAST the law continues along its tangent at KN_CELL_LEAST
+    // if J is below KN_CELL_LEAST, follow the law's tangent at KN_CELL_LEAST
     double held = fmax(j, KN_CELL_LEAST);
     *slope = 1 / (held * held);
     return (1 - held) / held + (held - j) / (held * held);

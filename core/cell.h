@@ -46,17 +46,21 @@ typedef struct kn_cell {
 // ratio V/V0 of a cell's volume to its volume at rest, below which the pressure law is a straight line
 #define KN_CELL_LEAST 0.1
 
-// List every cell in out[] in a fixed order and return the number of cells. If out is NULL, only count.
+// List every cell of a block in out[], x fastest, then y, then z, and return the number of cells. If out is NULL, only
+// count them. The caller owns out[].
 int kn_grid_cells(const kn_grid *g, kn_cell *out);
 
-// Return the volume of a cell, m^3 (< 0: inside out), and store its derivative with respect to each corner's position,
-// m^2. The corners of a flat cell move in x and z only.
+// Return the volume of a cell of a block, m^3; a cell that is inside out has a negative volume. Store the derivative of
+// the volume with respect to each corner's position, m^2. The corners of a flat cell move in x and z only. This and the
+// functions below are real-time safe.
 double kn_cell_volume(const kn_grid *g, const double corner_m[8][3], double gradient_m2[8][3]);
 
-// Like kn_cell_volume, for a tetrahedron, or for a flat triangle of thickness depth_m if depth_m > 0.
+// Return the volume of an element of a mesh, m^3, and store its derivatives, m^2, as kn_cell_volume does for a block.
+// The element is a triangle of thickness depth_m if depth_m > 0, else a tetrahedron.
 double kn_simplex_volume(double depth_m, const double corner_m[8][3], double gradient_m2[8][3]);
 
-// Return (P - P0)/P0 at J = V/V0 and store -d(P/P0)/dJ > 0 in *slope.
+// Return the relative overpressure (P - P0)/P0 of a gas whose volume is J = V/V0 times its volume at rest. Store the
+// slope -d(P/P0)/dJ, which is positive, in *slope.
 double kn_cell_pressure(double j, double *slope);
 
 #endif

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #define ITERATIONS 2   // number of iterations of the mobility solve (patch.h) per step
-#define MEMORY_S 0.020 // time constant of the least squares for c2, the damping of the force-dependent damper
+#define MEMORY_S 0.020 // time constant of the least-squares fit of c2, the damping of the force-dependent damper
 #define REACH 3.0      // largest distance at which a plane ahead of the tool is reported, in radii of the tool
 #define PLATE_M 0.01   // radius used for a plate
 #define PROBE_M 1e-4   // step of the difference quotient for the gradient of the distance
@@ -19,23 +19,23 @@
 #define CLIENT_S 1e-3 // step of a client, for which A is reported
 
 typedef struct pressed {        // one contact: everything that a tool touches, or one patch of it
-    double force_n, rate_m_s;   // contact force t; rate w at which the skin goes in
+    double force_n, rate_m_s;   // contact force t; speed w at which the tool presses the skin inwards
     double normal[3], arm_m[3]; // normal out of the object; vector from the tool's position to where the force acts
-    double layer_n_m;           // stiffness of the foundation along the normal; 0: rigid
+    double layer_n_m;           // stiffness of the contact's foundation along the normal; 0: rigid
     double a, k1, h_n;          // damping A, stiffness k1, force H of contact_model.h; 0: not known yet
-    double tt, tw, c2;          // sums t t and t w of the least squares for c2; the damping c2
-    double loaded;              // share of this contact in the load of the running mobility solve; 0: no part of it
+    double tt, tw, c2;          // fading sums of t t and t w_c2, w_c2: rate of the damper c2; the fit c2 = tt/tw
+    double loaded;              // share of the running mobility solve's load on this contact; 0: no load
 } pressed;
 
 typedef struct fitted {         // one probe's contact
     bool touching, near, ahead; // near: the tool touches the object, or a plane ahead of the tool is within reach
     pressed all, patch[KN_PATCHES_MAX];
-    unsigned used; // bit i is set: patch[i] is in use; there may be several patches
-    int only;      // number of the patch if there is exactly one patch
+    unsigned used; // bit i is set if patch[i] is in use
+    int only;      // number of the patch in use if there is exactly one
     kn_place place[KN_PATCHES_MAX];
     int places;       // number of places beside the contact where the tool will touch next
-    double side_n[3]; // force on the tool across the normal
-    // place of the tool; its distance from the object and the gradient of the distance
+    double side_n[3]; // tangential part of the force on the tool
+    // position of the tool; distance of the tool from the object; gradient of this distance
     double tool_m[3], gap_m, gradient[3];
 } fitted;
 
@@ -44,7 +44,7 @@ struct kn_contact_fit {
     kn_coupling device;
     kn_mobility *mobility;
     kn_patches *patches;
-    kn_ahead *ahead[KN_PROBES_MAX]; // NULL for a tool of one convex part
+    kn_ahead *ahead[KN_PROBES_MAX]; // search for the next places that each tool touches; NULL: one convex part
     fitted probe[KN_PROBES_MAX];
     int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
@@ -53,7 +53,7 @@ struct kn_contact_fit {
 
 // --- the object's outside -------------------------------------------------------------------------------------------
 
-// List the nodes of the skin: those that have neighbours on it.
+// List the nodes of the skin. Inner nodes are left out, because they have no neighbours on the skin.
 static bool list_skin(kn_contact_fit *fit)
 {
     fit->skin = malloc((size_t)fit->model->node_count * sizeof *fit->skin);
@@ -139,11 +139,11 @@ static int count_of(unsigned used)
     return count;
 }
 
-// Return the patch of a node. A node that is pressed for the first time gets the patch of a neighbour, or any patch if
-// no neighbour has one.
+// Return the patch of a sample that `node` carries. A node that is pressed for the first time belongs to no patch yet.
+// Then the sample gets the patch of another of its nodes, or else the first patch in use.
 static int patch_of(const kn_contact_fit *fit, int p, const int node[], int nodes)
 {
-    int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // a spline's own node is in the middle
+    int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // the middle node of a spline's 3 x 3 nodes
     for (int a = 0; a < nodes && number < 0; a++) number = kn_patches_at(fit->patches, p, node[a]);
     for (int i = 0; number < 0; i++)
         if (fit->probe[p].used >> i & 1) number = i;
@@ -152,7 +152,7 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 
 typedef struct sums {
     double force_n[3], torque_n_m[3], power_w; // force, torque and power of the contact on the tool
-    // sum of the normal forces alone; sum of the normal forces times their arms
+    // sum of the pressing forces; sum of each pressing force times its arm
     double pressing_n, place_n_m[3];
 } sums;
 
@@ -173,10 +173,10 @@ static void add_torque(sums *s, const double normal[3], double pressing_n, const
     s->pressing_n += pressing_n;
 }
 
-// Compute the resultant of a contact: normal, force along it, the rate at which the skin goes in, and the point where
-// the force acts. The rate w is weighted by the forces, so that t w is their power. The point is chosen so that the
-// force acting there has the torque of all forces, except the part about the normal. For a smooth ball the point is its
-// centre.
+// Compute the resultant of a contact: its normal, the force t along the normal, the speed w at which the tool presses
+// the skin inwards, and the point where the force acts. w is a mean weighted by force, so that t w is the power of all
+// forces. At the chosen point, the force t has the torque of all forces, except the torque about the normal. For a
+// smooth ball this point is the centre of the ball.
 static void settle(const sums *s, pressed *c)
 {
     double t = sqrt(kn_dot(s->force_n, s->force_n)), across[3];
@@ -202,14 +202,14 @@ static void settle_all(const sums *all, const sums part[KN_PATCHES_MAX], fitted 
         if (f->used >> i & 1) settle(&part[i], &f->patch[i]);
 }
 
-// Add a sample to the foundation along the contact's normal. Samples that are in contact but do not press count too.
+// Add the stiffness of a sample's foundation to the stiffness of the contact's foundation along the contact's normal.
 static void add_layer(const kn_sample *s, pressed *c)
 {
     double along = kn_dot(s->normal, c->normal);
     c->layer_n_m += s->line.slope_n_m * along * along;
 }
 
-// Compute the resultants of all samples of a tool, and of those of each patch.
+// Compute the resultant of all samples of a tool, and the resultant of the samples of each patch.
 static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, int p, fitted *f)
 {
     const kn_contact *contact = &kn_state_scratch(state)->contact;
@@ -227,7 +227,8 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, in
         add_force(own, s->normal, s->pressing_n, rate);
         if (turns) add_torque(own, s->normal, s->pressing_n, s->arm_m);
     }
-    // the foundation needs the resultant normal: add it in a second pass
+    // add up the foundation in a second pass, because this needs the normal of the resultant; samples that are in
+    // contact but do not press count, too
     settle_all(&all, part, f);
     for (int i = 0; i < contact->sample_count && f->all.force_n > 0; i++) {
         const kn_sample *s = &contact->sample[i];
@@ -281,8 +282,8 @@ static void look(const kn_contact_fit *fit, const kn_state *state, int p, const 
         f->side_n[k] = f->touching && !plate ? output->probe[p].force_n[k] - along * f->all.normal[k] : 0;
 }
 
-// Find the plane that the tool would meet. While the tool is near, only one component of the gradient is computed per
-// step, because distances are expensive.
+// Find the plane that the tool would meet. While the tool is near, only one component of the gradient of the distance
+// is computed per step, because computing a distance takes long.
 static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, const kn_input *input, fitted *f)
 {
     const kn_model *m = fit->model;
@@ -304,11 +305,11 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
     for (int k = 0; k < 3 && f->near; k++) f->all.normal[k] = f->gradient[k] / size;
 }
 
-// --- the unit -------------------------------------------------------------------------------------------------------
+// --- stiffness and damping of a contact ------------------------------------------------------------------------------
 
 static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
 
-// Return c2 of the contact if the material's damper is as stiff as at this stress. The ratio c2/A is that of an edge.
+// Return the damping c2 that a contact with damping A = a has at a stress. The ratio c2/A is the same as in an edge.
 static double c2_at(const kn_model *m, double a, double stress_pa)
 {
     double c2 = kn_material_c2(&m->def.material, stress_pa);
@@ -322,13 +323,14 @@ static void follow_back_stress(const kn_model *m, pressed *c)
     c->h_n += m->def.solver.dt_s * c->k1 * (c->force_n - c->h_n) / c->a;
 }
 
-// Fit c2 by least squares over the recent past: the force over the damper's rate, which is w without the rate of A.
+// Fit the damping c2 by least squares over the recent past: contact force divided by the rate of the damper c2. This
+// rate is w minus the rate of the Voigt element, (t - H)/A.
 static void follow_flow(const kn_model *m, pressed *c)
 {
     double fade = exp(-m->def.solver.dt_s / MEMORY_S), flow = c->rate_m_s - (c->force_n - c->h_n) / c->a;
     c->tt = fade * c->tt + c->force_n * c->force_n;
     c->tw = fade * c->tw + c->force_n * flow;
-    // clip c2 to the range between the material's damper at its stiffest and at its softest
+    // keep c2 between the values for the material's damper at its softest and at its stiffest
     double stiff = c2_at(m, c->a, 0), soft = c2_at(m, c->a, 1e12);
     c->c2 = c->tw > 0 && c->tt > 0 ? clip(c->tt / c->tw, fmin(soft, stiff), stiff) : stiff;
 }
@@ -355,7 +357,7 @@ static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed
     c->tw = c->c2 > 0 ? c->tt / c->c2 : 0;
 }
 
-// Regroup the stored values when the patches change. If there is only one patch, it is the whole contact.
+// Regroup the stored values when the patches change. If there is only one patch, f->all holds its values.
 static void regroup(fitted *f, unsigned used, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     bool were_several = several(f), same = used == f->used;
@@ -386,7 +388,7 @@ static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *s = &contact->sample[i];
         if (!presses(s, p)) continue;
-        // a spline's sample counts for its middle node, a triangle's for its three corners
+        // a sample of a spline presses its middle node, a sample of a triangle presses the three corners
         if (s->nodes == 9) kn_patches_press(fit->patches, s->node[4], s->pressing_n);
         else
             for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
@@ -400,8 +402,8 @@ static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
 
 // --- mobility -------------------------------------------------------------------------------------------------------
 
-// Load the nodes that a level plate will meet first, all at once: those as high as the highest under it. Return the
-// number of these nodes. With share_n 0 the function only counts.
+// Load the nodes that a level plate will meet first, each with share_n newtons downwards. These are the highest nodes
+// under the plate, to within a tenth of a spacing. Return the number of these nodes. If share_n is 0, only count them.
 static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, double share_n)
 {
     const kn_model *m = fit->model;
@@ -420,8 +422,8 @@ static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, d
     return count;
 }
 
-// Callback for every force of a contact. `force_n`: share of a unit force, which is that of each patch or of the whole
-// contact.
+// Function that each_force calls for every node's force in a contact. `force_n` is scaled: the forces of each patch, or
+// of the whole contact, sum to 1 N.
 typedef void kn_force_call(void *self, int patch, size_t offset, const double force_n[3]);
 
 static void each_force(const kn_contact_fit *fit, const kn_state *state, int p, bool by_patch, kn_force_call *call,
@@ -456,7 +458,7 @@ static void load_force(void *self, int patch, size_t offset, const double force_
     kn_mobility_load(self, offset, force_n);
 }
 
-// Load the pattern of forces whose mobility the round computes.
+// Load the nodes with the pattern of forces for which the mobility solve computes velocities.
 static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
 {
     const kn_model *m = fit->model;
@@ -479,7 +481,7 @@ static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
     for (int i = 0; i < KN_PATCHES_MAX; i++) f->patch[i].loaded = f->patch[i].force_n / f->all.force_n;
 }
 
-// Rates at which the patches go in under the whole pattern of forces, m/s per N of the pattern.
+// Speed at which each patch yields inwards under the whole pattern of forces, m/s per N of the pattern.
 typedef struct rates {
     const kn_mobility *mobility;
     int probe;
@@ -492,8 +494,8 @@ static void add_rate(void *self, int patch, size_t offset, const double force_n[
     r->of[patch] += kn_mobility_rate(r->mobility, r->probe, offset, force_n);
 }
 
-// Share the mobility among the patches. Under the whole pattern patch i goes in by b_i'z and carries w_i of
-// the load, so A_i = w_i/(b_i'z).
+// Compute the damping A_i of each patch. Under the whole pattern of 1 N, patch i yields with the speed b_i'z and
+// carries the share w_i of the load, so A_i = w_i/(b_i'z).
 static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
 {
     fitted *f = &fit->probe[p];
@@ -507,7 +509,7 @@ static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
     }
 }
 
-// Begin a mobility solve (round) for the next probe, in turn, that touches the object or is near it.
+// Begin a mobility solve (a round) for the next probe that touches the object or is near it. The probes take turns.
 static void begin_round(kn_contact_fit *fit, const kn_state *state)
 {
     int probes = fit->model->def.probe_count, last = fit->round < 0 ? 0 : fit->round;
@@ -554,14 +556,14 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
             *f = (fitted){0};
             continue;
         }
-        // follow the contact in every step, independent of the progress of the round
+        // update the contact in every step, however far the mobility solve has come
         look(fit, state, p, output, f);
         look_ahead(fit, state, p, input, f);
         f->places = fit->ahead[p] && f->near ? kn_ahead_places(fit->ahead[p], state, KN_PATCHES_MAX, f->place) : 0;
         if (!(f->all.a > 0)) continue;
         follow_back_stress(fit->model, &f->all);
         follow_flow(fit->model, &f->all);
-        // a patch that is younger than a round has an equal share of A until a round computes its own A
+        // a new patch gets an equal share of the contact's A until a mobility solve has computed its own A
         int known = 0;
         for (int i = 0; i < KN_PATCHES_MAX; i++) known += (f->used >> i & 1) && f->patch[i].a > 0;
         for (int i = 0; i < KN_PATCHES_MAX && several(f); i++) {
@@ -576,10 +578,10 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
 // Return the stiffness of two springs in series; 0 stands for rigid.
 static double series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : fmax(a, b); }
 
-// Return the least foundation stiffness that is reported to a client. If no sample or only a few samples press, the
-// stiffness some tens of ms later is reported instead: that of the coupling, or that of a circle whose radius is a
-// third of the tool's half width, whichever is less. With the present stiffness, a first touch would be rendered with a
-// third of its force.
+// Return the least foundation stiffness that a client is told, an estimate of the stiffness some tens of ms after first
+// touch. It is the stiffness of the coupling, or of the foundation over a circle whose radius is a third of the tool's
+// half width, whichever is less. At first touch only a few samples press. With their small stiffness, a client would
+// render a first touch with a third of its force.
 static double first_layer(const kn_model *m, int p, double coupling_n_m)
 {
     double third_m = m->shape[p].fine_m / 3;
@@ -599,10 +601,10 @@ static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, k
     return layer;
 }
 
-// Return the time for which a unit is valid, ms. On the server, a tool that follows its pose rigidly responds to a new
-// velocity at once. The client's model responds only after its coupling is stretched, which takes the time B
-// (1/k - 1/layer), where B is the damping of the flowing object. Until then the client would oppose its present motion
-// with the force of one round trip ago.
+// Return the time for which a unit is valid, ms. In the server, the force on a rigid tool follows a new velocity at
+// once. In the client, the force follows only after the coupling has stretched. That takes the time
+// B (1/k - 1/layer), where B is the damping of the flowing object, k the stiffness of the client's coupling, and
+// `layer` that of the foundation. Until then the client would answer its present motion with an outdated force.
 static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double layer)
 {
     if (fit->model->def.probe[p].coupling_n_m > 0) return VALID_MS;
@@ -611,10 +613,10 @@ static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double
     return late_s > LATE_S ? VALID_MS * LATE_S / late_s : VALID_MS;
 }
 
-// Fill a unit's fields. `at_m`: position that the tool would have without force.
+// Fill in the physical fields of a unit. `at_m`: position that the tool would have if the contact carried no force.
 static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], kn_contact_unit *unit)
 {
-    // A for the client's step; proxy and anchor differ by the arm across the normal
+    // convert A from the server's time step to the client's; proxy minus anchor is the arm that the client uses
     const kn_material *mat = &m->def.material;
     double height = kn_dot(c->arm_m, c->normal);
     unit->force_n = c->force_n;
@@ -630,7 +632,7 @@ static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], 
     }
 }
 
-// Return the contact expected at a place that the tool does not touch yet. A is that of the pressed contacts.
+// Return the contact expected at a place that the tool does not touch yet. `a`: damping A of the present contacts.
 static pressed expected(const kn_model *m, const kn_place *place, double a)
 {
     pressed c = {.a = a, .k1 = a * m->def.material.k1_pa / m->law.a_pa_s, .c2 = c2_at(m, a, 0)};
@@ -639,9 +641,9 @@ static pressed expected(const kn_model *m, const kn_place *place, double a)
     return c;
 }
 
-// Fill in one unit. If there are several units, each has its own foundation, and the reported position of the tool is
-// the true one. If there is a single unit, the foundation is part of its coupling, and the reported position is
-// corrected by the foundation's compression.
+// Fill in one unit. A single unit (`alone`) has the foundation in its coupling. The reported position of the tool is
+// then corrected by the compression of the foundation. Each of several units has its own foundation, and the reported
+// position of the tool is its true position.
 static void tell(const kn_contact_fit *fit, int p, const pressed *c, double gap_m, bool alone, kn_contact_unit *unit)
 {
     const fitted *f = &fit->probe[p];
@@ -662,12 +664,13 @@ void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact
     int patches = 0, count = 0;
     unit[0] = (kn_contact_unit){0};
     if (!f->near || !(f->all.a > 0)) return;
-    // choose the pressing patches, or their resultant if there is only one patch or too many; then the places ahead
+    // choose the patches that press, or the resultant if there is only one patch or more than `most`; then add the
+    // places that the tool will touch next
     for (int i = 0; i < KN_PATCHES_MAX && several(f); i++)
         if ((f->used >> i & 1) && f->patch[i].force_n > 0) told[patches++] = &f->patch[i];
     if (patches < 2 || patches > most) told[0] = &f->all, patches = 1;
     int places = f->places < most - patches ? f->places : most - patches;
-    if (!f->touching && places > 0) patches = 0; // in air, f->all is the nearest place, which is already in f->place
+    if (!f->touching && places > 0) patches = 0; // in air, f->all would repeat the nearest place of f->place
     const bool alone = patches + places == 1;
     for (; count < patches; count++) {
         unit[count] = (kn_contact_unit){.contact_index = count};

@@ -6,14 +6,14 @@
 #define LEAK_N_PER_S 16.0    // fastest change of force during this fade; a faster change would feel like a jump
 #define RETURN_M_PER_S 0.020 // speed of the surface while the force returns: the power is at most |F| times this speed
 #define THERE_M 5e-6         // least depth of the device in a surface that counts as contact
-// age at which a stale contact is dropped: ten times LEAK_S; an older contact only drags in free air
+// time after which a stale contact is dropped, ten times LEAK_S; if kept longer, it would only drag a hand in free air
 #define FORGET_S 0.5
 #define FELT_N 0.02  // least force that the hand feels; it is below the resolution of desktop devices
 #define HOLD_S 0.003 // time without a pose of this client after which the force fades; the same as in the server
 #define FADE_S 0.017
 #define RAMP_S 0.200
 #define LAW_N 0.02           // smallest force at which c2 is stored
-#define LAW_STEP 1.189207115 // ratio of successive forces at which c2 is stored, a quarter of an octave; largest 17 N
+#define LAW_STEP 1.189207115 // ratio of successive forces at which c2 is stored, 2^(1/4); the largest force is 17 N
 #define FAR_M 0.1            // a contact farther than this from the client's own pose is refused
 #define POSE_GAP_S 0.0005    // least time between two stored poses
 #define SWEEPS 12            // Gauss-Seidel sweeps over several units; a single unit is solved at once
@@ -55,17 +55,17 @@ static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1])
 static double clip(double v, double least, double most) { return fmin(fmax(v, least), most); }
 static double positive_or(double v, double otherwise) { return v > 0.0 ? v : otherwise; }
 
-// --- c2, the damping of the force-dependent damper, over the force --------------------------------------------------
+// --- damping c2 as a function of the force ---------------------------------------------------------------------------
 
-// Return the index of a force in the array of c2. A message contains c2 at one force; c2 at other forces comes from
-// earlier messages.
+// Return the index of a force in the array of c2. A unit of a message contains c2 at one force; c2 at other forces
+// comes from earlier messages.
 static int bin_of(double force_n)
 {
     return (int)clip(floor(0.5 + log(fmax(force_n, LAW_N) / LAW_N) / log(LAW_STEP)), 0, KN_CONTACT_LAW - 1);
 }
 
-// Fill in the flow at every force of the law. Between forces with a received c2, ln c2 is interpolated. Beyond these
-// forces, the c2 of the nearest one is used. Flow never falls as force rises.
+// Fill in the flow rate force/c2 at every force of the law. Between two forces with a received c2, ln c2 is
+// interpolated. Beyond the outermost such force, its c2 is used. The flow rate never falls as the force rises.
 static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW])
 {
     double at_n = LAW_N, least = 0.0;
@@ -79,7 +79,7 @@ static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW
     }
 }
 
-// Return c2 at a force, from the flow interpolated between the law's forces.
+// Return c2 at a force, from the flow rate interpolated between the law's forces.
 static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
 {
     double at_n = LAW_N, below_n = 0.0, below = 0.0;
@@ -92,10 +92,11 @@ static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
     return force_n / (below + (law_m_s[i] - below) * (force_n - below_n) / (at_n - below_n));
 }
 
-// Return the force f with p f + flow(f)/thick = rate, where flow is that of the law. Store flow(f)/thick in *flow_m_s.
+// Return the force f that solves p f + flow(f)/thick = rate, where flow(f) is the flow rate of the law law_m_s. Store
+// flow(f)/thick in *flow_m_s.
 static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p, double rate, double *flow_m_s)
 {
-    // go up the law to the segment that contains the root, then interpolate
+    // find the segment between two forces of the law that contains the root, then interpolate
     double below_n = 0.0, below = 0.0, at_n = LAW_N, at = p * LAW_N + law_m_s[0] / thick;
     for (int i = 1; i < KN_CONTACT_LAW && at < rate; i++) {
         below_n = at_n;
@@ -112,10 +113,12 @@ static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p,
 
 // --- the contact: a proxy and up to 8 units -------------------------------------------------------------------------
 
-// Force and torque on the proxy about its position, and the proxy's compliance.
+// Force on the proxy, torque on the proxy about its position, and the proxy's compliance.
 typedef struct load {
     double force_n[3], torque_n_m[3];
-    double g, soft; // G = b_vc + dt k_vc; compliance 1/(l^2 G) for rotations, 0 if the proxy turns as the device does
+    // g: resistance G = b_vc + dt k_vc of the coupling to a velocity of the proxy [N s/m]. soft: angular velocity of
+    // the proxy per torque, 1/(l^2 G); 0 if the proxy turns as the device does.
+    double g, soft;
 } load;
 
 // Add a share of a force, which acts at the arm arm_m, to the load.
@@ -133,9 +136,9 @@ static double gap_of(const kn_contact_body *b, const kn_contact_plane *u)
     return dot(u->normal, b->proxy_m) + dot(u->lever_m, b->turn) - u->level_m;
 }
 
-// Compute the force of one unit that balances the load of the other units and the coupling. Along the normal, the force
-// keeps the proxy outside the surface, or it is zero. Across the normal, the force keeps the proxy in its place on the
-// surface, or it is mu times the normal force.
+// Compute the force of one unit that balances the coupling and the forces of the other units. Its normal part keeps the
+// proxy outside the surface, or is zero if the proxy does not touch. Its tangential part holds the proxy in its place
+// on the surface, or is mu times the normal part if the proxy slides.
 static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *others, double dt)
 {
     double a = u->c1 + dt * u->k1, g = others->g, along = dot(u->normal, others->force_n), flow_m_s, across[3], way[3];
@@ -145,9 +148,9 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     double rate_n = u->h_n / a - along / g - turning - (gap_of(b, u) - u->give_m_n * u->t_n) / dt;
     double t = root(b->law_m_s, u->thick, p_n, rate_n, &flow_m_s);
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
-    // across the normal: the force that stops the proxy on the surface, cut to the friction cone
+    // tangential: the force that stops the proxy on the surface, shortened to the friction cone
     cross(others->torque_n_m, u->arm_m, way);
-    // s: compliance across the normal, at least as large as the true one, because |arm|^2 serves for every direction
+    // s: tangential compliance; |arm|^2 is an upper bound of the arm's effect in every direction
     double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m);
     for (int i = 0; i < 3; i++) {
         double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
@@ -158,7 +161,7 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     for (int i = 0; i < 3; i++) u->force_n[i] = t * u->normal[i] + across[i];
 }
 
-// Move the surface and the back stress of a unit by its force.
+// Advance the surface and the back stresses of a unit by one step under the force on the unit.
 static void yield(kn_contact_plane *u, double dt)
 {
     double a = u->c1 + dt * u->k1, t = dot(u->normal, u->force_n);
@@ -208,12 +211,13 @@ static void advance(kn_contact_body *b, const double x[3], const double v[3], co
     add(b->turn, dt * all.soft, all.torque_n_m);
 }
 
-// Return the level that a surface would have without load: the springs return, the dampers do not.
+// Return the level to which a surface would return without load. The springs return; the dampers do not.
 static double rest_of(const kn_contact_plane *u) { return u->k1 > 0.0 ? u->level_m + u->h_n / u->k1 : u->level_m; }
 
 static bool touches(const kn_contact_body *b, const kn_contact_plane *u) { return gap_of(b, u) <= 1e-9; }
 
-// Return the depth of the device in the pressing surfaces, each taken at its level without load.
+// Return the depth of the device below the surfaces that touch the proxy, measured from their levels without load. If
+// several surfaces touch, return the largest depth.
 static double depth_of(const kn_contact_body *b, const double x[3], const double turn[3])
 {
     double depth_m = 0.0;
@@ -279,7 +283,7 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
     double size = norm(from->normal), dt = m->def.server_period_s;
     for (int i = 0; i < 3; i++) u->normal[i] = from->normal[i] / size;
     u->k1 = clip(from->k1_n_per_m, 0.0, 2.0 * b->k);
-    // the message has A = c1 + dt k1 for dt = server_period_s (contact_fit.c); c1 alone fits any step
+    // the A of a message is c1 + dt k1 for the server's dt; store c1, so that the client can use its own dt
     u->c1 = fmax(clip(from->a_n_s_per_m, 0.1, 1e4) - dt * u->k1, 1e-3 * b->b);
     u->c2 = clip(from->c2_n_s_per_m, 10.0, 1e5);
     // thick: ratio of the message's c2 to the stored law's c2 at the message's force
@@ -290,9 +294,9 @@ static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const
 }
 
 // Reduce the elastic force of a unit if this device's coupling is softer than the server's, or if the server's tool is
-// rigid. Behind a softer coupling, the same depth gives less elastic force. If the elastic force were rendered
-// unchanged, a round trip late, it would feed energy to the hand. The viscous part of the force is limited by the
-// message's validity. `theirs`: compliance of the server's coupling.
+// rigid. With a softer coupling, the same depth of the device gives less elastic force. The unreduced force, a round
+// trip late, would feed energy to the hand. The viscous part of the force needs no reduction, because the message is
+// valid for a limited time only. `theirs`: compliance of the server's coupling.
 static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 {
     double t = dot(u->normal, u->force_n), k = b->k / (1.0 + b->k * u->give_m_n);
@@ -304,17 +308,17 @@ static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 
 static double soft_of(const kn_contact_unit *unit) { return unit->k_vc_n_per_m > 0.0 ? 1.0 / unit->k_vc_n_per_m : 0.0; }
 
-// Choose the coupling and the foundations. The forces of a message came through the message's k_vc. This device's
-// coupling is at most m->def.stiffness_n_m. With one unit, the whole k_vc of the message is the coupling. With several
-// units, the compliance beyond that of this device's coupling is the foundation of each unit. Return the compliance of
-// the server's coupling.
+// Choose this device's coupling and the foundation of each unit, for a message whose forces were computed with its
+// k_vc. With one unit, the coupling has this k_vc, but at most m->def.stiffness_n_m, and there is no foundation. With
+// several units, the coupling has m->def.stiffness_n_m, and the remaining compliance of a unit's k_vc is its
+// foundation. Return the compliance of the server's coupling.
 static double set_coupling(const kn_contact_model *m, const kn_contact_unit *unit, kn_contact_body *b)
 {
     // this device is not stable with a coupling stiffer than its own
     const double most_n_m = m->def.stiffness_n_m, most_n_s_m = m->def.damping_n_s_m;
     double theirs = soft_of(unit), k = positive_or(unit->k_vc_n_per_m, most_n_m);
     b->k = unit->contact_count > 1 ? most_n_m : fmin(k, most_n_m);
-    // if this device's coupling is stiffer, scale the message's damping up by the square of the ratio
+    // if this device's coupling is stiffer than k, raise the message's damping by the square of the ratio
     b->b = fmin(positive_or(unit->b_vc_n_s_per_m * pow(fmax(1.0, b->k / k), 2.0), most_n_s_m), most_n_s_m);
     for (int c = 0; c < b->count && b->count > 1; c++) {
         theirs = fmin(theirs, soft_of(&unit[c]));
@@ -323,7 +327,7 @@ static double set_coupling(const kn_contact_model *m, const kn_contact_unit *uni
     return b->count > 1 ? fmin(theirs, 1.0 / b->k) : theirs;
 }
 
-// Set the level of a surface for the tool's orientation in the message, and the arm to the point of contact.
+// Set the level of a surface for the orientation that the tool has in the message, and the arm to the point of contact.
 static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
 {
     u->level_m = dot(u->normal, from->proxy_m);
@@ -332,8 +336,8 @@ static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
     cross(u->arm_m, u->normal, u->lever_m);
 }
 
-// Set the proxy for the message's pose. It lies on the surfaces that it presses, at the place where friction holds it,
-// and never inside a surface. In air the proxy is at the device.
+// Set the proxy for the message's pose. The proxy lies on the surfaces that it presses, where friction holds it, and
+// never below a surface. If the proxy presses nothing, it is at the device's position.
 static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const double x[3])
 {
     memcpy(b->proxy_m, x, sizeof b->proxy_m);
@@ -350,8 +354,9 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
     }
 }
 
-// Set the friction forces: the part of the coupling's force across the normal, shared among several units by their
-// load. The message does not contain the back stress across the normal, so the same share as along the normal is used.
+// Set the friction force of each unit: the tangential force of the coupling, shared among the units by their normal
+// forces. The message does not contain the tangential back stress. So it is taken as the same share of the friction
+// force as H is of the normal force.
 static void set_shear(kn_contact_body *b, const double x[3])
 {
     double load_n = 0.0;
@@ -368,8 +373,8 @@ static void set_shear(kn_contact_body *b, const double x[3])
     }
 }
 
-// Shift the surfaces by the difference between two stretches: that of this device's coupling under the reduced forces,
-// and that of the server's coupling under the forces of the message.
+// Reduce the elastic forces of the units, then shift the surfaces to fit. The shift is the stretch of this device's
+// coupling under the reduced forces, minus the stretch of the server's coupling under the forces of the message.
 static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body *b)
 {
     double told_n[3] = {0.0}, way[3];
@@ -382,8 +387,8 @@ static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body 
     for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].normal, way);
 }
 
-// Turn the proxy of a coupled tool by the torque of the contact. The proxy lags behind a device that turns at
-// `rate_rad_s`.
+// Turn the proxy of a coupled tool by the torque of the contact. Turn the proxy back by its lag behind a device that
+// turns at `rate_rad_s`.
 static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
 {
     if (b->rigid) return;
@@ -422,14 +427,15 @@ static bool set_up(const kn_contact_model *m, int64_t at, double c2[], kn_contac
     set_proxy(unit, b, x);
     set_shear(b, x);
     sum_up(b);
-    // rate of turning, from the difference to the pose before
+    // angular velocity of the device, from this pose and the pose before
     if (at > 0 && pose->at_s > before->at_s) turn_between(before->orientation_wxyz, pose->orientation_wxyz, rate);
     for (int i = 0; i < 3 && at > 0; i++) rate[i] /= fmax(pose->at_s - before->at_s, POSE_GAP_S);
     set_turn(b, rate);
     return true;
 }
 
-// Replay the client's own poses since that of the message. Each pose held until the next pose, the last one until now.
+// Replay the client's own poses after the pose of the message. Each pose is held until the next pose, and the last pose
+// until now.
 static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
 {
     for (int64_t i = at + 1; i < m->poses; i++) {
@@ -443,15 +449,15 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
     }
 }
 
-// Return the force that the hand feels now, without gain and scale.
+// Return the size of the contact force that is rendered now, before gain and force scale, N.
 static double felt_n(const kn_contact_model *m) { return (1.0 - m->lost) * m->share * norm(m->body.force_n); }
 
-// Start to use a contact. After an outage or a change of the object, start from the force that the hand feels.
-// Otherwise use the contact in full at once.
+// Begin to render a contact. After an outage or a change of the object, its force starts from the force that the hand
+// already feels, and rises. Otherwise the contact is rendered in full at once.
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
     double before_n = felt_n(m), turn[3];
-    kn_contact_body ahead = *b; // the contact one step later, so that surfaces that will be pressed next also count
+    kn_contact_body ahead = *b; // the contact one step later, when the tool may press further surfaces
     m->returning |= m->lost > 0.0;
     m->body = *b;
     m->share = 1.0;
@@ -465,8 +471,8 @@ static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact
     m->returning = m->share < 1.0;
 }
 
-// Use a complete message: set up its contact, replay the later poses, and start to use the contact unless a number is
-// bad.
+// Use a complete message: set up its contact, replay the later poses, and begin to render the contact. Return
+// KN_CONTACT_BAD if the contact is too far from its pose, or if a result is not finite.
 static kn_contact_take complete(kn_contact_model *m, int64_t at)
 {
     const kn_contact_unit *unit = m->unit;
@@ -482,7 +488,8 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     if (!finite3(b.force_n) || !finite3(b.proxy_m)) return KN_CONTACT_BAD;
     memcpy(m->c2, c2, sizeof c2);
     m->returning |= other;
-    // a pressed contact that is missing in the message is lost and fades: no hand can have left it so fast
+    // If the hand feels a contact but the message has none, the contact is lost and fades. A hand cannot have left the
+    // contact so fast.
     if (b.count == 0 && felt_n(m) > FELT_N) {
         m->lost = fmax(m->lost, 1e-9);
     } else {
@@ -512,7 +519,7 @@ static kn_contact_take take(kn_contact_model *m, const kn_contact_unit *unit)
     // a message must answer a pose that was sent and is still stored
     if (m->poses == 0 || unit->pose_seq > m->pose[(m->poses - 1) % KN_CONTACT_REPLAY].seq) return KN_CONTACT_BAD;
     int64_t at = find_pose(m, unit->pose_seq);
-    // a second answer to the same pose counts as late: the first one stays in use
+    // a second answer to the same pose counts as late: the first answer stays in use
     if (unit->pose_seq <= m->taken_seq || at < 0) return KN_CONTACT_LATE;
     const kn_contact_unit *other = &m->unit[m->first];
     if (m->have && (unit->contact_count != other->contact_count || unit->pose_seq != other->pose_seq))
@@ -575,8 +582,8 @@ void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double positi
     memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
 }
 
-// Return true if the tool has moved too far from the message's place, turned too much, or pressed too much harder for
-// the message to be valid.
+// Return true if the message in use is no longer valid: since its pose the tool has moved or turned too far, or the
+// force has risen too much.
 static bool too_far(const kn_contact_model *m)
 {
     const kn_contact_pose *now = &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY];
@@ -585,15 +592,14 @@ static bool too_far(const kn_contact_model *m)
     turn_between(m->body.from_wxyz, now->orientation_wxyz, turn);
     for (int c = 0; c < m->body.count; c++) {
         double t = dot(m->body.plane[c].normal, m->body.plane[c].force_n);
-        // a turn counts as the path that it moves the point of contact
+        // a turn counts as the path by which it moves the point of contact
         if (norm(turn) * norm(m->body.plane[c].lever_m) > 0.5 * m->def.radius_m) return true;
         if (n && t <= most) continue;
         n = m->body.plane[c].normal;
         most = t;
     }
     if (!n) return false;
-    // Compute how far the tool has moved from the position in the message, perpendicular to the normal of the contact
-    // unit with the largest force.
+    // path of the tool since the message's pose, tangential to the surface with the largest force
     for (int i = 0; i < 3; i++) way[i] = x[i] - m->taken_m[i];
     add(way, -dot(n, way), n);
     if (norm(way) > 0.5 * m->def.radius_m) return true;
@@ -605,8 +611,8 @@ bool kn_contact_model_stale(const kn_contact_model *m)
     return m->taken_seq < 0 || m->now_s - m->taken_s > m->valid_s || too_far(m);
 }
 
-// Fade a stale contact: the surface gives way towards the device. The motion of the surface acts like a damper in
-// series, which returns no energy.
+// Fade a stale contact: the surface moves towards the device. This motion acts like a damper in series, so it returns
+// no energy to the hand.
 static void leak(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     double force_n = m->share * norm(m->body.force_n), share = exp(-dt / LEAK_S);
@@ -632,8 +638,8 @@ static void lose(kn_contact_model *m, double dt)
     sum_up(&m->body);
 }
 
-// Let a contact return after an outage: the share of its force that is rendered rises. Moving the surface instead was
-// rejected: the viscous part of the force would end with a jump.
+// Let a contact return after an outage: raise the share of its force that is rendered. Rejected: moving the surface
+// back. Then the viscous part of the force would end with a jump.
 static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x, turn), THERE_M));

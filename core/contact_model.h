@@ -1,15 +1,15 @@
 #ifndef KN_CORE_CONTACT_MODEL_H
 #define KN_CORE_CONTACT_MODEL_H
-// The local contact model: a client behind a slow link renders it instead of old forces. A message (KNEAD_CONTACT,
-// proto/contact_model_t.lcm) describes the contact under one of the client's own poses. The client rebuilds this
-// contact and replays its own poses since that pose. So the client renders the contact under its present pose. This
+// The local contact model: a client behind a slow link renders this model instead of old forces. A message
+// (KNEAD_CONTACT, proto/contact_model_t.lcm) describes the contact under one of the client's own poses. The client
+// rebuilds this contact and replays its own later poses. So the client renders the contact under its present pose. This
 // file and its source need only libc and libm, C99: copy the two into any client.
 //
-//     own pose x --k_vc, b_vc-- proxy p | surface --(A, H, k1)--(c2)-- object        along the normal n, and across it
+//     own pose x --k_vc, b_vc-- proxy p | surface --(A, H, k1)--(c2)-- object        along the normal n, and tangential
 //
 //     t: contact force; A: damping, H: force of the spring k1 (back stress), c2: damping of the force-dependent damper
-//     t = A w + H       w = w_voigt + w_c2: rate at which the surface goes in          with friction mu t; t >= 0
-//     t = c2 w_c2       dH/dt = k1 w_voigt; A = c1 + dt k1: the edge law of the lattice at the scale of the contact
+//     t = A w_voigt + H    w = w_voigt + w_c2: speed at which the surface yields       with friction mu t; t >= 0
+//     t = c2 w_c2          dH/dt = k1 w_voigt; A = c1 + dt k1: the edge law of the lattice at the scale of the contact
 //     Q - G v_p + sum(t_i n_i) = 0,  Q = k_vc (x - p) + b_vc v,  G = b_vc + dt k_vc    no mass; up to 8 units
 //     l^2 (k_vc turn of x to p - G w_p) + sum(a_i x t_i n_i) = 0      the same for turns; a_i: arm of unit i
 //
@@ -19,8 +19,8 @@
 // 1/k_vc (message) - 1/k_vc (this device). The foundation of a single unit is in series with the coupling. A rigid tool
 // (k_vc 0) turns as the device does.
 //
-// The dampers A and c2 are in series behind k_vc. So no term in the device's velocity reaches the device through them,
-// however large they are. Rejected: holding or extrapolating the force. Both are unstable on elastic material from
+// The dampers A and c2 are in series with k_vc. So the device never feels a force A v or c2 v of its own velocity v,
+// however large A and c2 are. Rejected: holding or extrapolating the force. Both are unstable on elastic material from
 // 10-20 ms of round trip. A message has one c2, at its own force, but the c2 of dough falls to 1/300 within 0.4 N. So
 // c2 at other forces comes from earlier messages, scaled to match this message at its force.
 //
@@ -30,14 +30,14 @@
 //                                                                              the felt force, like a surface that
 //                                                                              moves at 20 mm/s
 //
-// If a pressed contact is no longer within reach in the next message, no hand can have left it so fast: the object was
-// replaced, or the server restarted. The contact then fades in 17 ms.
+// A hand cannot leave a pressed contact between two messages. So if the next message has no contact within reach, the
+// object was replaced, or the server restarted. The contact then fades in 17 ms.
 //
 // In each tick of the device, 1 to 10 kHz: read x, v; call kn_contact_model_pose if this pose is sent; call
-// kn_contact_model_take for every message that has arrived; call kn_contact_model_render for the force. The model has
-// no allocation, clock or lock. Use one thread. The cost is bounded: kn_contact_model_render takes one step, and a
-// complete message takes at most KN_CONTACT_REPLAY steps. A device still needs its own passivity controller and impulse
-// guard behind this model.
+// kn_contact_model_take for every message that has arrived; call kn_contact_model_render for the force. All functions
+// are real-time safe: no allocation, clock or lock. The model is plain memory of the caller; use it from one thread.
+// The cost is bounded: kn_contact_model_render takes one step, and a complete message takes at most KN_CONTACT_REPLAY
+// steps. A device still needs its own passivity controller and impulse guard behind this model.
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -47,75 +47,79 @@
 #define KN_CONTACT_REPLAY 64
 
 typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; SI units, scene frame
-    // server time; datagrams with equal utime belong to one tick; older datagrams are ignored
+    // time of the server's tick, us since 1970; datagrams with equal utime belong to one tick; a datagram with an older
+    // utime is ignored
     int64_t utime;
     int64_t session; // the client's own session; a message of another session is refused
     // number of the client's pose that the contact belongs to; the replay begins with the next pose
     int64_t pose_seq;
-    int32_t generation;        // changes when the object is replaced (reset, another scene)
-    int32_t flags;             // bits KN_FLAG_*; the model reads only the bits of KN_CONTACT_*
-    int32_t contact_index;     // index of this contact in its message, 0 .. contact_count - 1
-    int32_t contact_count;     // number of contacts in the message; 0: the object is not within the tool's reach
-    double proxy_m[3];         // along normal: the tool's position when the tool is on the surface; across normal:
-                               // the point where the force acts when the tool is at friction_anchor_m
+    int32_t generation;    // changes when the object is replaced (reset, another scene)
+    int32_t flags;         // bits KN_FLAG_*; the model reads only the bits of KN_CONTACT_*
+    int32_t contact_index; // index of this contact in its message, 0 .. contact_count - 1
+    int32_t contact_count; // number of contacts in the message; 0: the object is not within the tool's reach
+    // Position of the proxy. Its component along `normal` is that of the tool's position when the tool touches the
+    // surface. Its tangential components are those of the point where the force acts.
+    double proxy_m[3];
     double normal[3];          // unit normal of the surface, out of the object
     double force_n;            // contact force F0 along normal, >= 0; 0: the tool does not touch the surface yet
     double proxy_velocity_m_s; // velocity of the surface along normal
     double a_n_s_per_m;        // damping A of the contact, clipped to [0.1, 1e4]
-    double h_n;                // force H of the spring k1, clipped to the force of k1 at 0.1 m
+    double h_n;                // force H of the spring k1, clipped to the force of this spring at 0.1 m
     double c2_n_s_per_m;       // damping of the force-dependent damper, clipped to [10, 1e5]
     double k1_n_per_m;         // stiffness of the spring, clipped to [0, 2 k_vc]
-    // Stiffness k_vc of the server's coupling when it computed force_n; 0: the tool is rigid. A device with a softer
-    // coupling renders less of H.
+    // Stiffness k_vc of the coupling in the server when the server computed force_n; 0: the tool is rigid. A device
+    // with a softer coupling renders less of H.
     double k_vc_n_per_m;
-    double b_vc_n_s_per_m;       // damping of the server's coupling
-    double friction;             // coefficient of friction mu, clipped to [0, 3]
-    double friction_anchor_m[3]; // across normal: the tool's position if the tool carried no force across; along
-                                 // normal: chosen so that proxy_m - friction_anchor_m is the arm to the force
-    double valid_ms;             // time for which the message is valid, clipped to [0, 100]
+    double b_vc_n_s_per_m; // damping of the server's coupling
+    double friction;       // coefficient of friction mu, clipped to [0, 3]
+    // Friction anchor. Its tangential components are those of the tool's position without tangential force. The
+    // difference proxy_m - friction_anchor_m is the arm from the tool's position to the point where the force acts.
+    double friction_anchor_m[3];
+    double valid_ms; // time for which the message is valid, clipped to [0, 100]
 } kn_contact_unit;
 
 enum { // bits of kn_contact_unit.flags; the same numbers as in contact_force_t
     KN_CONTACT_ENGAGED = 1,
-    KN_CONTACT_RAMPING = 2,    // ENGAGED or RAMPING is set: the server simulates the tool
+    KN_CONTACT_RAMPING = 2,    // the server simulates the tool if ENGAGED or RAMPING is set
     KN_CONTACT_LATCHED = 4,    // the server has latched a fault
-    KN_CONTACT_STOPPING = 1024 // LATCHED or STOPPING is set: the client fades its force to zero within 20 ms
+    KN_CONTACT_STOPPING = 1024 // the client fades its force to zero within 20 ms if LATCHED or STOPPING is set
 };
 
 typedef struct kn_contact_model_def { // a field of 0 takes its default
     int64_t session;                  // the client's own session; messages of other sessions are refused
-    // tool radius r; a message is valid until the tool has moved r/2 across the normal; default and maximum 10 mm
+    // tool radius r; a message is valid until the tool has moved by r/2 along the surface; default and maximum 10 mm
     double radius_m;
     // largest coupling stiffness k_vc that this device renders; default 600, for a light desktop device
     double stiffness_n_m;
     double damping_n_s_m; // coupling damping b_vc of this device; default 1.5
     double arm_m;         // arm l: rotations are coupled by k_vc l^2 and b_vc l^2; default 0.03, as in the server
-    // Ratio of the hand's force to the object's force, default 1. Couplings are those at the object, limits those at
-    // the hand.
+    // Ratio of the hand's force to the object's force, default 1. stiffness_n_m, damping_n_s_m and force_rise_n apply
+    // to the force at the object, force_limit_n to the force on the hand.
     double force_scale;
     double force_limit_n;   // limit of |force| on the hand; default 3.3
     double force_rise_n;    // a message is valid until the force has risen by this much; default 2
     double server_period_s; // time step dt of the server, in A = c1 + dt k1; default 1 ms
 } kn_contact_model_def;
 
-typedef struct kn_contact_plane { // private: a unit as it is rendered
+typedef struct kn_contact_plane { // one contact unit while it is rendered; used by contact_model.c only
     double normal[3], level_m;    // the surface is the set of x with normal . x + lever . turn = level_m
     double arm_m[3], lever_m[3];  // arm: from the proxy to the point where the force acts; lever: arm x normal
-    double c1, k1, c2, mu;        // damping, stiffness, damping of the yielding damper at the present force, friction
+    double c1, k1, c2, mu;        // dashpot c1; spring k1; damper c2 at the present force; friction coefficient mu
     double give_m_n, t_n;         // compliance of the unit's own foundation [m/N]; force along the normal [N]
-    double thick;                 // factor from the law's c2 to this unit's c2
-    double h_n, shear_n[3];       // force of the spring k1 along the normal, and across the normal [N]
+    double thick;                 // ratio of this unit's c2 to the c2 of the stored law at equal force
+    double h_n, shear_n[3];       // force of the spring k1 along the normal; tangential force of the spring k1 [N]
     double force_n[3];            // force on the tool
 } kn_contact_plane;
 
-typedef struct kn_contact_body { // private: proxy and planes
+typedef struct kn_contact_body { // the proxy and the surfaces of all units; used by contact_model.c only
     int count;
     bool rigid; // the proxy turns as the device does, whatever the torque
+    // k_vc and b_vc of the coupling, its arm l for rotations; position of the proxy; force of the contact on the tool
     double k, b, arm_m, proxy_m[3], force_n[3];
     double from_wxyz[4];            // orientation of the device in the pose that the message answers
     double turn[3];                 // rotation vector of the proxy since the pose that the message answers
     double torque_n_m[3];           // torque of the contact on the tool about the proxy's position
-    double law_m_s[KN_CONTACT_LAW]; // flow rate of the damper c2 at forces that are a quarter of an octave apart
+    double law_m_s[KN_CONTACT_LAW]; // rate of the damper c2 at forces 0.02 N * 2^(i/4)
     kn_contact_plane plane[KN_CONTACT_UNITS];
 } kn_contact_body;
 
@@ -137,10 +141,10 @@ typedef struct kn_contact_model { // plain data, read-only for the caller; a cop
     // server time of the newest datagram; pose_seq of the message in use, -1: none
     int64_t utime, taken_seq;
     int32_t generation, flags;                    // fields of the message in use
-    double valid_s, taken_s, taken_m[3], taken_n; // message in use: validity, time and place of its pose, |F0|
+    double valid_s, taken_s, taken_m[3], taken_n; // message in use: validity, time and position of its pose, |force|
     double stale_s;                               // time since the message in use became stale
     bool returning;                               // the force rises again after a time without valid messages
-    // Share of the felt force that has been faded out, 0 .. 1, since the server lost the contact.
+    // share of the force that has been faded out since the server lost the contact, 0 .. 1
     double lost;
     double orientation_wxyz[4];       // the device's present orientation
     double torque_n_m[3];             // torque on the hand about the tool's position, from the last render
@@ -151,7 +155,7 @@ typedef struct kn_contact_model { // plain data, read-only for the caller; a cop
 
 typedef enum kn_contact_take {
     KN_CONTACT_TAKEN,   // the message is complete and is rendered from now on
-    KN_CONTACT_WAITING, // datagrams of further contacts of the tick are missing; all contacts are used together
+    KN_CONTACT_WAITING, // the datagram is stored; the message is used when the datagrams of its other contacts arrive
     KN_CONTACT_FOREIGN, // the message belongs to another session
     KN_CONTACT_LATE,    // the message is not newer than the one in use, or its pose is no longer stored
     // The message has a number that is not finite, a normal that is not a unit vector, a pose that was never sent, or a
@@ -159,30 +163,34 @@ typedef enum kn_contact_take {
     KN_CONTACT_BAD
 } kn_contact_take;
 
+// Set all of the model to its start: no message, no pose, no force. The model copies `def`.
 void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def);
 
-// Set the tool's present orientation, a unit quaternion as in probe_pose_t. Call before kn_contact_model_pose and
-// kn_contact_model_render. A tool
-// that does not turn (a plate) and a device of three axes need no call.
+// Set the tool's present orientation, a unit quaternion w, x, y, z from tool to scene. Call before
+// kn_contact_model_pose and kn_contact_model_render. A plate, which does not turn, and a device of three axes need no
+// call.
 void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4]);
 
-// Record a pose that the client sends to the server. Call before kn_contact_model_render of the same tick. `seq` must
-// increase from call to call. After 3 ms without a pose the force fades; after 20 ms it is zero.
+// Record a pose that the client sends to the server, in the scene's frame. Call before kn_contact_model_render of the
+// same tick. `seq` must increase from call to call. After 3 ms without a pose the force fades; after 20 ms the force is
+// zero.
 void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3]);
 
 // Process one received datagram. Every number of the datagram is checked or clipped. Return what became of it.
 kn_contact_take kn_contact_model_take(kn_contact_model *m, const kn_contact_unit *unit);
 
-// Advance the model by one step of dt_s (0.1 .. 10 ms) at the device's position and velocity, and store the force on
-// the hand. A position that is not finite counts as a missing pose.
+// Advance the model by one step of dt_s (0.1 .. 10 ms) at the device's position and velocity in the scene's frame, and
+// store the force on the hand, at most force_limit_n. m->torque_n_m gets the torque. A position or velocity that is not
+// finite counts as a missing pose.
 void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3], const double velocity_m_s[3],
                              double force_n[3]);
 
-// Return true if no message is in use, or if the message in use is too old or its place is too far away.
+// Return true if no message is in use, or if the message in use is no longer valid: it is too old, the tool has moved
+// or turned too far, or the force has risen too much.
 bool kn_contact_model_stale(const kn_contact_model *m);
 
-// Return the energy that the coupling and the springs k1 store, J. The reservoir of a passivity observer may be this
-// large.
+// Return the energy that the coupling and the springs k1 store, J. A passivity observer may let the hand get this
+// energy back (stored_j in core/passivity.h).
 double kn_contact_model_energy(const kn_contact_model *m, const double position_m[3]);
 
 #endif

@@ -1,9 +1,11 @@
 #include "core/coupling.h"
 #include <math.h>
 
-// Share of the bound with delay (core/coupling.h). The rest is a margin for velocity filter and encoder steps.
+// Ratio of the default k_vc to the bound with delay (core/coupling.h). The margin is for the filter of the velocity and
+// the steps of the encoder.
 static const double share = 0.6;
-// lag: b_vc (t_d + T + filter_s) / m. At 1.6 the damper itself oscillates. From 0.5 on it reduces the stable k_vc.
+// lag: largest b_vc (t_d + T + filter_s) / m, where filter_s is the delay of the filtered velocity. With a larger lag
+// than 0.5 the damper reduces the stable k_vc. With a lag of 1.6 the damper itself oscillates.
 static const double lag = 0.5, filter_s = 1.6e-3;
 
 kn_coupling kn_coupling_default(double mass_kg, double damping_n_s_m, double period_s, double round_trip_s,

@@ -11,7 +11,7 @@ static void turn(const double q[4], double r[3][3])
     r[2][0] = s * (x * z - w * y), r[2][1] = s * (y * z + w * x), r[2][2] = 1.0 - s * (x * x + y * y);
 }
 
-// Compute the signed permutation B from its short form.
+// Compute the matrix of the signed permutation B from `basis` (device.h).
 static void permute(const double basis[3], double b[3][3])
 {
     for (int i = 0; i < 3; i++)

@@ -5,7 +5,7 @@
 
 static const struct {
     const char *name, *expression;
-    bool plain; // kn_element_name may return this name
+    bool plain; // kn_element_name returns this name; false for a second name of the same element
 } names[] = {
     {"s", "", false},
     {"spring", "", true},
@@ -22,7 +22,7 @@ static const struct {
     {"burgers", "s-d-(s|d)", true},
 };
 
-// ---- reading
+// ---- reading an expression
 
 typedef struct parser {
     kn_element *e;
@@ -33,7 +33,7 @@ typedef struct parser {
 
 static int read_parallel(parser *p);
 
-// Report the first error, with the column where it is.
+// Report an error at the column of `at`, unless an earlier error was reported. Return -1.
 static int complain(parser *p, const char *at, const char *what, int length)
 {
     if (p->error_size && !*p->error)
@@ -44,7 +44,8 @@ static int complain(parser *p, const char *at, const char *what, int length)
 
 static void skip_spaces(parser *p) { p->at += strspn(p->at, " \t"); }
 
-// Return the length of a name at the cursor. A hyphen is part of a name only in known names, such as kelvin-voigt.
+// Return the length of the name that begins at `at`. A hyphen belongs to a name only in known names, such as
+// kelvin-voigt.
 static size_t name_size(const char *at, const char *letters)
 {
     size_t size = strspn(at, letters);
@@ -63,8 +64,8 @@ static int add_leaf(parser *p, kn_element_kind kind, const char *at)
     return e->nodes++;
 }
 
-// Read the definition of a name as if it were written in the text. Its errors are reported at the name, because columns
-// within the definition would mean nothing to the user.
+// Read the definition of a name as if the text contained the definition. An error is reported at the name, because a
+// column within the definition would mean nothing to the user.
 static int read_definition(parser *p, const char *definition, const char *at)
 {
     char error[64] = "";
@@ -113,8 +114,8 @@ static void add_child(kn_element *e, int group, int child)
         for (int i = 0; i < c->count; i++) g->child[g->count++] = c->child[i];
 }
 
-// Read one or more units with `mark` between them. A group is made with its second member, so a tree of n
-// leaves has at most n - 1 groups.
+// Read one or more units with `mark` between them. A single unit makes no group, so a tree of n leaves has at most
+// n - 1 groups.
 static int read_group(parser *p, kn_element_kind kind, char mark, int (*read)(parser *))
 {
     int first = read(p), group = -1;
@@ -152,7 +153,7 @@ bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error
 
 // ---- normal form
 
-// Compare two nodes for sorting: groups before s before d, and groups by their text.
+// Compare two nodes for sorting: groups come first, then springs, then dampers; groups are compared by their text.
 static int compare(const kn_element *e, int a, int b)
 {
     static const int rank[] = {1, 2, 0, 0};
@@ -164,8 +165,8 @@ static int compare(const kn_element *e, int a, int b)
     return strcmp(one, two);
 }
 
-// Bring a group into normal form. Return the node that replaces the group: the group itself, or the one spring or
-// damper that remains of it.
+// Bring a group into normal form. Return the node that replaces the group: the group itself, or its only remaining
+// member.
 static int normalize(kn_element *e, int node)
 {
     kn_element_node *g = &e->node[node];
@@ -203,9 +204,9 @@ void kn_element_normalize(kn_element *e)
     number_leaves(e, e->root);
 }
 
-// ---- writing
+// ---- printing an expression
 
-// Find a leaf by its number, counting springs and dampers on the way.
+// Find a leaf by its number. Store its kind, and in seen[] the number of springs and dampers up to the leaf.
 static bool find_leaf(const kn_element *e, int node, int leaf, int *seen, kn_element_kind *kind)
 {
     const kn_element_node *g = &e->node[node];
@@ -308,18 +309,20 @@ bool kn_element_vibration_dies(const kn_element *e, int node)
     return true;
 }
 
-// ---- figure 2
+// ---- figure 2 of the first paper
 
 const kn_catalogue_entry kn_catalogue[KN_CATALOGUE] = {
-    {'a', "s|d", false, true, KN_PROVENANCE_FORCED, "the only other two-element network is (b)"},
-    {'b', "s-d", true, false, KN_PROVENANCE_FORCED, "the only other two-element network is (a)"},
-    {'c', "(s|d)-s", false, false, KN_PROVENANCE_FORCED, "no other of three elements has neither"},
-    {'d', "(s|d)-d", true, true, KN_PROVENANCE_FORCED, "figure 3 shows it; else (f)"},
-    {'e', "(s-d)|s", false, true, KN_PROVENANCE_FORCED, "no other of three elements keeps nothing and damps"},
-    {'f', "(s-d)|d", true, true, KN_PROVENANCE_FORCED, "no other of three elements but (d) has all three"},
-    {'g', "(s-d)|(s-d)", true, true, KN_PROVENANCE_PAIR, "g and k are {(s-d)|(s-d), ((s-d)|s)-d}"},
-    {'h', "(s|d)-s-d", true, false, KN_PROVENANCE_PAIR, "h and j are {(s|d)-s-d, ((s-d)|d)-s}"},
-    {'i', "(s|d)-(s|d)", false, true, KN_PROVENANCE_GUESS, "or (s-d)|s|d, ((s|d)-d)|s, ((s|d)-s)|d"},
-    {'j', "((s-d)|d)-s", true, false, KN_PROVENANCE_PAIR, "h and j are {(s|d)-s-d, ((s-d)|d)-s}"},
-    {'k', "((s-d)|s)-d", true, true, KN_PROVENANCE_PAIR, "g and k are {(s-d)|(s-d), ((s-d)|s)-d}"},
+    {'a', "s|d", false, true, KN_PROVENANCE_FORCED, "the only other element of two parts is (b)"},
+    {'b', "s-d", true, false, KN_PROVENANCE_FORCED, "the only other element of two parts is (a)"},
+    {'c', "(s|d)-s", false, false, KN_PROVENANCE_FORCED, "the only element of three parts with neither property"},
+    {'d', "(s|d)-d", true, true, KN_PROVENANCE_FORCED, "figure 3 shows this element; (f) has the same properties"},
+    {'e', "(s-d)|s", false, true, KN_PROVENANCE_FORCED,
+     "the only element of three parts that damps and keeps no deformation"},
+    {'f', "(s-d)|d", true, true, KN_PROVENANCE_FORCED,
+     "besides (d), the only element of three parts with both properties"},
+    {'g', "(s-d)|(s-d)", true, true, KN_PROVENANCE_PAIR, "g and k are (s-d)|(s-d) and ((s-d)|s)-d, in unknown order"},
+    {'h', "(s|d)-s-d", true, false, KN_PROVENANCE_PAIR, "h and j are (s|d)-s-d and ((s-d)|d)-s, in unknown order"},
+    {'i', "(s|d)-(s|d)", false, true, KN_PROVENANCE_GUESS, "could also be (s-d)|s|d, ((s|d)-d)|s or ((s|d)-s)|d"},
+    {'j', "((s-d)|d)-s", true, false, KN_PROVENANCE_PAIR, "h and j are (s|d)-s-d and ((s-d)|d)-s, in unknown order"},
+    {'k', "((s-d)|s)-d", true, true, KN_PROVENANCE_PAIR, "g and k are (s-d)|(s-d) and ((s-d)|s)-d, in unknown order"},
 };

@@ -10,7 +10,7 @@
 //     (s|d)-d :  o       o---d---o            s-d|s is (s-d)|s, a Maxwell unit beside a spring
 //                +---d---+
 //
-// Names are those of the literature. If a name has two forms in the literature, it means the form given here:
+// Names are those of the literature. Where the literature uses a name for two elements, it means the one listed here:
 //     spring s   damper dashpot d   voigt kelvin kelvin-voigt s|d   maxwell s-d   zener sls (s-d)|s (the standard
 //     linear solid; its other form, (s|d)-s, is the same one-port)   jeffreys (s|d)-d (the papers' element; other form
 //     (s-d)|d) burgers s-d-(s|d)
@@ -22,7 +22,8 @@
 //     bouncing         yes      no       either      either          a part of the deformation comes back
 //     vibration decreases: "one rheological element can be regarded as a series of some parts"; a part is a piece with
 //     one displacement. Vibration decreases if every part involves a damper.
-// The first two are properties that can be measured at the two ends. The third is not: see core/oneport.h.
+// The first two properties can be measured at the two ends of an element. The third cannot: see core/oneport.h. An
+// element is plain data; no function allocates.
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -38,9 +39,8 @@ typedef enum kn_element_kind {
 
 typedef struct kn_element_node {
     kn_element_kind kind;
-    int leaf; // SPRING, DAMPER: number of the spring or damper in the text, from 0
-    // SERIES, PARALLEL: number of children, >= 2; no child has the kind of its parent
-    int count;
+    int leaf;  // SPRING, DAMPER: number of the spring or damper in the order of the text, from 0
+    int count; // SERIES, PARALLEL: number of children, >= 2; no child is of the same kind as its parent
     unsigned char child[KN_ELEMENT_MAX]; // children, as indices in kn_element.node
 } kn_element_node;
 
@@ -51,17 +51,16 @@ typedef struct kn_element {
     kn_element_node node[2 * KN_ELEMENT_MAX];
 } kn_element;
 
-// Read an expression. A group within a group of the same kind is dissolved ("s-(s-d)" is s-s-d). Return false and store
-// one line in error, "EXPR:1:col: what is wrong, what was expected".
+// Read an expression. A group within a group of the same kind is dissolved ("s-(s-d)" is s-s-d). Return false if the
+// text is no expression. Then error[error_size] holds one line, "EXPR:1:col: what is wrong, what was expected".
 bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error_size);
 
-// Bring the element into normal form: keep at most one spring and one damper in each group, and order each group as
-// subgroups, s, d. If the texts of two normal forms are equal, the elements differ only in order and repetition.
+// Bring the element into normal form: keep at most one spring and one damper in each group, and order each group:
+// first its subgroups, then s, then d. Two elements with equal normal forms differ only in order and repetition.
 void kn_element_normalize(kn_element *e);
 
-// Print the tree under a node (e->root: the whole element). Parentheses are printed where they are needed, and around
-// every group in a group. `numbered`: print s1, s2, d1 .. in order of appearance. These are the names of the
-// parameters.
+// Print the tree under a node (e->root: the whole element). Every group within a group is in parentheses. `numbered`:
+// number springs and dampers in order of appearance (s1, s2, d1 ..), which gives the names of the parameters.
 void kn_element_print(const kn_element *e, int node, bool numbered, char text[KN_ELEMENT_TEXT]);
 
 // Store the name of a spring or damper, such as "s2" or "d1". Return false if the element has no leaf of this number.
@@ -70,26 +69,27 @@ bool kn_element_leaf_name(const kn_element *e, int leaf, char name[8]);
 // Return the number of springs or of dampers under a node.
 int kn_element_count(const kn_element *e, int node, kn_element_kind kind);
 
-// Return the name of an element in normal form if it is one of the names above, else NULL.
+// Return the name of an element in normal form, as a static text, or NULL if the element has none of the names above.
 const char *kn_element_name(const kn_element *normal);
 
-// Return whether an element (the tree under a node) has the property, by the paper's rules: a part of the deformation
-// stays, a part of the deformation comes back, vibration decreases.
+// Return whether an element (the tree under a node) has a property by the paper's rules. Residual: a part of the
+// deformation stays. Bouncing: a part of the deformation comes back. Vibration dies: vibration decreases.
 bool kn_element_residual(const kn_element *e, int node);
 bool kn_element_bouncing(const kn_element *e, int node);
 bool kn_element_vibration_dies(const kn_element *e, int node);
 
-// Figure 2 of the paper, (a) to (k). The drawings are lost; only the paper's text about each is left.
+// The elements of the first paper's figure 2, (a) to (k). Their drawings are lost, so they were reconstructed from the
+// paper's text about each of them. The provenance tells how sure a reconstruction is.
 typedef enum kn_provenance {
-    KN_PROVENANCE_FORCED, // the only element of its size with the properties that the paper's text states
-    KN_PROVENANCE_PAIR,   // one of two elements with the stated properties; which of the two comes first is inferred
-    KN_PROVENANCE_GUESS   // one of four elements with the stated properties, all of them the same one-port
+    KN_PROVENANCE_FORCED, // no other element of this size fits the paper (text, and figure 3 for d and f)
+    KN_PROVENANCE_PAIR,   // two elements fit two letters; which element has which letter is a guess
+    KN_PROVENANCE_GUESS   // four elements fit the paper's text, and this is one of them; all four are equal one-ports
 } kn_provenance;
 
 typedef struct kn_catalogue_entry {
     char letter;                   // letter of the drawing in figure 2, 'a' to 'k'
     const char *expression;        // the element in normal form
-    bool residual, vibration_dies; // properties as the paper states them; all entries have the property `bouncing`
+    bool residual, vibration_dies; // properties as the paper states them; all entries are `bouncing`
     kn_provenance provenance;
     const char *because; // reason for the reconstruction, one sentence
 } kn_catalogue_entry;

@@ -11,7 +11,7 @@
 
 // --- distance to a triangle -----------------------------------------------------------------------------------------
 
-// Return the square of the distance from p to the segment from a along u.
+// Return the square of the distance from p to the line segment between a and a + u.
 static double to_segment(const double p[3], const double a[3], const double u[3])
 {
     double from[3], uu = kn_dot(u, u);
@@ -46,7 +46,7 @@ static double to_triangle(const double p[3], const double *const x[3])
 typedef struct filler {
     kn_field *field;
     double (*ball)[4]; // ball around each triangle: centre and radius
-    double *distance;  // distances of the candidates' balls from the middle of one block
+    double *distance;  // distance of each candidate's ball from the middle of the present block
 } filler;
 
 static size_t place(const kn_field *f, const int at[3])
@@ -60,10 +60,10 @@ static double to_candidate(const kn_field *f, const double p[3], int candidate)
     return sqrt(to_triangle(p, (const double *const[3]){f->x_m[t[0]], f->x_m[t[1]], f->x_m[t[2]]}));
 }
 
-// Keep the candidates that may be nearest to some point of a block. A triangle is dropped if it is farther from the
-// block's middle than the nearest one by more than the block's diagonal. A first test with the balls around the
-// triangles avoids most exact distances. The test with the balls alone would keep every triangle of a fan of long
-// triangles. `kept` has room for all candidates.
+// Store in `kept` the triangles (candidates) that may be nearest to some point of a block of grid points, and return
+// their number. A triangle is dropped if its distance from the block's middle exceeds the least such distance by more
+// than the block's diagonal. A first test uses the balls around the triangles, which saves most exact distances. A test
+// with balls alone would keep every triangle of a fan of long triangles. `kept` has room for all candidates.
 static int keep_near(const filler *fill, const double middle[3], double diagonal, const int *candidate, int count,
                      int *kept)
 {
@@ -91,8 +91,8 @@ static double nearest_of(const kn_field *f, const double p[3], const int *candid
     return nearest;
 }
 
-// Fill the points from low to high, both ends included. A block is split into eight, with
-// fewer candidates for each part.
+// Compute the distances at the grid points from low to high, both ends included. The block of points is split into
+// eight parts, and each part has fewer candidates.
 static void fill_block(const filler *fill, const int low[3], const int high[3], const int *candidate, int count,
                        int *room)
 {
@@ -135,7 +135,7 @@ static void ball_around(const kn_field *f, const int t[3], double ball[4])
 
 static bool fill_distances(kn_field *f)
 {
-    enum { LEVELS = 24 }; // at least the number of halvings of the longest side
+    enum { LEVELS = 24 }; // upper bound of the depth of recursion: halvings of the longest side
     size_t count = (size_t)f->triangle_count;
     filler fill = {
         .field = f, .ball = malloc(count * sizeof *fill.ball), .distance = malloc(count * sizeof *fill.distance)};
@@ -155,8 +155,8 @@ static bool fill_distances(kn_field *f)
 
 // --- inside or outside ----------------------------------------------------------------------------------------------
 
-// Return twice the area of a, b, p in the y-z plane. The numbers are combined in the same order for both triangles at
-// an edge, so a point on one side for one triangle is on the other side for the other.
+// Return twice the signed area of the triangle a, b, p in the y-z plane. Both triangles at an edge compute this number
+// from its ends in the same order, so their results are exactly opposite. A point then cannot lie outside both.
 static double beside(const kn_field *f, int a, int b, const double p[2])
 {
     bool swap = a > b;
@@ -165,7 +165,8 @@ static double beside(const kn_field *f, int a, int b, const double p[2])
     return swap ? -area : area;
 }
 
-// Find where the row through p crosses triangle t. Return the side that the row comes from, -1 or 1; 0: no crossing.
+// Find the place x_m where the row along x through p crosses triangle t. Return -1 or 1 for the direction of the
+// crossing, 0 if there is none.
 static int crosses(const kn_field *f, const int t[3], const double p[2], double *x_m)
 {
     double area[3], sum = 0;
@@ -182,18 +183,18 @@ static int crosses(const kn_field *f, const int t[3], const double p[2], double 
     return left == 3 ? 1 : -1;
 }
 
-// Find the first and last row of an axis between two places. If first > last, there is no row.
+// Find the first and the last grid row that may lie between two places on axis k. If first > last, there is none.
 static void rows_between(const kn_field *f, int k, double low, double high, int rows[2])
 {
     rows[0] = (int)fmax(0, floor((low - f->low_m[k]) / f->cell_m));
     rows[1] = (int)fmin(f->n[k] - 1, ceil((high - f->low_m[k]) / f->cell_m));
 }
 
-// Add to `turns` the crossings of rows with triangle t, each at the first point behind the crossing: 1 for an entry, -1
-// for an exit, or the reverse if the surface is inside out.
+// Record where grid rows cross triangle t. For each crossing, add to `turns` at the first grid point behind the
+// crossing: 1 if the row enters the surface, -1 if it leaves. If the surface is inside out, the signs are opposite.
 static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
 {
-    // rows run slightly beside the points, by a negligible distance, so that they miss faces and edges along the grid
+    // shift the rows by a negligible distance, so that they miss faces and edges that lie along the grid
     const double off[2] = {1.234e-4 * f->cell_m, 5.678e-5 * f->cell_m};
     double x_m;
     int rows[2][2];
@@ -211,8 +212,8 @@ static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
         }
 }
 
-// Make distances inside negative. Inside is where a row has entered the surface more often than left it, or less often
-// if the surface is inside out. Return false if a row ends inside.
+// Make the distances of points inside the surface negative. A point is inside if its row has not entered and left the
+// surface equally often before the point. Return false if a row ends inside, or if memory is short.
 static bool sign_distances(kn_field *f)
 {
     size_t count = (size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2];
@@ -234,7 +235,7 @@ static bool sign_distances(kn_field *f)
 
 // --- coefficients ---------------------------------------------------------------------------------------------------
 
-// Turn distances d into coefficients c, see field.h. The rim is left unchanged.
+// Turn the distances d into the coefficients c of the spline (field.h). Points on the grid's boundary keep d.
 static bool sharpen(kn_field *f)
 {
     const size_t step[3] = {1, (size_t)f->n[0], (size_t)f->n[0] * (size_t)f->n[1]}, count = step[2] * (size_t)f->n[2];
@@ -264,7 +265,7 @@ double kn_field_points(const double extent_m[3], double cell_m)
     return points;
 }
 
-// Measure the surface, and lay the grid around it.
+// Measure the surface, and place the grid around the surface.
 static void measure(kn_field *f)
 {
     for (int k = 0; k < 3; k++) f->box_m[0][k] = INFINITY, f->box_m[1][k] = -INFINITY;
@@ -322,7 +323,7 @@ void kn_field_drop(kn_field *f)
 
 // --- evaluation -----------------------------------------------------------------------------------------------------
 
-// Evaluate the spline and its slope at u, in cells from the first point, within the grid.
+// Evaluate the spline and its slope at a point u within the grid, counted in cells from the first grid point.
 static double look_up(const kn_field *f, const double u[3], double slope[3])
 {
     double w[3][3], dw[3][3], sum = 0;
@@ -354,7 +355,7 @@ static double look_up(const kn_field *f, const double u[3], double slope[3])
 double kn_field_distance(const kn_field *f, const double at[3], double gradient[3])
 {
     double u[3], over[3], beyond = 0;
-    // for a point outside the grid, evaluate the spline at the nearest point of the grid's boundary
+    // if `at` is outside the grid, evaluate the spline at the nearest point of the grid's boundary
     for (int k = 0; k < 3; k++) {
         double exact = (at[k] - f->low_m[k]) / f->cell_m;
         u[k] = fmin(fmax(exact, 0.75), f->n[k] - 1.75);
@@ -373,7 +374,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
 
 double kn_field_support(const kn_field *f, const double way[3])
 {
-    // take the smaller extent: that of the bounding box or that of the bounding ball, which have one centre
+    // take the smaller of the extents of the bounding box and the bounding ball, which have one centre
     double middle = 0, box = 0;
     for (int k = 0; k < 3; k++) {
         double half = 0.5 * (f->box_m[1][k] - f->box_m[0][k]);

@@ -5,16 +5,17 @@
 //
 // At the grid's points, the distance to the nearest triangle is exact. To find its sign, a row of grid points is
 // followed through the surface. The distance is negative where the row has entered the surface more often than it has
-// left the surface. For a surface that is inside out, the sign is reversed. So a surface that passes through itself has
-// an inside, too. Between the points, the distance is a quadratic B-spline. Its value and gradient come from one
-// polynomial with continuous slopes, so a tool that slides does not feel the cells. The coefficients are c = d - (sum
-// of second differences)/8, which is exact for quadratics. The correction is limited to an eighth of a cell, so an edge
-// stays as round as the spline makes it.
+// left the surface. For a surface that is inside out, less often counts instead. So a surface that passes through
+// itself has an inside, too. Between the points, the distance is a quadratic B-spline. Its value and gradient come from
+// one polynomial with continuous slopes, so a tool that slides does not feel the cells. The coefficients are c = d -
+// (sum of second differences)/8, which is exact for quadratics. The correction is limited to an eighth of a cell, so an
+// edge stays as round as the spline makes it.
 //
-// The error is less than the side s of a cell anywhere, because a distance changes no faster than its place and the
-// spline's points are at most 0.87 s away in the mean. Where the surface has a radius of curvature r > 4 s, the error
-// is below s^3/(4 r^2). The grid is two cells wider than the surface. A point beyond the
-// grid gets the distance to one point of the surface: the one that is nearest to the grid's boundary.
+// The error is less than the side s of a cell anywhere. The reason: two places a distance a apart have distances to the
+// surface that differ by at most a, and the points that the spline weighs are 0.87 s away on average at most. Where the
+// surface has a radius of curvature r > 4 s, the error is below s^3/(4 r^2). On every side the grid reaches two cells
+// beyond the surface. For a point beyond the grid, take the nearest point of the grid's boundary, and the surface point
+// nearest to this boundary point. The result is the distance to that surface point.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -30,28 +31,30 @@ typedef struct kn_field {
     double ball_m;                    // radius of the ball around the surface; its centre is that of the box
     double bound_m;                   // largest distance of a point of the surface from the origin
     double fine_m;                    // radius of the largest ball inside the surface, to within a cell
-    int vertex_count, triangle_count; // the surface itself, for drawing
+    int vertex_count, triangle_count; // number of vertices and triangles of the surface, which is kept for drawing
     double (*x_m)[3];                 // [vertex_count] positions
     int (*triangle)[3];               // [triangle_count] vertices of each triangle
     uint64_t hash;                    // hash of vertices and triangles
-    int holders;                      // number of pointers in use (reference count); all users are in one thread
+    int holders;                      // reference count; all holders must be in one thread
 } kn_field;
 
-// Return the number of grid points that the field of a surface needs. `extent_m`: sides of the box around the surface,
-// `cell_m`: side of a cell.
+// Return the number of grid points that the field of a surface needs. `extent_m`: sides of the box around the surface;
+// `cell_m`: side of a cell, > 0.
 double kn_field_points(const double extent_m[3], double cell_m);
 
-// Build the grid of a closed surface whose triangles all run the same way round (scene/mesh_file.h). An inside-out
-// surface is allowed. Points and triangles must not exceed the limits above. The new field has one holder. Return NULL
-// if memory is short, or if rounding leaves a row of points inside at its end.
+// Build the grid of a closed surface whose triangles all run the same way round (scene/mesh_file.h). The field copies
+// the surface. An inside-out surface is allowed. Points and triangles must not exceed KN_FIELD_POINTS_MAX and
+// KN_FIELD_TRIANGLES_MAX. The new field has one holder. Return NULL if memory is short, or if a row of grid points does
+// not end outside the surface because of rounding.
 kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_count, const int (*triangle)[3],
                          double cell_m);
 
-// Return the signed distance of the point `at`, like kn_shape_distance. Real-time safe.
+// Return the signed distance of the point `at` in the frame of the surface, m; < 0: inside. Store its gradient, a unit
+// vector. Real-time safe.
 double kn_field_distance(const kn_field *field, const double at[3], double gradient[3]);
 
-// Return an upper bound of the field's extent in a direction, see kn_shape_support. The bound is the smaller of the
-// extents of the box and the ball around the surface.
+// Return an upper bound of how far the surface reaches from the origin in the direction `way`, a unit vector, m. The
+// bound is the smaller of the extents of the box and the ball around the surface. Real-time safe.
 double kn_field_support(const kn_field *field, const double way[3]);
 
 // Release one reference to the field. The last release frees the field. Does nothing if `field` is NULL.

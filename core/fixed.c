@@ -10,8 +10,8 @@ typedef struct kn_fixed_line line;
 // Return v / 2^shift, rounded to the nearest integer; halves are rounded up.
 static int64_t round_shift(int64_t v, int shift) { return shift > 0 ? (v + ((int64_t)1 << (shift - 1))) >> shift : v; }
 
-// Return the nearest number of so many bits and raise the flag if it is not v. The branch is rarely taken and makes
-// this twice as fast as code without one.
+// Saturate v: return v if it fits a signed number of `bits` bits. Else raise the flag and return the nearest number
+// that fits. The branch is rarely taken; code without a branch takes twice as long.
 static inline int64_t saturate(int64_t v, int bits, uint32_t *flags, uint32_t flag)
 {
     const int64_t most = ((int64_t)1 << (bits - 1)) - 1;
@@ -22,7 +22,7 @@ static inline int64_t saturate(int64_t v, int bits, uint32_t *flags, uint32_t fl
 
 static int top_bit(uint64_t v) { return 63 - __builtin_clzll(v); } // v > 0
 
-// Return the integer square root, rounded down: set bits from the top while the square stays within v.
+// Return the integer square root of v, rounded down. From the top, set each bit with which the square is at most v.
 static int32_t root(uint64_t v)
 {
     uint64_t r = 0;
@@ -33,7 +33,8 @@ static int32_t root(uint64_t v)
     return (int32_t)r;
 }
 
-// A seed is 2^21/sqrt(2 i + 1), the value at the middle of the interval of its 9 leading bits.
+// Fill the table of seeds. Seed i is 2^21/sqrt(2 i + 1), the value at the middle of the interval of numbers whose 9
+// leading bits are i.
 void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS])
 {
     memset(seed, 0, KN_FIXED_SEEDS * sizeof *seed);
@@ -53,7 +54,7 @@ int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n)
 
 // --- an edge ---------------------------------------------------------------------------------------------------------
 
-// Return dl = e.(b - a), the change of an edge's length, where b and a are the displacements of its ends.
+// Return dl = e.(b - a), the change of an edge's length. a and b are the displacements of its two ends in this tick.
 static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const int32_t e[3], uint32_t *flags)
 {
     int64_t sum = 0;
@@ -61,13 +62,14 @@ static inline int32_t change_of_length(const int32_t *a, const int32_t *b, const
     return (int32_t)saturate(round_shift(sum, KN_FIXED_E_FRACTION), KN_FIXED_U, flags, KN_FIXED_SAT_U);
 }
 
-// Return the tension t = g dl + t0 of an edge.
+// Return the tension t = g dl + t0 of an edge whose damper and direction are frozen.
 static inline int32_t tension(int64_t dl, const line *at, int kv_shift, uint32_t *flags)
 {
     return (int32_t)saturate(round_shift(at->g * dl, kv_shift) + at->t0, KN_FIXED_T, flags, KN_FIXED_SAT_TENSION);
 }
 
-// Add the force of a tension to both ends: it pulls i towards j. Rounding once keeps the two forces exactly opposite.
+// Add the force of a tension t to both ends of an edge; t > 0 pulls the ends together. The force is rounded once, so
+// the forces on the two ends are exactly opposite.
 static inline void scatter(const int32_t e[3], int64_t t, int64_t *i, int64_t *j)
 {
     for (int k = 0; k < 3; k++) {
@@ -77,8 +79,8 @@ static inline void scatter(const int32_t e[3], int64_t t, int64_t *i, int64_t *j
     }
 }
 
-// EDGE: add every edge's tension to its two nodes. Flags are collected in a local, so that the loop does not write
-// memory for them.
+// Stage EDGE: add every edge's tension to its two nodes. A local variable collects the flags, so that the loop does not
+// write them to memory.
 static void pull(kn_fixed *f)
 {
     const kn_fixed_edge *restrict edge = f->image->edge;
@@ -100,7 +102,7 @@ static int32_t spring(kn_fixed *f, int edge)
     return (int32_t)saturate(round_shift(f->h[edge], KN_FIXED_H_FRACTION), KN_FIXED_T, &f->flags, KN_FIXED_SAT_SPRING);
 }
 
-// Compute e of an edge at the middle of the tick, x + u/2.
+// Compute the unit vector e of an edge at the middle of the tick, with the nodes at x + u/2.
 static void direction(kn_fixed *f, int edge)
 {
     const kn_fixed_edge *at = &f->image->edge[edge];
@@ -108,7 +110,7 @@ static void direction(kn_fixed *f, int edge)
     int64_t d[3], square = 0;
     for (int k = 0; k < 3; k++) {
         int i = 3 * at->i + k, j = 3 * at->j + k;
-        // Take twice the vector, so that u/2 loses no bit, and shift by one more.
+        // twice the vector loses no bit of u/2; the shift is one larger for it
         int64_t twice = 2 * (f->x[j] - f->x[i]) + f->u[j] - f->u[i];
         d[k] = saturate(round_shift(twice, shift + 1), KN_FIXED_D, &f->flags, KN_FIXED_SAT_DIRECTION);
         square += d[k] * d[k];
@@ -116,14 +118,14 @@ static void direction(kn_fixed *f, int edge)
     int n = 0;
     const int64_t r = square > 0 ? kn_fixed_rsqrt(f->seed, (uint64_t)square, &n) : 0;
     for (int k = 0; k < 3; k++) {
-        // Rounding can make the unit vector slightly longer than 1, so clamp its components.
+        // rounding can make the unit vector slightly longer than 1: clamp its components
         int64_t e = round_shift(d[k] * r, 18 - n / 2), one = 1 << KN_FIXED_E_FRACTION;
         f->line[edge].e[k] = (int32_t)(e > one ? one : e < -one ? -one : e);
     }
 }
 
-// Return R(|B| ia). The exponent and five bits of the key choose the segment; eleven more bits interpolate along it.
-// Both ends of the table clamp.
+// Look up R at the key |b| ia. The exponent and the five bits after the leading bit of the key choose the segment;
+// eleven more bits interpolate within it. A key beyond an end of the table gets the value at that end.
 static int32_t ratio(const kn_fixed_image *image, int64_t b, int32_t ia)
 {
     const uint64_t a = (uint64_t)(b < 0 ? -b : b);
@@ -139,8 +141,8 @@ static int32_t ratio(const kn_fixed_image *image, int64_t b, int32_t ia)
     return at[0] + (int32_t)round_shift((at[1] - at[0]) * (bits & 0x7ff), 11);
 }
 
-// SETUP: compute the quantities that stay frozen for K iterations, e, g and t0, and add the edge's share of D to both
-// nodes.
+// Stage SETUP for one edge: compute e, g and t0, which stay frozen for K iterations. Add the edge's share of the
+// diagonal D to both nodes.
 static void setup(kn_fixed *f, int edge)
 {
     const kn_fixed_image *image = f->image;
@@ -154,7 +156,7 @@ static void setup(kn_fixed *f, int edge)
     out->g = (int32_t)round_shift(at->kv * r, KN_FIXED_R_FRACTION);
     out->t0 = (int32_t)round_shift(h * r, KN_FIXED_R_FRACTION);
 
-    // The share of D: g |e|_1 |e_k|.
+    // the edge's share of D is g |e|_1 |e_k|
     int64_t size[3], sum = 0;
     for (int k = 0; k < 3; k++) sum += size[k] = out->e[k] < 0 ? -out->e[k] : out->e[k];
     const int64_t whole = round_shift(out->g * sum, KN_FIXED_E_FRACTION);
@@ -165,7 +167,8 @@ static void setup(kn_fixed *f, int edge)
     }
 }
 
-// COMMIT of an edge: its tension at the end of the tick to both nodes, and the flow of the damper into H.
+// Stage COMMIT for one edge: add its tension at the end of the tick to both nodes, and advance the force H of its
+// spring.
 static void commit_edge(kn_fixed *f, int edge)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -181,7 +184,8 @@ static void commit_edge(kn_fixed *f, int edge)
 
 // --- a node ----------------------------------------------------------------------------------------------------------
 
-// INVERT: compute relax/D as mantissa and shift, so that z = r inverse / 2^shift. Without edges D is 0 and so is z.
+// Stage INVERT for one component of a node: compute relax/D as mantissa and shift, so that z = r inverse / 2^shift. A
+// node without edges has D = 0 and gets z = 0.
 static void invert(kn_fixed *f, int component)
 {
     const kn_fixed_config *config = &f->image->config;
@@ -190,7 +194,7 @@ static void invert(kn_fixed *f, int component)
     f->inverse[component] = 0;
     f->shift[component] = 0;
     if (d <= 0) return;
-    // 1/D is the square of 1/sqrt(D). The shift collects the exponents of D and kv.
+    // 1/D is the square of 1/sqrt(D); the shift contains the exponents of D and of kv
     int n = 0;
     const int64_t r = kn_fixed_rsqrt(f->seed, (uint64_t)d, &n), mantissa = round_shift(r * r, 16);
     const int shift = 52 - n - config->kv_shift;
@@ -198,7 +202,7 @@ static void invert(kn_fixed *f, int component)
     f->shift[component] = (uint8_t)(shift < 0 ? 0 : shift);
 }
 
-// Return the force on a component and clear its sum for the next iteration.
+// Return the force on one component of a node, load included, and clear the sum of forces for the next iteration.
 static int64_t take_residual(kn_fixed *f, int component)
 {
     int64_t r = saturate(f->force[component] + f->load[component], KN_FIXED_ACC, &f->flags, KN_FIXED_SAT_REACTION);
@@ -206,7 +210,7 @@ static int64_t take_residual(kn_fixed *f, int component)
     return r;
 }
 
-// One Jacobi step of a free component with Chebyshev's weight, equation (2).
+// Take one Jacobi step of a free component with Chebyshev's weight, equation (2) of fixed.h.
 static void iterate_component(kn_fixed *f, int component, int32_t omega)
 {
     int64_t r = saturate(take_residual(f, component), KN_FIXED_T, &f->flags, KN_FIXED_SAT_RESIDUAL);
@@ -218,7 +222,7 @@ static void iterate_component(kn_fixed *f, int component, int32_t omega)
     f->u[component] = (int32_t)saturate(u, KN_FIXED_U, &f->flags, KN_FIXED_SAT_U);
 }
 
-// NODE: step every free component; the sums of held ones only are cleared.
+// Stage NODE: take one Jacobi step of every free component, and clear the sums of forces of held components.
 static void iterate(kn_fixed *f, int32_t omega)
 {
     for (int n = 0; n < f->image->config.node_count; n++) {
@@ -229,7 +233,8 @@ static void iterate(kn_fixed *f, int32_t omega)
     }
 }
 
-// COMMIT of the nodes: residual of the free components, reactions of the held ones, x += u.
+// Stage COMMIT for the nodes: find the largest residual of the free components, keep the reactions of the held
+// components, and advance the positions x by u.
 static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
 {
     for (int c = 0; c < 3 * f->image->config.node_count; c++) {
@@ -242,7 +247,7 @@ static void commit_nodes(kn_fixed *f, kn_fixed_result *result)
 
 // --- the tick --------------------------------------------------------------------------------------------------------
 
-// Apply one record: hold the node and prescribe its displacement, or add a load to it.
+// Apply one boundary record: hold the node and prescribe its displacement, or add a load to the node.
 static void take_bound(kn_fixed *f, const kn_fixed_bound *b)
 {
     const kn_fixed_node *node = &f->image->node[b->node];
@@ -297,7 +302,7 @@ void kn_fixed_tick(kn_fixed *f, const kn_fixed_bound *bound, int count, int64_t 
 
 // --- memory ----------------------------------------------------------------------------------------------------------
 
-// Assign the arrays from base on. Return the bytes; with base NULL the pointers are meaningless.
+// Place the arrays one after the other from `base` on, and return their size in bytes. If `base` is NULL, only measure.
 static size_t lay_out(kn_fixed *f, const kn_fixed_image *image, char *base)
 {
     const size_t nodes = (size_t)image->config.node_count, edges = (size_t)image->config.edge_count;
@@ -342,7 +347,7 @@ void kn_fixed_init(kn_fixed *f, const kn_fixed_image *image, void *memory)
 
 static bool within(int64_t v, int64_t least, int64_t most) { return v >= least && v <= most; }
 
-// Return NULL, or a text that names the first value outside its range.
+// Check the configuration. This and the checks below return NULL, or a text that names the first value out of range.
 static const char *check_config(const kn_fixed_config *c)
 {
     if (!within(c->node_count, 1, KN_FIXED_NODES_MAX)) return "node_count outside 1..65535";

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_FIXED_H
 #define KN_CORE_FIXED_H
-// The lattice in integers, the twin of the circuit in hdl/rtl, equal to the bit. No inertia, no floating point, no
-// division.
+// The lattice in integers, as a twin of the circuit in hdl/rtl: both give equal bits. Inertia is left out, and there is
+// no floating point and no division.
 //
 // The unknown of a tick is the displacement u of every node. The tension of edge i-j, with unit vector e, in force
 // units:
@@ -9,18 +9,19 @@
 //     B = kv dl + H,     t = R(|B|/area) B,     dl = e.(u_j - u_i),     kv = A kappa w/dt,     H = k1 u_p area      (1)
 //
 // This is s = T(b) of law.h with R = T(b)/b from a table; the viscoelastic, plastic and rheological laws differ only in
-// their table. The damper is never evaluated at the force of the last tick. After the solve H += beta (t - H), with
-// beta = k1 dt/A. The equilibrium sum t e + load = 0 is solved in O passes. A pass freezes e and R at the last u and
-// takes K damped Jacobi steps, accelerated by Chebyshev's polynomials:
+// their table. The damper is evaluated at the force of the present tick, never at that of the last tick. After the
+// solve, H grows by beta (t - H), with beta = k1 dt/A. The equilibrium sum t e + load = 0 is solved in O passes. A pass
+// freezes e and R at the last u and takes K damped Jacobi steps, accelerated by Chebyshev's polynomials (u_: u of the
+// iteration before):
 //
 //     z = D^-1 r,     u <- u_ + omega (u + z - u_),     D_k = sum R kv |e_k| |e|_1                                  (2)
 //
 // |e_k||e|_1 bounds each edge's block, so the spectrum of D^-1 M lies in 0..2 for any state of the dampers. e is taken
 // at the middle of the tick, x + u/2; then e.(u_j - u_i) is the change of length to third order in u.
 //
-// Every sum of forces is exact, since a tension's two ends differ only in sign. Every shift rounds to nearest (halves
-// up). A number that does not fit saturates and raises a flag; nothing wraps. The result therefore does not depend on
-// the order of the edges, the number of lanes or the machine, to the bit.
+// Every sum of forces is exact, because the forces of an edge on its two ends differ only in sign. Every shift rounds
+// to nearest (halves up). A number that does not fit saturates and raises a flag; nothing wraps. Therefore the order of
+// the edges, the number of lanes and the machine do not change a bit of the result.
 //
 //                 +----- O times -------------------------------------------------+
 //     u of the    |  SETUP   per edge: e, B, R -> g = R kv, t0 = R H; sum D       |      COMMIT  per edge: t, H
@@ -63,8 +64,8 @@ enum {
     KN_FIXED_SEEDS = 512      // entries of the table of seeds for the reciprocal square root
 };
 
-// Flags of numbers that exceeded their format and were saturated since the flags were last cleared. RESIDUAL only slows
-// the convergence. After each other flag the tick does not solve equation (1).
+// Flags of numbers that exceeded their format and were saturated since the flags were last cleared. The flag RESIDUAL
+// only means slower convergence. Any other flag means that a tick did not solve equation (1).
 enum {
     KN_FIXED_SAT_U = 1,          // a node moved by more than 2^24 lambda in a tick
     KN_FIXED_SAT_TENSION = 2,    // the tension of an edge exceeded 2^24 phi
@@ -80,7 +81,7 @@ typedef struct kn_fixed_config {
     int32_t passes, iterations;             // passes O per tick, iterations K per pass
     int32_t d_shift;                        // exponent of the unit of edge vectors, format D; 0..18
     int32_t kv_shift;                       // exponent of the unit of kv, format KV; 0..40
-    int32_t octave;                         // exponent of 2 of the key |B| ia at which the table of R begins; -64..63
+    int32_t octave;                         // the table of R begins at the key |B| ia = 2^octave; -64..63
     int32_t beta, beta_shift;               // k1 dt/A and the exponent of its unit, format BETA; beta_shift 0..40
     int32_t relax;                          // damping of the Jacobi step, format RELAX
     int32_t omega[KN_FIXED_ITERATIONS_MAX]; // Chebyshev's weight of each iteration; 1.0 for iteration 0
@@ -88,27 +89,28 @@ typedef struct kn_fixed_config {
 
 typedef struct kn_fixed_node {
     int64_t x[3];    // rest position, lambda
-    int32_t load[3]; // load that acts in every tick, i.e. the weight, phi
-    uint8_t held;    // bit k is set: component k of the node never moves
+    int32_t load[3]; // load that acts in every tick (the weight), phi
+    uint8_t held;    // bit k is set if component k of the node never moves
 } kn_fixed_node;
 
 typedef struct kn_fixed_edge {
     uint16_t i, j;  // nodes at the two ends; the edge runs from i to j, i != j
-    int32_t kv, ia; // tension per change of length with a rigid damper; 1/stress area, >= 1
+    int32_t kv, ia; // tension per change of length if the damper were rigid, format KV; 1/area, format IA, >= 1
 } kn_fixed_edge;
 
-typedef struct kn_fixed_image { // data that a circuit is loaded with; constant
+typedef struct kn_fixed_image { // constant data that is loaded into a circuit; arrays are the caller's
     kn_fixed_config config;
     kn_fixed_node *node;                  // [config.node_count]
     kn_fixed_edge *edge;                  // [config.edge_count]
     int32_t table[KN_FIXED_SEGMENTS + 1]; // R at the key 2^(octave + i/32) (1 + (i mod 32)/32), i/32 rounded down
 } kn_fixed_image;
 
-// One node under a tool in one tick: either held and moved by value (lambda), or free and pushed by value (phi).
+// A boundary record: one node that tools or gas act on in one tick. The node is either held and moved by `value`, or
+// free and pushed by `value`.
 typedef struct kn_fixed_bound {
     uint16_t node;    // number of the node; each node occurs at most once in a list
-    bool holds;       // true: held and moved, except for components in the node's own `held`, which never move
-    int32_t value[3]; // displacement in this tick (held), lambda, or load (free), phi
+    bool holds;       // true: the node is held; components in kn_fixed_node.held do not move all the same
+    int32_t value[3]; // held: displacement in this tick, lambda; free: load, phi
 } kn_fixed_bound;
 
 typedef struct kn_fixed_result {
@@ -116,42 +118,43 @@ typedef struct kn_fixed_result {
     uint32_t flags;   // bits KN_FIXED_SAT_* that were set since the flags were last cleared
 } kn_fixed_result;
 
-typedef struct kn_fixed { // state of one lattice; arrays in the caller's memory
+typedef struct kn_fixed { // state of one lattice; its arrays are in the caller's memory
     const kn_fixed_image *image;
     int64_t *x; // [node][3] positions, lambda
     int32_t *u; // [node][3] displacement in the last tick, lambda
     int64_t *h; // [edge] force H of the spring k1, 2^-12 phi
-    // scratch memory of one tick
+    // the arrays from here on are scratch memory of one tick
     int32_t *last, *load, *inverse; // [node][3] u of the iteration before; load; mantissa of relax/D
     uint8_t *shift, *held;          // [node][3] shift of `inverse`; [node] held components of this tick, as bits
     int64_t *force;                 // [node][3] sum of forces
     struct kn_fixed_line {
         int32_t e[3], g, t0;
-    } * line; // [edge]
+    } * line; // [edge] unit vector e and the line t = g dl + t0 of the edge's tension
     uint32_t flags;
     int32_t seed[KN_FIXED_SEEDS];
 } kn_fixed;
 
-// Return the bytes of memory that kn_fixed_init needs, 64-byte aligned. Init leaves the lattice at rest.
+// Return the number of bytes of memory that kn_fixed_init needs. The memory must be 64-byte aligned and stays the
+// caller's, as does the image; both must outlive `fixed`. kn_fixed_init leaves the lattice at rest.
 size_t kn_fixed_bytes(const kn_fixed_image *image);
 void kn_fixed_init(kn_fixed *fixed, const kn_fixed_image *image, void *memory);
-void kn_fixed_rest(kn_fixed *fixed); // restore the initial state and clear the flags
+void kn_fixed_rest(kn_fixed *fixed); // set the lattice to its rest state and clear the flags; real-time safe
 
-// Take one tick. reaction[count][3], phi: force of the lattice and its load on each held node, including components
-// that its own `held` names; 0 for a record that only pushes. Real-time safe: at most O K + 2 O + 1 visits of every
-// edge.
+// Take one tick with the boundary records bound[count]. Store reaction[count][3], phi: the force of the lattice and of
+// the load on each held node, also along components that never move; 0 for a record that pushes. Real-time safe: at
+// most O K + 2 O + 1 visits of every edge.
 void kn_fixed_tick(kn_fixed *fixed, const kn_fixed_bound *bound, int count, int64_t (*reaction)[3],
                    kn_fixed_result *result);
 
-// Return NULL if the circuit accepts the image, else the first reason why not.
+// Return NULL if the circuit accepts the image, else a static text that names the first value out of its range.
 const char *kn_fixed_check(const kn_fixed_image *image);
 
-// Return the CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little-endian words. The
-// device and this software twin compare their checksums.
+// Return the CRC-32 (IEEE 802.3) of x, u, h in this order, each as 64-bit little-endian words. The circuit and this
+// software twin compare their checksums.
 uint32_t kn_fixed_crc(const kn_fixed *fixed);
 
-// Return rsqrt, with 1/sqrt(q) = rsqrt 2^(n/2 - 34), n even, q in 1 .. 2^36 - 1, rsqrt in 2^16 .. 2^17. It needs a
-// table of seeds, indexed by the 9 leading bits of q 2^n, 128..511.
+// Return rsqrt in 2^16 .. 2^17 and store the even number n, so that 1/sqrt(q) = rsqrt 2^(n/2 - 34). q must be in 1 ..
+// 2^36 - 1. kn_fixed_seeds fills the table `seed`, indexed by the 9 leading bits of q 2^n, 128..511.
 void kn_fixed_seeds(int32_t seed[KN_FIXED_SEEDS]);
 int32_t kn_fixed_rsqrt(const int32_t seed[KN_FIXED_SEEDS], uint64_t q, int *n);
 

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-// Return the number of lanes, padding included, if rows run along an axis. The choice of the row axis minimises it.
+// Return the number of lanes of all rows, padding included, if the rows run along an axis. The row axis is the one with
+// the fewest lanes.
 static long padded(const int n[3], int along)
 {
     long vectors = (n[along] + KN_LANES - 1) / KN_LANES;
@@ -27,16 +28,17 @@ static void choose_axes(kn_grid *g)
     kn_grid_lay(g, best, (g->n[best] + KN_LANES - 1) / KN_LANES);
 }
 
-// Return kappa = k of a side / E of the material, m.
+// Return kappa, the stiffness k of a side divided by Young's modulus E of the material, m.
 static double side_per_modulus(double h, double thickness, double e)
 {
     if (thickness > 0) return thickness / ((1 + 2 * e) / (1 + e));
     return h / (3 * (1 + e) * (1 + 8 * e) / (3 + 17 * e));
 }
 
-// Return gamma for diagonals of stiffness e. The table minimises the worst creep error of the first paper's dough at
-// 20, 28, 50 and 70 gf/cm^2 (60 s under load, 30 s of rest, small strains, relative L2 against the 1-D element). One
-// factor cannot fit all loads, least of all if diagonals carry a part of the load. The worst error, column by column:
+// Return gamma for diagonals that are e times as stiff as sides. The table minimises the worst creep error of the first
+// paper's dough at 20, 28, 50 and 70 gf/cm^2 (60 s under load, 30 s of rest, small strains, relative L2 against the 1-D
+// element). One factor cannot fit all loads, least of all if diagonals carry a part of the load. The worst errors, for
+// the values of e in the table from left to right:
 //     block  0  1  2  4  8  13  18  13  7 %        flat  0  1  1  1  2  3  5  11  4 %
 static double creep_area(double e, bool flat)
 {
@@ -44,7 +46,7 @@ static double creep_area(double e, bool flat)
     static const double at[ROWS] = {0, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1};
     static const double area[2][ROWS] = {{1, 0.99, 0.96, 0.925, 0.835, 0.725, 0.595, 0.505, 0.46},
                                          {1, 0.995, 0.99, 0.98, 0.955, 0.915, 0.845, 0.70, 0.72}};
-    // between the table's rows gamma is linear in log e
+    // between two values of e in the table, gamma is linear in log e
     int i = 0;
     while (i + 2 < ROWS && e > at[i + 1]) i++;
     if (e >= at[i + 1]) return area[flat][i + 1];
@@ -74,7 +76,7 @@ void kn_grid_coords(const kn_grid *g, int node, int ixyz[3])
     ixyz[2] = node / (g->n[0] * g->n[1]);
 }
 
-// Compute a node's place along a, b, c: along the row, row, plane.
+// Compute a node's coordinates along the grid axes: place in its row (a), row in its plane (b), plane (c).
 static void lattice_coords(const kn_grid *g, int node, int abc[3])
 {
     int ixyz[3];
@@ -82,7 +84,8 @@ static void lattice_coords(const kn_grid *g, int node, int abc[3])
     for (int k = 0; k < 3; k++) abc[k] = ixyz[g->axis[k]];
 }
 
-// Return the offset of a component of node a of a row: lane a / K of vector a % K.
+// Return the offset of one component of node number `a` of a row. With K vectors per row, this node is in lane a / K of
+// vector a % K.
 static size_t row_slot(const kn_grid *g, int row, int components, int component, int a)
 {
     size_t vector =
@@ -106,8 +109,8 @@ void kn_grid_rest(const kn_grid *g, int node, double x_m[3])
     x_m[2] = ixyz[2] * g->spacing_m;
 }
 
-// Return the share of a cell that node i of n has along one axis: 0.5 at the ends, else 1. A single layer of nodes
-// (bar, sheet) has 1.
+// Return the extent of the material that belongs to node i of n along one axis, in cells: 0.5 at the two ends, else 1.
+// For a single layer of nodes (bar, sheet), return 1.
 static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
 
 double kn_grid_share(const kn_grid *g, int node)
@@ -141,7 +144,7 @@ static bool edge_at(const kn_grid *g, int node, int e, kn_edge *edge)
         to[k] = abc[k] + kn_grid_forward[e][k];
         if (to[k] < 0 || to[k] >= g->len[k]) return false;
         if (kn_grid_forward[e][k] != 0) steps++;
-        else weight *= end_share(abc[k], g->len[k]); // layers of cells on either side that contain this edge
+        else weight *= end_share(abc[k], g->len[k]); // half if only one layer of cells along this axis has this edge
     }
     if (steps > 1 && g->diagonal == 0) return false;
     edge->i = node;

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-// Spread every bit of h over all bits.
+// Mix the bits of h, so that each bit of h affects all bits of the result.
 static uint64_t mix(uint64_t h)
 {
     h ^= h >> 32;
@@ -21,12 +21,12 @@ static uint64_t word(const unsigned char *p, size_t size)
 
 uint64_t kn_hash_bytes(uint64_t seed, const void *bytes, size_t size)
 {
-    // an odd constant as in xxh3: any odd number with well-mixed bits works
+    // an odd constant of xxh3; any odd number with well-mixed bits would do
     const uint64_t k = 0x9fb21c651e98df25u;
     const unsigned char *p = bytes;
     uint64_t lane[4] = {seed, seed ^ k, seed + k, ~seed};
     size_t left = size;
-    // whole blocks of 32 bytes in four independent lanes, then up to 31 bytes that are left, then all lanes into one
+    // hash whole blocks of 32 bytes in four lanes, then the last bytes (at most 31), then combine the lanes
     for (; left >= 32; left -= 32, p += 32)
         for (int i = 0; i < 4; i++) {
             uint64_t h = (lane[i] ^ word(p + 8 * i, 8)) * k;

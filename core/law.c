@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
-// Return ds/db for a damper with constant c2: 1/(1 + A/c2). c2 = infinity needs no special case.
+// Return ds/db for a damper with constant c2: 1/(1 + A/c2). An infinite c2 gives 1.
 static double slope_of(const kn_law *law, double c2) { return 1.0 / (1.0 + law->a_pa_s / c2); }
 
 static float float_of(unsigned bits)
@@ -23,7 +23,8 @@ static unsigned bits_of(float f)
 
 #define ONE_BITS 0x3f800000u // bits of the float 1.0f
 
-// Evaluate the table as the kernels do. Used to measure the table's error and to start Newton's method.
+// Evaluate the f32 table as the kernels do. The result serves to measure the table's error and to start Newton's
+// method.
 static double table_stress(const kn_law *law, double b)
 {
     // clamp to the table, find the segment from the float's bits, evaluate the cubic, and limit it by the straight ends
@@ -62,13 +63,13 @@ double kn_law_stress(const kn_law *law, double b_pa)
     return copysign(s, b_pa);
 }
 
-// Evaluate the fine table as the kernels do in f64.
+// Evaluate the f64 table as the kernels do.
 static double fine_stress(const kn_law *law, double b)
 {
     double yh = law->bh_pa / law->b0_pa, y = b / law->b0_pa, yc = fmin(fmax(y, 1), yh), p = 0;
     uint64_t bits;
     memcpy(&bits, &yc, sizeof bits);
-    // reduce the double's exponent and top mantissa bits to those of a float
+    // keep the exponent bits and the top mantissa bits that a float has, so that the index is that of the f32 table
     uint64_t i = ((bits >> 29) - ((uint64_t)1023 << 23)) >> law->shift;
     for (int k = KN_LAW_FINE; k >= 0; k--) p = p * (yc - law->middle[i]) + law->fine[k][i];
     return law->b0_pa * fmax(law->slope_flow * y, fmin(law->slope_rest * y, p));
@@ -83,7 +84,7 @@ double kn_law_slope(const kn_law *law, double stress_pa, kn_linearization how)
     if (s >= law->s1_pa) return law->slope_flow;
     double r = law->a_pa_s / kn_material_c2(&law->mat, s);
     double secant = 1.0 / (1.0 + r);
-    // g' = (1 - s dlnc2/ds)/c2
+    // the tangent is 1/(1 + A g') with g' = (1 - s dln(c2)/ds)/c2
     double tangent = 1.0 / (1.0 + r * (1.0 + kn_material_thinning(&law->mat, s) * s));
     switch (how) {
     case KN_LINEARIZATION_SECANT: return secant;
@@ -140,7 +141,8 @@ static void lobatto(int degree, double y0, double y1, double *at)
     for (int i = 0; i <= degree; i++) at[i] = 0.5 * (y0 + y1) + 0.5 * (y1 - y0) * node[i];
 }
 
-// Return sqrt(ds/db) just inside the middle branch. The slope jumps at both ends of that branch.
+// Return sqrt(ds/db) at y between the two straight branches. At b0 and bh, where the slope jumps, take the value on the
+// inner side.
 static double root_at(const kn_law *law, double y, unsigned how)
 {
     double s = kn_law_stress(law, y * law->b0_pa);
@@ -193,11 +195,11 @@ static double error_of(const kn_law *law, double (*table)(const kn_law *, double
     return worst;
 }
 
-// Build the table. With half an octave per segment it covers 8 octaves of b. A wider law takes one, two or four octaves
-// per segment.
+// Build the table. With half an octave of b per segment, 16 segments cover 8 octaves. If the law has a wider range of
+// b, each segment covers one, two or four octaves.
 static void build_table(kn_law *law, bool exact)
 {
-    // choose the width of the segments; a law too wide for four octaves each has no table
+    // choose the width of the segments; a law that needs segments of more than four octaves has no table
     float yh = (float)(law->bh_pa / law->b0_pa);
     law->shift = 22;
     while (law->shift < 25 && (bits_of(yh) - ONE_BITS) >> law->shift >= KN_LAW_SEGMENTS) law->shift++;
@@ -208,11 +210,11 @@ static void build_table(kn_law *law, bool exact)
     }
     for (unsigned i = 0; i < used; i++) {
         double y0 = float_of(ONE_BITS + (i << law->shift)), y1 = float_of(ONE_BITS + ((i + 1) << law->shift));
-        // false if the table ends exactly where the last segment begins
+        // yh == y0 happens if the table ends exactly where the last segment begins: this segment is empty
         if (yh > y0) fit_segment(law, (int)i, y0, fmin(y1, yh));
         if (exact && yh > y0) fit_fine(law, (int)i, y0, fmin(y1, law->bh_pa / law->b0_pa));
     }
-    // the table is used only if its measured error is small enough
+    // measure the error; the kernels use a table only if its error is small enough
     law->table_error = error_of(law, table_stress);
     law->seeded = law->table_error <= 1e-3;
     if (exact) law->fine_error = error_of(law, fine_stress);
@@ -238,8 +240,8 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
     law->slope_flow = slope_of(law, kn_material_c2(mat, mat->p1_pa));
     law->s1_pa = mat->p1_pa;
     law->bh_pa = law->s1_pa / law->slope_flow;
-    // The resting branch ends at p0. With p0 = 0 the law has no straight branch. A straight branch is then used where
-    // beta s is below 1e-4, because the exponential is 1 to within 1e-4 there.
+    // The resting branch ends at p0. With p0 = 0 the law has no straight branch. The part where beta s is below 1e-4 is
+    // then taken as straight, because exp(-beta s) is 1 to within 1e-4 there.
     law->s0_pa = fmin(fmax(mat->p0_pa, 1e-4 / thinning), 0.5 * mat->p1_pa);
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));

@@ -3,7 +3,8 @@
 #include <math.h>
 #include <stddef.h>
 
-// The limits of a0/a - 1 follow from those of a. Stops without a distance between them make the damper rigid.
+// The limits of the permanent strain a0/a - 1 follow from the limits of a. If both stops are at one place, the damper
+// cannot move.
 bool kn_material_stroke(const kn_material *mat, double *in, double *out)
 {
     bool stops = mat->stroke[1] > 0;
@@ -19,7 +20,7 @@ static bool rigid(const kn_material *mat)
     return kn_material_stroke(mat, &in, &out);
 }
 
-// Return the place of a stress on the ramp: 0 at p0, 1 at p1.
+// Return where a stress lies on the ramp of c2: 0 at p0, 1 at p1.
 static double along(const kn_material *mat, double s) { return (s - mat->p0_pa) / (mat->p1_pa - mat->p0_pa); }
 
 double kn_material_c2(const kn_material *mat, double stress_pa)
@@ -45,7 +46,7 @@ double kn_material_thinning(const kn_material *mat, double stress_pa)
 
 double kn_material_compliance(const kn_material *mat, double seconds)
 {
-    // creep of the Voigt element, and flow of the damper at rest
+    // add the creep of the Voigt element and the flow of the damper with c2 at zero stress
     double voigt = mat->k1_pa > 0 ? 1 / mat->k1_pa : seconds / mat->c1_pa_s;
     if (mat->k1_pa > 0 && mat->c1_pa_s > 0) voigt *= -expm1(-mat->k1_pa / mat->c1_pa_s * seconds);
     return voigt + seconds / kn_material_c2(mat, 0);

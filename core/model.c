@@ -6,7 +6,7 @@ kn_model_def kn_model_def_default(void)
 {
     const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
     return (kn_model_def){
-        // the first paper's dough, per cm of specimen height
+        // dough of the first paper, whose moduli are per height, for a height of 1 cm
         .material = {.k1_pa = 470 * gf_cm2,
                      .c1_pa_s = 2500 * gf_cm2,
                      .damper = KN_DAMPER_EXPONENTIAL,
@@ -27,8 +27,7 @@ kn_model_def kn_model_def_default(void)
 void kn_model_def_extent(const kn_model_def *def, double extent_m[3])
 {
     for (int k = 0; k < 3; k++) {
-        // the extent of a block follows from its numbers of nodes; a mesh is centred over the origin and stands on
-        // z = 0
+        // the extent of a block follows from its number of nodes; a mesh is centred over the origin and stands on z = 0
         extent_m[k] = def->mesh ? 0 : def->spacing_m * (def->nodes[k] - 1);
         for (int i = 0; def->mesh && i < def->mesh->node_count; i++)
             extent_m[k] = fmax(extent_m[k], (k == 2 ? 1 : 2) * fabs(def->mesh->x_m[i][k]));

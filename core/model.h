@@ -1,8 +1,9 @@
 #ifndef KN_CORE_MODEL_H
 #define KN_CORE_MODEL_H
-// The model: everything about an object and its solver that does not change while the object is touched.
-// Fill in a kn_model_def (start from kn_model_def_default) and build the model. Any number of states and
-// threads may share it. Nothing here is written after kn_model_build, and only kn_model_build allocates.
+// The model: everything about an object and its solver that does not change while the object is touched. Fill in a
+// kn_model_def (start from kn_model_def_default) and build the model. Any number of states and threads may share a
+// model, because no function writes to it after kn_model_build. Only kn_model_build allocates. All numbers are in SI
+// units.
 #include "core/cell.h"
 #include "core/grid.h"
 #include "core/law.h"
@@ -29,12 +30,12 @@ typedef enum kn_support {
 
 typedef enum kn_skin_form { // skin of a block between its nodes, for every tool but a plate: see contact.h
     KN_SKIN_SPLINE,         // quadratic B-spline with the nodes as control points
-    KN_SKIN_BILINEAR        // bilinear between the nodes; as good as the spline if the tool's radius is >= 2 spacings
+    KN_SKIN_BILINEAR        // bilinear between four nodes; as good as the spline for tool radii of >= 2 spacings
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
     KN_PROBE_PLATE,  // level rectangle that holds the top nodes it touches and releases nodes that pull
-    KN_PROBE_SPHERE, // rigid ball, a disc on a flat block; all shapes except PLATE use foundation contact (contact.h)
+    KN_PROBE_SPHERE, // rigid ball, or a disc on a flat block; all shapes but PLATE use foundation contact (contact.h)
     KN_PROBE_CAPSULE,
     KN_PROBE_BOX,
     KN_PROBE_CROSS,
@@ -47,49 +48,50 @@ typedef struct kn_probe_def {
     char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
     kn_probe_shape shape;
     double size_m[3]; // PLATE: extent along x and y; BOX: along x, y, z; CROSS: arm length, arm width, height
-    // SPHERE, CAPSULE, CYLINDER: radius, at least the lattice's spacing, better 1.5 spacings
+    // SPHERE, CAPSULE, CYLINDER: radius; the least radius is the lattice's spacing, 1.5 spacings are advised
     double radius_m;
     double length_m; // CAPSULE, CYLINDER: length along the tool's axis z
     double edge_m;   // BOX, CROSS, CYLINDER: radius of the rounded edges; 0: sharp edges
     // UNION, MESH: shape of the parts in the tool frame; not owned, must outlive the model
     const struct kn_shape *parts;
-    double foundation_n_m3; // contact stiffness per area; 0 = default (2.5e7, see contact.h)
+    double foundation_n_m3; // stiffness of the contact per area; 0: default of 2.5e7 N/m^3 (see contact.h)
     double friction;        // coefficient of sliding friction between tool and object; 0: frictionless
     double adhesion_pa;     // tension that the contact carries before the tool releases the skin; 0: no adhesion
     double grip_n;          // force up to which a closed grip ties the touched skin to the tool; 0: no grip
     // stiffness of the virtual coupling between pose and tool; 0: the tool follows rigidly (tool.h)
     double coupling_n_m;
     double coupling_n_s_m; // damping of the virtual coupling
-    // Range of the tool's centre along x and y; all 0: anywhere. The scene computes kn_model_def.fine from it; no step
-    // reads it.
+    // Range of the tool's centre along x and y; all 0: anywhere. The scene computes kn_model_def.fine from this range;
+    // the steps do not use it.
     double reach_m[2][2];
 } kn_probe_def;
 
 typedef enum kn_solver { KN_SOLVER_IMPLICIT, KN_SOLVER_RK4, KN_SOLVER_FIXED } kn_solver;
 typedef enum kn_precision { KN_PRECISION_F32, KN_PRECISION_F64 } kn_precision;
 
-// Instruction sets. All have the same 16 logical lanes and give the same bits. AUTO takes the best of the processor.
+// Instruction sets of the kernels. All give equal bits, because each computes with 16 logical lanes. AUTO takes the
+// best one that the processor has.
 typedef enum kn_isa { KN_ISA_AUTO, KN_ISA_BASE, KN_ISA_AVX2, KN_ISA_AVX512 } kn_isa;
 
 typedef struct kn_solver_def {
     kn_solver kind;
-    kn_precision precision; // RK4 and FIXED are always F64: FIXED keeps its integers in them
+    kn_precision precision; // precision of a state's fields; RK4 and FIXED need F64 (FIXED stores integers in it)
     kn_linearization linearization;
     kn_isa isa;
     double dt_s;        // time step
-    int iterations;     // conjugate gradient iterations that every step does
-    int iterations_max; // largest number of iterations; reached only while the residual is above the tolerance
-    // A step does more than `iterations` only while its preconditioned residual, relative to the largest of the last
-    // second, exceeds the tolerance; 0: never.
+    int iterations;     // number of conjugate gradient iterations that every step does, >= 1
+    int iterations_max; // largest number of iterations of a step, >= iterations
+    // A step continues after `iterations` iterations while its preconditioned residual exceeds tolerance times the
+    // largest residual of the last second. 0: a step never continues. Range [0, 1).
     double tolerance;
     int passes;        // linearisations of the law per step: 1 in real time, 3-5 with SECANT for a converged reference
     double mass_scale; // factor of the inertia, >= 1, for a longer stable step of RK4; only the scene can set it
 } kn_solver_def;
 
 // The part of a kn_solver_def that may change from step to step. It sets how much time a step takes and how exact the
-// step is. No memory layout depends on it.
+// step is. The layout of a state does not depend on it.
 typedef struct kn_effort {
-    int iterations, iterations_max; // as in kn_solver_def; iterations 0: take all values from the model
+    int iterations, iterations_max; // see kn_solver_def; iterations 0: the model's values apply to all members
     double tolerance;
     int passes;
     kn_linearization linearization;
@@ -99,17 +101,17 @@ typedef struct kn_model_def {
     kn_material material;
     double density_kg_m3;     // > 0
     double gravity_m_s2;      // downwards, >= 0
-    const kn_simplices *mesh; // checked, in the scene's frame; not owned, must outlive the model. NULL: a block
+    const kn_simplices *mesh; // checked mesh in the scene's frame, not owned, must outlive the model; NULL: a block
     int nodes[3];             // block: number of nodes along x, y, z
     double spacing_m;         // block: side of a cell; mesh: mean length of an edge
     double thickness_m;       // thickness of a flat object (x-z plane, nodes[1] = 1, plane stress); 0: not flat
     kn_structure structure;
     double diagonal_stiffness; // ratio of a diagonal's stiffness to a side's, in (0, 1]; ignored without diagonals
-    // Block: first and last corner, in cells, of the box of fine cells. Cells outside the box are twice as wide
-    // (lattice.h). All six numbers are even; all 0: the whole block has fine cells.
+    // Block of two resolutions: first and last corner of the box of fine cells, counted in fine cells. Cells outside
+    // the box are twice as wide (lattice.h). All six numbers are even; all 0: a uniform block.
     int fine[2][3];
     kn_pressure pressure;
-    double inside_pressure_pa; // absolute gas pressure inside the object at rest; > 0 with pressure
+    double inside_pressure_pa; // absolute pressure of the gas in the undeformed object; > 0 unless `pressure` is NONE
     kn_skin_form skin;         // skin of a block; the skin of a mesh is its triangles
     kn_support support;
     double support_friction; // FRICTION: coefficient of friction on the table, >= 0
@@ -118,10 +120,10 @@ typedef struct kn_model_def {
     kn_solver_def solver;
 } kn_model_def;
 
-typedef struct kn_net_moduli { // elastic constants of a net that is scaled to E = 1
+typedef struct kn_net_moduli { // elastic constants of a net, relative to Young's modulus E of the material
     double young[3];           // Young's modulus along x, y, z; 0 along y for a flat net
     double poisson;            // Poisson's ratio, mean over the axes
-    double shear;              // shear modulus, mean over the planes; E/2(1 + nu) if the net were isotropic
+    double shear;              // shear modulus, mean over the planes; an isotropic body would have 1/(2 (1 + nu))
 } kn_net_moduli;
 
 #define KN_FACES_MAX 32
@@ -132,7 +134,7 @@ typedef struct kn_face { // one flat side of the block as a grid of nodes, for c
     double spacing_m;
 } kn_face;
 
-struct kn_kernels; // the loops chosen for this model's precision, law and processor (core/solve/kernel.h)
+struct kn_kernels; // hot loops for one lattice, precision and instruction set (core/solve/kernel.h)
 struct kn_composite;
 struct kn_shape;
 
@@ -141,39 +143,40 @@ typedef struct kn_model {
     kn_grid grid;                   // grid of a block; for a composite, the grid as if the whole block were fine
     struct kn_composite *composite; // NULL if the model is not a composite
     kn_law law;
-    // The lattice for solver, contact and drawing. A field of C components is [row][C][stride].
+    // The lattice. A field with C components per node has the layout [row_count][C][stride].
     int node_count;
     int row_count;
     size_t stride;     // number of reals of one component in a row; 1 in a net, where each row is one node
     size_t edge_reals; // number of reals in a field of one real per edge, padding included
-    // [nodes] offset of a node's x component in a 3-component field. y and z follow one and two strides later.
+    // [node_count] offset of a node's x component in a 3-component field. The y component is one stride further, the z
+    // component two strides.
     size_t *offset;
-    double (*rest_m)[3];  // [nodes] undeformed position: right-handed, z up
-    double *node_mass_kg; // [nodes]
-    uint8_t *support;     // [nodes] bit k is set: the support holds component k of the node
+    double (*rest_m)[3];  // [node_count] position in the undeformed object; right-handed frame, z up
+    double *node_mass_kg; // [node_count]
+    uint8_t *support;     // [node_count] bit k is set if the support holds component k of the node
     int top_count;        // number of nodes that a plate can hold
     int *top;             // [top_count] ids of the nodes that a plate can hold
     double *top_share;    // [top_count] share of a load that is spread evenly over the top; sums to 1
     double size_m;        // longest extent of the undeformed object
-    double kappa_m;       // ratio of the stiffness of an edge with weight 1 to E of the material
+    double kappa_m;       // stiffness of an edge with weight 1, divided by Young's modulus E of the material
     kn_net_moduli moduli; // net: measured elastic constants; else 0
-    double creep_error;   // net: relative error of the creep test that the fit of gamma left
+    double creep_error;   // net: relative error of the creep strain that remains after the fit of gamma
     double gamma;         // ratio of an edge's stress area to kappa weight L0
     const struct kn_kernels *kernels;
-    kn_isa isa;                 // instruction set in use, never AUTO
-    void *tables;               // constants of the kernels in the model's precision, one block
-    int skin_count;             // number of triangles of a net's outside, else 0
-    int (*skin)[3];             // [skin_count] triangles of nodes, counter-clockwise from outside
-    int face_count;             // faces that a probe can touch: top, four sides; base if support is NONE or FRICTION
-    int outside_count;          // number of all faces; faces that a probe cannot touch come last
+    kn_isa isa;        // instruction set in use, never AUTO
+    void *tables;      // constants of the kernels in the model's precision, one block
+    int skin_count;    // number of triangles of a net's outside, else 0
+    int (*skin)[3];    // [skin_count] triangles of nodes, counter-clockwise from outside
+    int face_count;    // number of faces that a probe can touch: top, sides, with support NONE or FRICTION base
+    int outside_count; // number of all faces of a block; faces that a probe cannot touch come last
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
-    struct kn_shape *shape;     // [probe_count] shape of every probe but plates
+    struct kn_shape *shape;     // [probe_count] shape of each probe; empty for a plate
     int base_count;             // number of nodes of the outside that the table can push: see lattice.h
     int *base;                  // [base_count] ids of the nodes that the table can push
-    double *base_area_m2;       // [base_count] area of the outside that each of the base nodes stands for
+    double *base_area_m2;       // [base_count] area of the object's outside that belongs to each of these nodes
     kn_edge *edges;             // [edge_count] list of edges of a net, or for RK4 and FIXED; else NULL
     int edge_count;
-    kn_cell *cells;      // [cell_count] list of gas cells of a net, or for RK4; NULL otherwise and without pressure
+    kn_cell *cells;      // [cell_count] gas cells of a net, or of a block for RK4 and FIXED; else NULL
     double *cell_volume; // [cell_count] volume at rest, m^3
     int cell_count;
     struct kn_fixed_model *fixed; // FIXED: image of the model in integers (solver_fixed.h); else NULL
@@ -181,15 +184,17 @@ typedef struct kn_model {
     size_t state_bytes;           // size of one kn_state with its arrays
 } kn_model;
 
-// Return the default definition: dough of the first paper, 5 x 5 x 3 cm, h = 1 cm, bonded, no probe; implicit F32
-// blend, 1 ms, 4..24 CG iterations.
+// Return the default definition: a block of the first paper's dough, 5 x 5 x 3 cm with cells of 1 cm, bonded to the
+// table, without probes. Its solver is the implicit one: F32, BLEND, steps of 1 ms, 4 to 24 iterations.
 kn_model_def kn_model_def_default(void);
 
-// Store the extent of the box around the undeformed object, m. The object's base is centred over the origin.
+// Store the extent of the box around the undeformed object along x, y, z, m. The object's base is centred over the
+// origin.
 void kn_model_def_extent(const kn_model_def *def, double extent_m[3]);
 
-// Build a model. Return NULL and store one sentence in error if it cannot be built; if RK4's step is unstable, the
-// sentence names its limit. Allocates once.
+// Build a model, which the caller destroys. The model copies `def`, but not the mesh and the parts to which `def`
+// points. If the model cannot be built, return NULL and store one sentence in error[error_size]. If the step of RK4 is
+// unstable, the sentence names the longest stable step.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
 void kn_model_destroy(kn_model *model); // does nothing if `model` is NULL
 
@@ -198,7 +203,7 @@ bool kn_isa_supported(kn_isa isa);
 
 double kn_model_mass(const kn_model *model); // mass of the object without the factor mass_scale [kg]
 
-// Return the number of reals in a field of that many components, padding included.
+// Return the number of reals in a field with `components` numbers per node, padding included.
 static inline size_t kn_model_field(const kn_model *model, int components)
 {
     return (size_t)model->row_count * (size_t)components * model->stride;
@@ -206,12 +211,13 @@ static inline size_t kn_model_field(const kn_model *model, int components)
 
 // Return true if the fields of the model's states are floats, false if they are doubles.
 static inline bool kn_model_single(const kn_model *model) { return model->def.solver.precision == KN_PRECISION_F32; }
-static inline size_t kn_model_real(const kn_model *model) // size of a real in those fields [bytes]
+static inline size_t kn_model_real(const kn_model *model) // size of a real in the fields of a state [bytes]
 {
     return kn_model_single(model) ? sizeof(float) : sizeof(double);
 }
 
-// Get, set or add to element i of a field in the model's precision. For the few scalar places (contact, output).
+// Get, set or increase number i of a field in the model's precision. Use in scalar code only (contact, output); the
+// kernels have a type for each precision.
 static inline double kn_real_get(const kn_model *model, const void *field, size_t i)
 {
     return kn_model_single(model) ? (double)((const float *)field)[i] : ((const double *)field)[i];

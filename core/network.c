@@ -1,5 +1,4 @@
 #include "core/network.h"
-#include "core/sdirk.h"
 #include <math.h>
 #include <string.h>
 
@@ -9,7 +8,7 @@ enum { NODES = 2 * KN_ELEMENT_MAX, STAGES = KN_SDIRK_STAGES, NEWTON_MAX = 80 };
 
 bool kn_part_thins(const kn_part *p) { return p->beta_per_pa > 0 || p->c_min_pa_s > 0; }
 
-// Return c of a damper at the stress a, and store -d ln c/da there.
+// Return the damping c of a damper at a stress of size `a`, and store the thinning -d ln c/da at this stress.
 static double viscosity(const kn_part *p, double a, double *thinning)
 {
     *thinning = 0;
@@ -21,7 +20,7 @@ static double viscosity(const kn_part *p, double a, double *thinning)
     return c;
 }
 
-// Return the flow of a damper under a stress, and its slope.
+// Return the flow rate g(s) of a damper under the stress s, and store the slope dg/ds.
 static double flow(const kn_part *p, double s, double *slope)
 {
     double thinning, c = viscosity(p, fabs(s), &thinning);
@@ -59,7 +58,7 @@ const char *kn_network_check(const kn_network *net, int *leaf)
 
 // ---- one stage: the tree as lines D = slope s + offset
 
-// A part, or a group of parts, in one stage: D = slope s + offset.
+// The line D = slope s + offset: strain D that a part, or a group of parts, takes up in one stage under the stress s.
 typedef struct line {
     double slope, offset;
 } line;
@@ -68,7 +67,7 @@ typedef struct stage {
     const kn_network *net;
     double h;
     double base[KN_ELEMENT_MAX];  // strain x of each part at the start of the stage
-    double guess[KN_ELEMENT_MAX]; // stress at which the damper is linearised
+    double guess[KN_ELEMENT_MAX]; // stress of each part at which a force-dependent damper is linearised
     double stress[KN_ELEMENT_MAX];
     double taken[KN_ELEMENT_MAX]; // strain D that each part takes up in the stage
     int8_t at_stop[KN_ELEMENT_MAX];
@@ -111,7 +110,8 @@ static line compose(stage *g, int node)
     return g->at[node] = sum;
 }
 
-// Hand the stress down to the parts. In parallel each member's share follows from the common strain.
+// Compute the stresses and strains of all parts from the stress s on a node of the tree. In parallel, the stress of
+// each member follows from the common strain.
 static void hand_down(stage *g, int node, double s)
 {
     const kn_element_node *n = &g->net->element.node[node];
@@ -147,22 +147,23 @@ static double strain_of(const kn_element *e, int node, const double *x)
     return sum;
 }
 
-// Return Newton's next guess. The flow g is convex up to p1 and has a concave kink at p1. A step over the kink from
-// below would make Newton's method cycle, so such a step stops at the kink.
+// Return the next guess of Newton's method for the stress of a part. The flow g is convex up to p1 and has a concave
+// kink at p1. If a step goes from below p1 to above p1, Newton's method would cycle, so the step ends at p1.
 static double next_guess(const kn_part *p, double guess, double stress)
 {
     if (fabs(guess) < p->p1_pa && fabs(stress) > p->p1_pa) return copysign(p->p1_pa, stress);
     return stress;
 }
 
-// Condition of the bench on one stage: stress = fixed - gives * D, or D = taken.
+// Condition that the drive sets on the whole element in one stage. If `strain`: D = taken. Else: stress = fixed - gives
+// * D.
 typedef struct demand {
     bool strain;
     double taken, fixed, gives;
 } demand;
 
-// Solve one stage: linearise, meet the bench's condition, hand the stresses down; repeat until the guesses agree with
-// the stresses.
+// Solve one stage: linearise the parts, meet the drive's condition, compute the stresses of the parts. Repeat until the
+// guessed stresses agree with the computed ones. Return false if they never do.
 static bool solve(stage *g, const demand *want, double *root_stress)
 {
     const kn_element *e = &g->net->element;
@@ -170,7 +171,7 @@ static bool solve(stage *g, const demand *want, double *root_stress)
         line all = compose(g, e->root);
         double s = want->strain ? (want->taken - all.offset) / all.slope
                                 : (want->fixed - want->gives * all.offset) / (1 + want->gives * all.slope);
-        if (want->strain && all.slope == 0) s = 0; // the element is rigid, and the prescribed strain does not move it
+        if (want->strain && all.slope == 0) s = 0; // the element is rigid, and its prescribed strain does not change
         if (!isfinite(s)) return false;
         hand_down(g, e->root, s);
         double change = 0, size = 0;
@@ -183,7 +184,7 @@ static bool solve(stage *g, const demand *want, double *root_stress)
             g->guess[k] = next;
         }
         *root_stress = s;
-        if (change <= 1e-12 * size || g->h == 0) return true; // h = 0: the dampers are rigid, so the stage is linear
+        if (change <= 1e-12 * size || g->h == 0) return true; // with h = 0 the dampers are rigid: the stage is linear
     }
     return false;
 }
@@ -192,8 +193,8 @@ static bool solve(stage *g, const demand *want, double *root_stress)
 
 #define ARRIVED 1e-12 // strain from a stop at which a damper counts as at the stop
 
-// Return the share of a step after which the first damper would pass a stop, or after which the stress of a damper at a
-// stop changes sign. 1: neither happens.
+// Return the fraction of a step after which the first damper meets a stop, or after which the stress of a damper at a
+// stop changes sign. Return 1 if neither happens within the step.
 static double first_event(const kn_network *net, const kn_network_state *from, const kn_network_state *to)
 {
     double first = 1;
@@ -241,8 +242,8 @@ static double drive_strain_rate(const kn_drive *d, double t)
 }
 
 // Return the condition that the drive sets at time t. A strain is prescribed by its rate, so that the parts always obey
-// an ordinary differential equation. If the strain were prescribed by its value, the rates of dashpots that respond at
-// once would come from differences, and the order would fall.
+// an ordinary differential equation. If a strain were prescribed by its value, the rate of a dashpot that follows the
+// strain at once would come from differences, and the order of the method would fall.
 static demand demand_at(const stage *g, const kn_drive *d, double t)
 {
     const kn_element *e = &g->net->element;
@@ -263,17 +264,17 @@ static stage stage_from(const kn_network *net, const kn_network_state *state, do
     return g;
 }
 
-// Compute strain and stress between the ends from the strains of the parts. If a dashpot responds to a strain at once,
-// the stress depends on the rate. A stage that is too short to change anything gives this stress.
+// Compute strain and stress between the ends from the strains of the parts. If a dashpot follows the drive's strain at
+// once, the stress depends on the rate of the strain. So the stress is that of a stage too short to change any strain.
 static bool observe(const kn_network *net, kn_network_state *state, const kn_drive *drive)
 {
-    const double instant = 1e-15; // below 1e-9 of any time constant of a material, above underflow
+    const double instant = 1e-15; // duration of the short stage [s]: far below the time constants of any material
     stage g = stage_from(net, state, instant);
     demand want = demand_at(&g, drive, state->time_s);
     state->strain = strain_of(&net->element, net->element.root, g.base);
     if (!solve(&g, &want, &state->stress_pa)) return false;
     for (int i = 0; i < net->element.leaves; i++)
-        if (net->part[i].stroke) state->part_stress[i] = g.stress[i]; // a new drive may have changed its sign
+        if (net->part[i].stroke) state->part_stress[i] = g.stress[i]; // a new drive may change the sign of this stress
     return true;
 }
 
@@ -297,8 +298,9 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
 
 // ---- time
 
-// Return the local error of the integrated strains: those of the dampers, and the prescribed
-// one. Springs follow from them.
+// Return the largest local error of a step, relative to the largest strain. It is the error of the strain of a damper,
+// or of the prescribed strain of the whole element. The strains of springs follow from these, so they have no error of
+// their own.
 static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
                        const kn_drive *drive, double (*taken)[KN_ELEMENT_MAX])
 {
@@ -325,7 +327,7 @@ static double error_of(const kn_network *net, const kn_network_state *state, kn_
 static double step(const kn_network *net, const kn_network_state *state, const kn_drive *drive, double h,
                    kn_network_state *next)
 {
-    double taken[STAGES][KN_ELEMENT_MAX] = {0}; // D of each stage: GAMMA h times the rate
+    double taken[STAGES][KN_ELEMENT_MAX] = {0}; // D of each part in each stage: KN_SDIRK_GAMMA h times its rate
     stage g = stage_from(net, state, KN_SDIRK_GAMMA * h);
     for (int j = 0; j < STAGES; j++) {
         for (int i = 0; i < net->element.leaves; i++) {
@@ -351,7 +353,7 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
         double h = fmin(state->step_s, until_s - state->time_s);
         kn_network_state next = *state;
         double error = step(net, state, drive, h, &next) / tolerance;
-        // choose the next step length by the error; repeat a step with too large an error
+        // choose the next step length by the error; repeat the step if its error is too large
         double factor = fmin(fmax(0.9 * pow(error, -0.25), 0.1), 4);
         if (error > 1) {
             if (h <= shortest) return false;
@@ -366,7 +368,7 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
             continue;
         }
         settle(net, &next);
-        // if `until` cut the step short, the longer step planned before is still allowed
+        // if until_s made this step shorter than state->step_s, the next step may still have that length
         next.step_s = fmax(h * factor, h < state->step_s ? state->step_s : 0);
         next.steps = state->steps + 1;
         next.rejected = state->rejected;
@@ -382,7 +384,7 @@ static kn_network from_text(const char *text)
 {
     kn_network net = {0};
     char error[64];
-    kn_element_parse(&net.element, text, error, sizeof error); // always one of the texts below
+    kn_element_parse(&net.element, text, error, sizeof error); // cannot fail: the callers' texts are valid
     return net;
 }
 
@@ -404,7 +406,7 @@ kn_network kn_network_of(const kn_material *mat)
         net.part[at] = (kn_part){
             .modulus = mat->c_max_pa_s, .p0_pa = mat->p0_pa, .p1_pa = mat->p1_pa, .c_min_pa_s = mat->c_min_pa_s};
     net.part[at].stroke = mat->stroke[1] > 0;
-    // compression is positive on the bench: the stops change sign and place
+    // compression is positive in a network and negative in a material: the stops change sign and swap places
     if (net.part[at].stroke) net.part[at].stop[0] = -out, net.part[at].stop[1] = -in;
     return net;
 }
@@ -420,7 +422,8 @@ static void set_damper(kn_material *mat, const kn_part *p)
     mat->c_min_pa_s = p->c_min_pa_s;
 }
 
-// Take a spring as k1 or a linear damper as c1. Return false if the material already has such a part.
+// Set k1 of the material from a spring, or c1 from a linear damper. Return false if the node is another kind of part,
+// or if the material already has this modulus.
 static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_material *mat)
 {
     double *to = n->kind == KN_ELEMENT_SPRING ? &mat->k1_pa : &mat->c1_pa_s;
@@ -429,7 +432,8 @@ static bool take_voigt(const kn_network *net, const kn_element_node *n, kn_mater
     return true;
 }
 
-// Take a spring, a linear damper, or both side by side.
+// Set k1 and c1 of the material from a spring, a linear damper, or both in parallel. Return false if the node is
+// anything else.
 static bool take_part(const kn_network *net, int node, kn_material *mat)
 {
     const kn_element_node *n = &net->element.node[node];
@@ -446,7 +450,7 @@ bool kn_network_material(const kn_network *net, kn_material *mat)
     *mat = (kn_material){.damper = KN_DAMPER_NONE};
     if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
     if (n->count != 2) return false;
-    // choose as c2 the last of the two members that is a damper and leaves a Voigt element as the rest
+    // c2 is the last of the two members that is a damper, if the other member is a part of a Voigt element
     for (int last = 1; last >= 0; last--) {
         const kn_element_node *d = &e->node[n->child[last]];
         *mat = (kn_material){.damper = KN_DAMPER_NONE};

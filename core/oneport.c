@@ -4,11 +4,11 @@
 #include <stdint.h>
 #include <string.h>
 
-// ---- polynomials in p with the derivative by every parameter, in integers modulo a prime
+// ---- polynomials in p and their derivatives with respect to every parameter, in integers modulo a prime
 
-#define PRIME UINT64_C(2147483647) // 2^31 - 1: products fit 64 bits; the probability of a wrong rank is about 1e-8
+#define PRIME UINT64_C(2147483647) // 2^31 - 1: a product fits 64 bits, and a rank is wrong with a probability of 1e-8
 
-// Dual number: entry 0 is the value, entry 1 + i the derivative by leaf i.
+// A coefficient is a dual number: entry 0 is its value, entry 1 + i its derivative with respect to leaf i.
 enum { TERMS = KN_ELEMENT_MAX + 1, DUALS = KN_ELEMENT_MAX + 1 };
 
 typedef struct poly {
@@ -22,7 +22,7 @@ typedef struct ratio {
 
 static uint64_t times(uint64_t a, uint64_t b) { return a * b % PRIME; }
 
-// Add a b to f, derivatives included.
+// Add the product of the polynomials a and b to f, derivatives included.
 static void accumulate(poly *f, const poly *a, const poly *b)
 {
     for (int i = 0; i <= a->degree; i++)
@@ -35,7 +35,7 @@ static void accumulate(poly *f, const poly *a, const poly *b)
     if (a->degree >= 0 && b->degree >= 0 && a->degree + b->degree > f->degree) f->degree = a->degree + b->degree;
 }
 
-// Cancel common factors p. Networks without a common parameter have no other common factor.
+// Cancel the factor p in numerator and denominator. If no parameter occurs twice, there is no other common factor.
 static void cancel(ratio *z)
 {
     while (z->n.c[0][0] == 0 && z->d.c[0][0] == 0) {
@@ -61,11 +61,11 @@ static void connect(ratio *z, const ratio *with, kn_element_kind kind)
     *z = sum;
 }
 
-// Compute Z of the tree under a node. Every leaf gets an arbitrary value of its own.
+// Compute Z of the tree under a node, with an arbitrary fixed value for each leaf.
 static void impedance(const kn_element *e, int node, ratio *z)
 {
     const kn_element_node *g = &e->node[node];
-    // a leaf: k, or c p, over 1
+    // a leaf: numerator k or c p, denominator 1
     if (g->kind < KN_ELEMENT_SERIES) {
         int power = g->kind == KN_ELEMENT_DAMPER;
         *z = (ratio){.n.degree = power, .d.degree = 0};
@@ -115,7 +115,8 @@ static int rank(uint64_t (*row)[2 * TERMS], int rows)
     return found;
 }
 
-// Return the number of directions in which N and D change with the parameters. A common factor of both changes nothing.
+// Return the number of parameters that can be determined: the rank of the derivatives of N and D, minus 1, because a
+// common factor of N and D does not change Z.
 static int identifiable(const ratio *z, int leaves)
 {
     uint64_t row[DUALS][2 * TERMS];
@@ -156,7 +157,7 @@ static void append(char text[KN_ELEMENT_TEXT], char mark, const char *part)
 
 void kn_oneport_maxwell(const kn_oneport *o, char text[KN_ELEMENT_TEXT])
 {
-    bool alone = o->fluid && o->elastic && o->relaxation == 1; // a single group needs no parentheses
+    bool alone = o->fluid && o->elastic && o->relaxation == 1; // an element of one group has no parentheses
     *text = '\0';
     for (int i = 0; i < o->relaxation; i++) append(text, '|', alone ? "s-d" : "(s-d)");
     if (!o->fluid) append(text, '|', "s");

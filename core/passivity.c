@@ -3,9 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-static const double damping_ceiling_n_s_m = 10.0; // more damping feels sticky, and made a simulated 10 ms link chatter
+// largest default of the damping a_max: stronger damping feels sticky, and oscillates over a simulated 10 ms link
+static const double damping_ceiling_n_s_m = 10.0;
 static const double forgiving_s = 0.1;
-// jelly itself returns 3 to 6 mJ: with a smaller cap the controller would damp real elasticity
+// least cap if the stored energy is unknown; jelly returns 3 to 6 mJ, and a smaller cap would damp its elasticity
 static const double unknown_cap_j = 5e-3;
 #define TAU 6.283185307179586
 
@@ -17,12 +18,12 @@ void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def)
     if (!(d->period_s > 0.0)) d->period_s = 1e-3;
     if (!(d->velocity_hz > 0.0)) d->velocity_hz = 100.0;
     if (!(d->reserve_j > 0.0)) d->reserve_j = 1e-3;
-    // a stronger damper than this gives energy, because the velocity is late
+    // a damper stronger than mass / (2 late_s) would give energy to the hand, because the velocity is late
     double late_s = d->period_s + d->round_trip_s + 1.0 / (TAU * d->velocity_hz);
     if (!(d->damping_max_n_s_m > 0.0)) d->damping_max_n_s_m = fmin(damping_ceiling_n_s_m, d->mass_kg / (2.0 * late_s));
 }
 
-// Return the largest credit: energy that coupling and object hold, and the reserve.
+// Return the largest credit, J: the energy that coupling and object store, plus the reserve.
 static double cap(const kn_passivity *p, double stored_j, const double wanted_n[3])
 {
     const kn_passivity_def *d = &p->def;
@@ -31,7 +32,7 @@ static double cap(const kn_passivity *p, double stored_j, const double wanted_n[
     return force2 / (2.0 * d->coupling_n_m) + stored_j + d->reserve_j;
 }
 
-// Return the possible error of the last period's work due to the encoder's step, J.
+// Return the largest error that the encoder's step may cause in the work of the last period, J.
 static double unseen(const kn_passivity *p)
 {
     double change = 0.0;
@@ -52,7 +53,7 @@ static void observe(kn_passivity *p, const double position_m[3])
     p->running = true;
 }
 
-// Let a debt fade in air, by the part of one period.
+// Let a debt fade for one period. A debt fades while no force is wanted.
 static void forgive(kn_passivity *p)
 {
     double paid = p->credit_j * -expm1(-p->def.period_s / forgiving_s);
@@ -70,7 +71,7 @@ bool kn_passivity_filter(kn_passivity *p, const double position_m[3], const doub
     bool air = kn_dot(wanted_n, wanted_n) == 0.0;
     if (air && p->credit_j < 0.0) forgive(p);
 
-    // damp: repay a debt within this period, as far as the largest damping allows
+    // damp: choose the damping that repays a debt within this period, but at most damping_max_n_s_m
     double speed2 = kn_dot(velocity_m_s, velocity_m_s), a = 0.0;
     if (!air && p->credit_j < 0.0 && speed2 > 0.0)
         a = fmin(d->damping_max_n_s_m, -p->credit_j / (d->period_s * speed2));

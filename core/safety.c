@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-static const int guard_window = 20; // number of ticks within which three guard hits are a fault
-// share of brake_m_s below which braking ends, so that noise does not toggle it
+static const int guard_window = 20; // number of ticks within which three hits of the impulse guard are a fault
+// braking begins above brake_m_s and ends below brake_release * brake_m_s, so that noise does not switch it on and off
 static const double brake_release = 0.9;
 static const double ramp_up_ms = 200.0; // time in which the device's watchdog raises its factor from 0 to 1
 
@@ -12,8 +12,8 @@ static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + 
 static void zero(double v[3]) { v[0] = v[1] = v[2] = 0.0; }
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// Shorten v to at most `limit`. Return whether v was longer. The norm is rounded, so a second check makes sure that
-// |v| <= limit holds exactly.
+// Shorten v to at most `limit`. Return whether v was longer. A computed norm is rounded, so v is shortened further
+// until |v| <= limit holds exactly.
 static bool shorten(double v[3], double limit)
 {
     if (norm(v) <= limit) return false;
@@ -81,12 +81,12 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
         memcpy(force_n, asked_n, 3 * sizeof *force_n);
         return KN_GUARD_FREE;
     }
-    // a second hit that points against the first, or a third hit in the window, is chatter; a
-    // huge step is no physics at all
+    // the force chatters if a second hit has the opposite direction, or at a third hit in the window; a change above
+    // twice the limit has no physical cause
     bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
     bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // also true if `asked` is NaN
     if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
-    // let through as much of the step as is allowed; a further hit within the same ms counts as the same hit
+    // cut the change to the allowed change; a second cut within one ms is no new hit
     approach(force_n, asked_n, allowed_n);
     if (again) return KN_GUARD_GOES_ON;
     memcpy(g->step_n, step, sizeof step);
@@ -99,7 +99,7 @@ static kn_safety_limits with_defaults(const kn_safety_limits *limits)
 {
     kn_safety_limits l = *limits;
     l.clamp_n = positive_or(l.clamp_n, 3.3);
-    // a stylus is gripped about 5 cm from its tip
+    // a hand holds a stylus about 5 cm from its tip
     l.torque_clamp_n_m = positive_or(l.torque_clamp_n_m, l.clamp_n * 0.05);
     l.guard_n_per_ms = positive_or(l.guard_n_per_ms, 4.0);
     l.brake_m_s = positive_or(l.brake_m_s, 1.2);
@@ -135,7 +135,7 @@ const char *kn_safety_raised(const kn_safety_limits *limits, const kn_safety_lim
     if (a.clamp_n > b.clamp_n) return "device.clamp";
     if (a.torque_clamp_n_m > b.torque_clamp_n_m) return "device.torque_clamp";
     if (a.guard_n_per_ms > b.guard_n_per_ms) return "device.guard";
-    if (ramp_down_ms(&a) < ramp_down_ms(&b)) return "device.zero"; // the same force in less time is a steeper force
+    if (ramp_down_ms(&a) < ramp_down_ms(&b)) return "device.zero"; // a shorter fade means a steeper force
     if (a.brake_m_s > b.brake_m_s) return "device.brake_speed";
     if (a.brake_n_s_per_m > b.brake_n_s_per_m) return "device.brake_damping";
     if (a.force_scale > b.force_scale) return "device.force_scale";
@@ -156,7 +156,7 @@ static bool outranks(kn_fault fault, kn_fault stands)
 
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {
-    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // counted under an emergency stop, too
+    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // NONFINITE also counts while an ESTOP hides it
     s->nonfinite |= news;
     if (!s->latched || outranks(fault, s->fault)) {
         s->fault = fault;
@@ -175,8 +175,8 @@ static void clear_fault(kn_safety *s)
     s->latched = false;
 }
 
-// Begin a new session. The new hand starts without the faults of the last one. A force that is fading continues to
-// fade.
+// Begin a new session. It clears the faults POSE_SILENCE, OVERLOAD and IMPULSE of the last session. A force that is
+// fading continues to fade.
 static void open_session(kn_safety *s)
 {
     if (lifting_clears(s->fault) || s->fault == KN_FAULT_IMPULSE) clear_fault(s);
@@ -184,31 +184,31 @@ static void open_session(kn_safety *s)
     s->silent_ms = s->flowing_ms = 0;
 }
 
-// Count silence and flow of poses. Return for how many of the elapsed ms the gain has to
-// fade because poses are missing.
+// Count the time without poses and the time with poses. Return for how many of the elapsed ms the gain must fade
+// because poses are missing.
 static int listen(kn_safety *s, bool fresh, bool leaving, int ms)
 {
     const kn_safety_limits *l = &s->limits;
     int before = s->silent_ms < l->zero_ms ? s->silent_ms : l->zero_ms;
-    int silent = before + ms - fresh; // a fresh pose arrived within the last ms, however late this tick is
+    int silent = before + ms - fresh; // a fresh pose has arrived within the last ms, even if this tick is late
     int faded_from = before > l->hold_ms ? before : l->hold_ms;
     s->silent_ms = fresh ? 0 : silent;
 
-    if (silent >= l->zero_ms) { // the force must be zero by now, whatever the ramps say
+    if (silent >= l->zero_ms) { // the force must be zero by now, even if a ramp has not ended
         if (leaving) s->attached = false;
         else if (s->attached) kn_safety_trip(s, fresh ? KN_FAULT_OVERLOAD : KN_FAULT_POSE_SILENCE);
         s->gain = 0.0;
         zero(s->brake_n);
         s->flowing_ms = 0;
     }
-    // flow is counted from the first pose after a silence
+    // count the time with poses from the first pose after a silence
     if (s->flowing_ms > 0) s->flowing_ms += ms;
     else if (fresh) s->flowing_ms = 1;
     if (s->flowing_ms > l->flow_ms) s->flowing_ms = l->flow_ms;
     return silent > faded_from ? silent - faded_from : 0;
 }
 
-// Apply the commands of a session, an operator and the server.
+// Apply the commands that a session, an operator or the server has given for this tick.
 static void take_commands(kn_safety *s, const kn_safety_in *in)
 {
     // a reset clears a non-finite fault, because the object starts anew
@@ -217,27 +217,27 @@ static void take_commands(kn_safety *s, const kn_safety_in *in)
         s->nonfinite = false;
         if (s->fault == KN_FAULT_NONFINITE) clear_fault(s);
     }
-    // an operator's recover clears every other fault except stopping
+    // recover clears every fault except NONFINITE and STOPPING
     if (in->recover && s->latched && s->fault != KN_FAULT_NONFINITE && s->fault != KN_FAULT_STOPPING) {
         clear_fault(s);
-        // the emergency stop hid a non-finite fault, which is latched again
+        // if an ESTOP hid a NONFINITE, latch the NONFINITE again
         if (s->nonfinite) {
             s->fault = KN_FAULT_NONFINITE;
             s->latched = true;
         }
-        // leave the model even while the force still fades: the tool must engage again in air
+        // the probe leaves the model even while its force still fades, because the tool must engage again in air
         s->attached = false;
     }
     if (in->overload && (s->attached || in->live)) kn_safety_trip(s, KN_FAULT_OVERLOAD);
     if (in->estop) kn_safety_trip(s, KN_FAULT_ESTOP);
     if (in->stop) kn_safety_trip(s, KN_FAULT_STOPPING);
-    // a change of the physics, or a clutch, takes the force through zero
+    // a change of the physics, or a held clutch, makes the force fade to zero
     if (in->change || in->clutch) s->yielding = s->gain > 0.0 || in->clutch;
 }
 
 static bool braked(const kn_safety *s) { return s->brake_n[0] != 0.0 || s->brake_n[1] != 0.0 || s->brake_n[2] != 0.0; }
 
-// Return whether the hand feels live contact in this tick. If not, the last force is held or fades.
+// Return whether the hand feels live contact in this tick. If not, the last contact force is held or fades.
 static bool rendering(const kn_safety *s)
 {
     return s->attached && !s->latched && !s->braking && !s->yielding && !braked(s) && s->silent_ms == 0;
@@ -249,12 +249,12 @@ static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
     const kn_safety_limits *l = &s->limits;
     int fade_ms = s->latched || s->braking || s->yielding || !s->attached ? ms : silence_ms;
     double before = s->gain;
-    // fade by the elapsed time, and rejoin the contact slowly afterwards
+    // fade by the elapsed time; afterwards the force approaches the contact force slowly (rejoining)
     if (fade_ms > 0) {
         s->gain -= fade_ms / ramp_down_ms(l);
         s->rejoining = true;
     } else if (rendering(s)) {
-        s->gain += 1.0 / l->ramp_up_ms; // one ms per tick, whatever has elapsed: the hand did not feel a skipped tick
+        s->gain += 1.0 / l->ramp_up_ms; // a skipped tick does not count, because the hand did not feel it
     }
     // sums of 1/17 or 1/200 do not reach exactly 0 or 1, so round the gain there
     if (s->gain < 1e-9) s->gain = 0.0;
@@ -293,7 +293,7 @@ static void engage(kn_safety *s)
 bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 {
     const kn_safety_limits *l = &s->limits;
-    // a longer gap than zero_ms counts as zero_ms + 1: nothing more can happen in it
+    // count at most zero_ms + 1: after zero_ms without a tick the force is zero, and more time changes nothing
     int ms = in->elapsed_ms < 1 ? 1 : in->elapsed_ms < l->zero_ms + 1 ? in->elapsed_ms : l->zero_ms + 1;
     bool fresh = in->live && in->fresh;
     kn_guard_age(&s->guard, 1);
@@ -303,14 +303,14 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     // watch the poses, then take the commands
     int silence_ms = listen(s, fresh, in->leaving, ms);
     take_commands(s, in);
-    // a silence in which the force only fades is also reported as a fault, but cleared if poses come back in time
+    // while a pose silence fades the force, report it as the fault; it ends without a latch if poses come back in time
     bool silent = s->attached && s->silent_ms > l->hold_ms && !in->leaving;
     if (!s->latched) s->fault = silent ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
     // brake a tool that is too fast
     double brake_above = l->brake_m_s * (s->braking ? brake_release : 1.0);
     s->braking = !s->latched && in->live && s->flowing_ms >= l->flow_ms && norm(in->velocity_m_s) > brake_above;
 
-    // ramp the gain; detach when the force of a latched fault or of braking has faded out; attach when the tool may
+    // ramp the gain; detach the probe when a latched fault or braking has faded its force to 0; attach it when it may
     // engage
     move_gain(s, in->clutch, silence_ms, ms);
     if (s->gain == 0.0 && (s->latched || s->braking)) s->attached = false;
@@ -318,10 +318,11 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     return s->attached;
 }
 
-// Pass the contact force through the impulse guard, and trip on chatter.
+// Pass the contact force through the impulse guard, and latch a fault if the guard trips. Return KN_FLAG_GUARD if the
+// guard acted.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // after ticks without a pose, the allowed change is that of the whole gap, at most hold_ms
+    // after ticks without live contact, the allowed change is that of the whole gap, but of at most hold_ms
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
     if (result == KN_GUARD_FREE) return 0;
@@ -330,11 +331,12 @@ static int guard(kn_safety *s, const double force_n[3])
     return KN_FLAG_GUARD;
 }
 
-// Copy force and torque of the contact to the stage, through the guard. Return the flags of the limits that acted.
+// Set the stage's force and torque to those of the contact, as far as the guard allows. Return KN_FLAG_GUARD if the
+// guard acted.
 static int render(kn_safety *s, const double force_n[3], const double torque_n_m[3])
 {
     int flags = 0;
-    // approach the contact force: together with the rising gain, no faster than any other transition
+    // rejoining: approach the contact force at a rate that, with the rising gain, stays below the slope of transitions
     if (s->rejoining)
         s->rejoining =
             !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);
@@ -344,8 +346,8 @@ static int render(kn_safety *s, const double force_n[3], const double torque_n_m
     return flags;
 }
 
-// Move the damping force towards its target. Damping force and fading contact together change no faster than the common
-// slope. Return true if the slope limited the damping force.
+// Move the damping force of a fast hand towards its target. Damping force and fading contact force together change by
+// at most kn_safety_slope per tick. Return true if this limit acted.
 static bool brake(kn_safety *s, const kn_safety_in *in, double contact_n)
 {
     double target[3] = {0};
@@ -390,7 +392,7 @@ int kn_safety_filter(kn_safety *s, const kn_safety_in *in, const double force_n[
         s->clamps++;
         acted |= KN_FLAG_CLAMPED;
     }
-    // account for ramps and braking
+    // count the ticks in which a ramp or braking acts, and move the damping force
     bool slewed = s->gain > 0.0 && (s->rejoining || s->gain < 1.0) && norm(force) > 0.0;
     if (s->braking || braked(s)) slewed |= brake(s, in, norm(force));
     s->slewed += slewed;
@@ -432,7 +434,7 @@ double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms)
     int silent = w->silent_ms + ms - fresh;
     int faded_from = w->silent_ms > w->hold_ms ? w->silent_ms : w->hold_ms;
     w->silent_ms = fresh ? 0 : silent;
-    // silence: fade after hold_ms, trip at zero_ms; messages that come back in between ramp the factor up
+    // fade after hold_ms without a message, and trip at zero_ms; if messages come back in between, ramp the factor up
     if (silent >= w->zero_ms) {
         w->tripped = true;
         w->trips++;

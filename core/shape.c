@@ -14,8 +14,8 @@ static kn_solid part_of(kn_solid_kind kind, double radius_m, double length_m)
 kn_solid kn_solid_sphere(double radius_m) { return part_of(KN_SOLID_SPHERE, radius_m, 0); }
 kn_solid kn_solid_capsule(double radius_m, double length_m) { return part_of(KN_SOLID_CAPSULE, radius_m, length_m); }
 
-// A cylinder's edges are rounded by a ball of radius `edge` that rolls around a smaller
-// cylinder, whose radius is half_m[0].
+// A cylinder with rounded edges is all points within the distance edge_m of a smaller cylinder, whose radius is
+// half_m[0] and whose half length is half_m[2].
 kn_solid kn_solid_cylinder(double radius_m, double length_m, double edge_m)
 {
     kn_solid p = part_of(KN_SOLID_CYLINDER, edge_m, length_m);
@@ -38,12 +38,12 @@ kn_solid kn_solid_field(kn_field *field)
     return p;
 }
 
-// Compute the distance from the origin to the farthest point, and the smallest half width.
+// Compute the distance from a part's origin to its farthest point, and the part's smallest half width.
 static void extent(const kn_solid *p, double *bound_m, double *fine_m)
 {
     double far[3] = {0};
     switch (p->kind) {
-    // far: the farthest point in each of the three directions, for a part that is symmetric around z
+    // far: the coordinates of the part's farthest point from its origin
     case KN_SOLID_SPHERE: far[0] = p->radius_m; break;
     case KN_SOLID_CAPSULE: far[2] = p->length_m + p->radius_m; break;
     case KN_SOLID_CYLINDER: far[0] = p->half_m[0] + p->radius_m, far[2] = p->length_m; break;
@@ -58,7 +58,7 @@ static void extent(const kn_solid *p, double *bound_m, double *fine_m)
     *fine_m = round ? p->radius_m : fmin(across, p->half_m[2]) + p->radius_m;
 }
 
-// Add a part. A plain shape, one part at the origin, later needs no transformation of points.
+// kn_shape_distance does not transform points for a plain shape, a single part at the origin without rotation.
 bool kn_shape_add(kn_shape *shape, const kn_solid *part)
 {
     double bound_m, fine_m;
@@ -73,7 +73,7 @@ bool kn_shape_add(kn_shape *shape, const kn_solid *part)
 
 // --- distances, in the part's own frame -----------------------------------------------------------------------------
 
-// Compute the distance from the origin minus r. At the origin itself, any direction leads outwards.
+// Return the distance from the origin minus r. At the origin itself, the gradient is z.
 static double round_about(const double from[3], double r, double gradient[3])
 {
     double length = sqrt(kn_dot(from, from));
@@ -87,9 +87,10 @@ static double capsule(const kn_solid *p, const double at[3], double gradient[3])
     return round_about(from, p->radius_m, gradient);
 }
 
-// Compute the distance from a smaller solid, minus the rounding radius. `over`: distances by which a point is beyond
-// the faces of the smaller solid, in each of n directions `way`. The nearest place is on a face if the point is inside,
-// or beyond one face only. If the point is beyond more faces, the nearest place is an edge or a corner.
+// Return the distance of a point from a smaller solid, minus the rounding radius `edge`. over[i] is the distance by
+// which the point is beyond face i of the smaller solid, in the direction way[i]. If the point is inside, or beyond one
+// face only, the nearest place of the smaller solid is on a face. If the point is beyond more faces, the nearest place
+// is on an edge or a corner.
 static double rounded(const double over[], const double way[][3], int n, double edge, double gradient[3])
 {
     double outside = 0, most = over[0];
@@ -145,7 +146,7 @@ double kn_shape_distance(const kn_shape *shape, const double at[3], double gradi
     for (int i = 0; i < shape->part_count; i++) {
         const kn_solid *p = &shape->part[i];
         double from[3], own[3], way[3];
-        // turn the point into the part's frame, and the gradient back
+        // transform the point into the part's frame, and the gradient back
         for (int k = 0; k < 3; k++) own[k] = from[k] = at[k] - p->at_m[k];
         for (int k = 0; k < 3 && p->turned; k++)
             own[k] = p->turn[0][k] * from[0] + p->turn[1][k] * from[1] + p->turn[2][k] * from[2];
@@ -176,7 +177,7 @@ static double support_of(const kn_solid *p, const double way[3])
     return far + axis + p->radius_m;
 }
 
-// Take the part that reaches farthest; each part is computed in its own frame.
+// The extent of a union is that of the part that reaches farthest. Each part is evaluated in its own frame.
 double kn_shape_support(const kn_shape *shape, const double way[3])
 {
     double farthest = -INFINITY;
@@ -196,7 +197,7 @@ double kn_shape_span(const kn_shape *shape, int axis)
     return kn_shape_support(shape, way) + kn_shape_support(shape, back);
 }
 
-// Only fields are shared between copies, so only fields count their holders.
+// Copies of a shape share only the fields of its parts, so only fields count their holders.
 void kn_shape_keep(const kn_shape *shape)
 {
     for (int i = 0; i < shape->part_count; i++)

@@ -32,7 +32,7 @@ void kn_simplices_destroy(kn_simplices *s)
 
 static int corners(const kn_simplices *s) { return s->dimension + 1; }
 
-// Return the signed volume of an element, or its signed area in the x-z plane.
+// Return the signed volume of a tetrahedron, or the signed area of a triangle in the x-z plane.
 static double volume_of(const kn_simplices *s, int e)
 {
     double d[3][3] = {{0}};
@@ -62,7 +62,7 @@ static double quality_of(const kn_simplices *s, int e)
     const int *node = s->element[e];
     for (int a = 0; a < corners(s); a++)
         for (int b = 0; b < a; b++) squares += square_of_edge(s, node[a], node[b]);
-    if (!(volume > 0)) return 0; // if the volume is positive, `squares` is positive, too
+    if (!(volume > 0)) return 0; // from here on `squares` is positive, because the volume is
     if (s->dimension == 2) return 4 * sqrt(3) * volume / squares;
     double root = cbrt(3 * volume);
     return 12 * root * root / squares;
@@ -99,7 +99,7 @@ __attribute__((format(printf, 3, 4))) static bool fault(checker *c, int blame, c
     return false;
 }
 
-// Check dimension and counts against their limits. Later checks rely on these.
+// Check that the dimension and the counts are within their limits. The later checks rely on that.
 static bool check_counts(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -111,7 +111,8 @@ static bool check_counts(checker *c)
     return true;
 }
 
-// Check that nodes lie at finite places, in the plane if flat, and that the object is not too large.
+// Check that all nodes have finite positions, that a flat mesh lies in the x-z plane, and that the object is not too
+// large.
 static bool check_nodes(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -130,7 +131,7 @@ static bool check_nodes(checker *c)
                  KN_SIMPLICES_EXTENT_MAX_M);
 }
 
-// Check that node numbers exist, that an element has each only once, and that every node is in an element.
+// Check that elements name existing nodes only, that no element has a node twice, and that every node is in an element.
 static bool check_numbers(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -151,7 +152,7 @@ static bool check_numbers(checker *c)
     return true;
 }
 
-// Check the quality of every element, and the mean.
+// Check the quality of every element, and the mean quality of all elements.
 static bool check_shapes(checker *c)
 {
     const kn_simplices *s = c->s;
@@ -162,7 +163,7 @@ static bool check_shapes(checker *c)
         mean += quality / s->element_count;
         if (quality >= KN_SIMPLICES_QUALITY_MIN) continue;
         double edge = sqrt(square_of_edge(s, node[0], node[1])), flat = KN_SIMPLICES_QUALITY_MIN * edge * edge;
-        // rounding gives a flat element a volume of either sign: do not call such an element inverted
+        // the volume of a flat element may be slightly negative by rounding: call the element degenerate, not inverted
         if (s->dimension == 3) flat *= 0.01 * edge;
         if (volume < -flat)
             return fault(c, e,
@@ -176,7 +177,8 @@ static bool check_shapes(checker *c)
                  mean, KN_SIMPLICES_QUALITY_MEAN);
 }
 
-// A record for sorting: equal keys come together. Keys are cells of space, corners of elements, or faces.
+// A record for sorting, which brings equal keys together. A key is a cell of space, or the nodes of an element, a face
+// or an edge.
 typedef struct record {
     int key[4];
     int owner;
@@ -187,12 +189,12 @@ static int by_key(const void *a, const void *b)
     const record *p = a, *q = b;
     for (int k = 0; k < 4; k++)
         if (p->key[k] != q->key[k]) return p->key[k] < q->key[k] ? -1 : 1;
-    return p->owner < q->owner ? -1 : p->owner > q->owner; // equal keys in the order of the file
+    return p->owner < q->owner ? -1 : p->owner > q->owner; // equal keys: in the order of the file
 }
 
 static bool same_key(const record *p, const record *q) { return memcmp(p->key, q->key, sizeof p->key) == 0; }
 
-// Sort a few numbers. Return whether the number of exchanges was odd.
+// Sort a few numbers in ascending order. Return whether the number of exchanges was odd.
 static bool sort_few(int *key, int count)
 {
     bool odd = false;
@@ -206,7 +208,7 @@ static bool sort_few(int *key, int count)
     return odd;
 }
 
-// Return the index of the first record with a key, or where it would be.
+// Return the index of the first record with a key. If there is none, return the index at which it would be.
 static int first_at(const record *r, int count, const int key[4])
 {
     record wanted = {.owner = -1};
@@ -220,7 +222,7 @@ static int first_at(const record *r, int count, const int key[4])
     return low;
 }
 
-// Return a node within the tolerance of node i, among those of one cell; -1: none.
+// Return a node in a cell of space whose distance from node i is at most the tolerance, or -1 if there is none.
 static int coincident(const kn_simplices *s, const record *r, int i, const int cell[4], double tolerance)
 {
     for (int k = first_at(r, s->node_count, cell); k < s->node_count && memcmp(r[k].key, cell, sizeof r[k].key) == 0;
@@ -229,8 +231,9 @@ static int coincident(const kn_simplices *s, const record *r, int i, const int c
     return -1;
 }
 
-// Check that no two nodes lie in the same place. Space is divided into cells of twice the tolerance. All nodes within
-// the tolerance of a node are in the cells of the eight corners at that distance, which usually fall into one cell.
+// Check that no two nodes lie in the same place. Space is divided into cells whose side is twice the tolerance. Nodes
+// within the tolerance of a node are in the cells that contain the eight corners of a cube around the node, with the
+// tolerance as half side.
 static bool check_places(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
@@ -259,11 +262,11 @@ static bool check_places(checker *c, record *r)
     return true;
 }
 
-// Check that no two elements have the same nodes.
+// Check that no two elements have the same set of nodes.
 static bool check_twins(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
-    // sorted corners are equal for equal elements
+    // two elements with the same nodes have equal sorted node numbers
     for (int e = 0; e < s->element_count; e++) {
         memcpy(r[e].key, s->element[e], sizeof r[e].key);
         sort_few(r[e].key, corners(s));
@@ -277,8 +280,8 @@ static bool check_twins(checker *c, record *r)
     return true;
 }
 
-// List the faces of every element, seen from outside. key holds the nodes in ascending order, key[3] is 0. owner is 2
-// element + parity of the order seen from outside.
+// List the faces of every element, sorted by key. key holds the nodes of the face in ascending order; key[3] is 0.
+// owner is 2 * element + p, where p is the parity of the nodes' order seen from outside the element.
 static int list_faces(const kn_simplices *s, record *r)
 {
     static const int of_tetrahedron[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
@@ -303,7 +306,8 @@ static int root_of(int *parent, int e)
     return e;
 }
 
-// Join elements that share a face. A third element at a face is an error, and so are two elements on one side of it.
+// Join elements that share a face to parts. If three elements share a face, or two elements are on one side of a face,
+// report an error.
 static bool join_faces(checker *c, const record *r, int count, int *parent)
 {
     const kn_simplices *s = c->s;
@@ -317,7 +321,7 @@ static bool join_faces(checker *c, const record *r, int count, int *parent)
             return fault(c, third, "elements %ld, %ld and %ld share one %s, expected two at most", s->tag[a], s->tag[b],
                          s->tag[third], face);
         }
-        // elements on opposite sides see their common face with opposite parities
+        // two elements on opposite sides of their common face have opposite parities of its nodes
         if (r[f].owner % 2 == r[f + 1].owner % 2)
             return fault(c, b, "elements %ld and %ld overlap: both lie on one side of their common %s", s->tag[a],
                          s->tag[b], face);
@@ -336,7 +340,7 @@ static bool check_parts(checker *c, int *parent, int *members)
     for (int e = 0; e < s->element_count; e++) {
         if (members[e] == 0) continue;
         parts++;
-        if (least < 0 || members[e] <= members[least]) least = e; // among equal parts the later one in the file
+        if (least < 0 || members[e] <= members[least]) least = e; // of two equal parts, the later one in the file
     }
     if (parts == 1) return true;
     return fault(
@@ -347,7 +351,7 @@ static bool check_parts(checker *c, int *parent, int *members)
 static bool check(checker *c)
 {
     const kn_simplices *s = c->s;
-    // all checks need sorted records, so they share one array
+    // the checks that sort records use one array, one after the other
     if (!check_counts(c)) return false;
     size_t elements = (size_t)s->element_count, nodes = (size_t)s->node_count;
     size_t records = elements * (size_t)corners(s) > nodes ? elements * (size_t)corners(s) : nodes;
@@ -378,7 +382,7 @@ bool kn_simplices_check(const kn_simplices *s, char *error, size_t size)
 
 // ---- frame and measures
 
-// Move the centre of the box over the origin, and the lowest point to z = 0.
+// Move the mesh so that the centre of its bounding box is over the origin, and its lowest point at z = 0.
 void kn_simplices_place(kn_simplices *s)
 {
     double low[3], high[3];
@@ -388,7 +392,7 @@ void kn_simplices_place(kn_simplices *s)
         for (int c = 0; c < 3; c++) s->x_m[i][c] -= origin[c];
 }
 
-// List every edge once.
+// List every edge of the mesh once, and return the number of edges.
 static int list_edges(const kn_simplices *s, record *r)
 {
     int count = 0;
@@ -437,8 +441,8 @@ bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m)
     return measure_edges(s, m);
 }
 
-// Return the square of the area of the face opposite to a corner, by Heron's formula. For a triangle's side,
-// return the square of its length.
+// Return the square of the area of a tetrahedron's face opposite to a corner, by Heron's formula. For a triangle,
+// return the square of the length of the opposite side.
 static double square_of_face(const kn_simplices *s, int e, int corner)
 {
     const int *node = s->element[e];
@@ -458,7 +462,7 @@ double kn_simplices_lowest(const kn_simplices *s, int *element)
     for (int e = 0; e < s->element_count; e++) {
         double face = 0;
         for (int a = 0; a < corners(s); a++) face = fmax(face, square_of_face(s, e, a));
-        // the least height is that over the largest face
+        // the smallest height of an element is that over its largest face
         double height = s->dimension * volume_of(s, e) / sqrt(face);
         if (height >= lowest) continue;
         lowest = height;

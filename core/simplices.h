@@ -1,7 +1,8 @@
 #ifndef KN_CORE_SIMPLICES_H
 #define KN_CORE_SIMPLICES_H
-// An object that is not a block: nodes and the tetrahedra between them, or triangles in two dimensions. Plain data that
-// knows no file. scene/mesh_file.h reads it from a file, and a program that links libknead may fill it in itself.
+// An object that is not a block: nodes and the tetrahedra between them, or triangles in two dimensions. The data are
+// independent of any file format: scene/mesh_file.h reads them from a file, and a program that links libknead may fill
+// them in itself. No function here is for the tick.
 //
 //          3                        2
 //         /|\                      / \        positive: node 3 sees 0, 1, 2 turn counter-clockwise,
@@ -24,30 +25,32 @@ typedef struct kn_simplices {
     long *tag;         // [element_count] number of the element in its file, for error messages
 } kn_simplices;
 
-// Allocate zeroed room for that many nodes and elements. Return NULL if memory is short. kn_simplices_destroy frees the
-// struct with its arrays, and does nothing if `s` is NULL.
+// Allocate simplices with room for node_count nodes and element_count elements, all 0. Return NULL if memory is short.
+// kn_simplices_destroy frees the struct with its arrays, and does nothing if `s` is NULL.
 kn_simplices *kn_simplices_create(int dimension, int node_count, int element_count);
 void kn_simplices_destroy(kn_simplices *s);
 
 #define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times as many nodes as any processor steps in a millisecond
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
-// Least quality of an element. An element of lower quality is degenerate: it has a thousandth of the volume that its
-// edges could enclose.
+// Least quality of an element. An element of lower quality is degenerate: its volume is below a thousandth of that of a
+// regular element with equally long edges.
 #define KN_SIMPLICES_QUALITY_MIN 0.01
-// Least mean quality of a mesh. The net of a mesh of lower quality responds too late in some directions, see
+// Least mean quality of a mesh. With a lower mean, the lattice responds too late in some directions; measured with
 // `knead stability`, family aspect.
 #define KN_SIMPLICES_QUALITY_MEAN 0.25
-// Nodes closer than this share of the bounding box's diagonal count as one node that was written twice.
+// Two nodes closer to each other than KN_SIMPLICES_COINCIDENT times the bounding box's diagonal count as one node that
+// was written twice.
 #define KN_SIMPLICES_COINCIDENT 1e-9
 #define KN_SIMPLICES_EXTENT_MAX_M 10.0 // largest extent; in a larger mesh the unit was probably forgotten
 
-// Check whether a lattice can be made of the mesh. If not, return false and store one clause that names element
-// numbers. The clause describes the first of these problems:
+// Check whether a lattice can be made of the mesh. If not, return false and store in error[size] one clause that names
+// the elements by their tags. The clause describes the first of these problems:
 //     counts beyond their limits; node numbers that do not exist; coordinates that are not finite; an inverted or
 //     degenerate element; nodes without an element; different nodes in one place; an element given twice; a face
 //     (2-D: an edge) with three elements, or with both of its elements on one side; parts that share no face (a shared
 //     node or edge alone is a hinge)
-// Takes time n log n. If `blame` is not NULL, *blame becomes the index of an element that the clause names, or -1.
+// Takes time n log n. If `blame` is not NULL, kn_simplices_blame also stores in *blame the index of an element that the
+// clause names, or -1.
 bool kn_simplices_check(const kn_simplices *s, char *error, size_t size);
 bool kn_simplices_blame(const kn_simplices *s, int *blame, char *error, size_t size);
 
@@ -66,8 +69,8 @@ typedef struct kn_simplices_measures {
 // Measure a mesh that has passed the check. Return false if memory is short.
 bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m);
 
-// Return the least height of all elements, m, and store the element's index. The height is that over the element's
-// largest face, or over a triangle's longest side.
+// Return the height of the flattest element, m, and store the index of this element. The height of a tetrahedron is
+// that over its largest face, the height of a triangle that over its longest side.
 double kn_simplices_lowest(const kn_simplices *s, int *element);
 
 #endif

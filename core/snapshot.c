@@ -19,7 +19,7 @@ const char *kn_snapshot_fit_name(kn_snapshot_fit fit)
 
 // --- identity -------------------------------------------------------------------------------------------------------
 
-// Hash places and order of the nodes, and the top.
+// Hash the positions of the nodes, their places in memory, and the list of top nodes.
 static uint64_t lattice_hash(const kn_model *m)
 {
     uint64_t h = kn_hash_bytes(KN_HASH_SEED, m->rest_m, (size_t)m->node_count * sizeof *m->rest_m);
@@ -34,7 +34,7 @@ uint64_t kn_model_hash(const kn_model *model)
 {
     const kn_model_def *d = &model->def;
     const kn_material *mat = &d->material;
-    // the numbers on which model and snapshot must agree; tools and quality are not among them
+    // these numbers belong to the kind of lattice; tools and quality do not
     const double said[] = {mat->k1_pa,
                            mat->c1_pa_s,
                            mat->damper,
@@ -67,7 +67,7 @@ uint64_t kn_model_hash(const kn_model *model)
 
 // --- the layout -----------------------------------------------------------------------------------------------------
 
-// The values that a snapshot and a model must agree on.
+// The values that must be equal in a snapshot and in the model that reads it.
 typedef struct identity {
     uint64_t lattice, model, nodes, reals, precision, held;
 } identity;
@@ -88,8 +88,8 @@ static void put_identity(kn_codec *c, identity *i)
     for (size_t k = 0; k < sizeof value / sizeof *value; k++) kn_codec_u64(c, value[k]);
 }
 
-// Compare the identity in a snapshot with the model's own. Other nodes, edges or precision mean another lattice.
-// Otherwise material, structure, support, gas or step can differ (KN_SNAPSHOT_MATERIAL).
+// Compare the identity in a snapshot with the model's own. Return KN_SNAPSHOT_LATTICE if nodes, edges or precision
+// differ. Return KN_SNAPSHOT_MATERIAL if only material, structure, support, gas or step differ.
 static kn_snapshot_fit judge(const identity *found, const identity *own)
 {
     bool lattice = found->lattice == own->lattice && found->nodes == own->nodes && found->reals == own->reals &&
@@ -115,7 +115,7 @@ static void put_tool(kn_codec *c, kn_tool_state *t)
     kn_codec_f64(c, &t->grip_n, 1);
 }
 
-// Write or read a field, preceded by its count.
+// Write or read a field of the state, preceded by its number of reals.
 static void put_field(const kn_model *m, kn_codec *c, void *field, int components)
 {
     uint64_t count = components == KN_FORWARD ? m->edge_reals : kn_model_field(m, components), found = count;
@@ -125,7 +125,7 @@ static void put_field(const kn_model *m, kn_codec *c, void *field, int component
     if (field) kn_codec_reals(c, field, count, kn_model_single(m));
 }
 
-// Write or read the anchors. Keys must ascend, since the contact relies on that order.
+// Write or read the anchors. Their keys must ascend, because the contact relies on this order.
 static void put_anchors(const kn_model *m, kn_codec *c, kn_state *s)
 {
     int64_t most = (int64_t)kn_contact_anchors(m);
@@ -147,7 +147,7 @@ static void put_held(const kn_model *m, kn_codec *c, kn_state *s)
     for (size_t i = 0; c->from && i < count; i++) c->wrong |= s->held[i] > 1;
 }
 
-// Describe the whole state once, for measuring, writing and reading.
+// Measure, write or read the whole state.
 static void put_state(const kn_model *m, kn_codec *c, kn_state *s)
 {
     kn_codec_i64(c, &s->tick, 0, INT64_MAX / 2);
@@ -177,7 +177,7 @@ static void put_all(const kn_model *m, kn_codec *c, kn_state *s)
 
 // --- measure, write, read -------------------------------------------------------------------------------------------
 
-// Measuring and writing do not change the state: a codec without `from` only reads it.
+// The cast is safe: measuring and writing do not change the state.
 size_t kn_snapshot_size(const kn_model *model, const kn_state *state)
 {
     kn_codec c = {0};
@@ -185,7 +185,7 @@ size_t kn_snapshot_size(const kn_model *model, const kn_state *state)
     return c.at;
 }
 
-// An upper bound: structs with their padding are larger than their bytes in the snapshot.
+// sizeof kn_state is an upper bound for the plain members, because it includes padding and pointers.
 size_t kn_snapshot_size_max(const kn_model *model)
 {
     size_t plain = sizeof(identity) + sizeof(kn_state) + 64;
@@ -208,7 +208,7 @@ kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, si
     identity found = {0}, own = identity_of(model);
     kn_codec_u64(&c, &layout);
     put_identity(&c, &found);
-    // compare the identity before anything else is read
+    // compare the identity before reading anything else
     if (c.ended) return KN_SNAPSHOT_SHORT;
     if (layout != LAYOUT) return KN_SNAPSHOT_LAYOUT;
     kn_snapshot_fit fit = judge(&found, &own);
@@ -220,7 +220,7 @@ kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, si
 
 // --- differences of two states --------------------------------------------------------------------------------------
 
-// Compare in pieces without a branch inside, so that the compiler can use vector instructions.
+// Number of reals that are compared without a branch, so that the compiler can use vector instructions.
 #define PIECE 256
 
 static bool moved_f32(const float *a, const float *b, size_t count, double by)
@@ -259,7 +259,7 @@ bool kn_state_moved(const kn_model *model, const kn_state *a, const kn_state *b,
 
 // --- another material -----------------------------------------------------------------------------------------------
 
-// Return true if the two lattices have the same nodes and edges in the same places of memory.
+// Return true if two models have equal nodes and edges, at equal places in memory.
 static bool same_lattice(const kn_model *a, const kn_model *b)
 {
     const kn_model_def *d = &a->def, *e = &b->def;
@@ -272,13 +272,13 @@ static bool same_lattice(const kn_model *a, const kn_model *b)
            memcmp(a->top, b->top, (size_t)a->top_count * sizeof *a->top) == 0;
 }
 
-// Compare the step methods. Settings of effort, such as iterations and tolerance, may differ.
+// Return true if two solvers are of one kind and precision. Their effort, such as iterations and tolerance, may differ.
 static bool same_method(const kn_solver_def *a, const kn_solver_def *b)
 {
     return a->kind == b->kind && a->precision == b->precision;
 }
 
-// Compare shapes by value. Fields may be large, so compare them by their hash.
+// Return true if two parts of tools are equal. Fields may be large, so their hashes are compared.
 static bool same_solid(const kn_solid *a, const kn_solid *b)
 {
     bool fields = a->field && b->field;
@@ -319,10 +319,10 @@ const char *kn_carry_misfit(const kn_model *from, const kn_model *to)
     if (!tools) return "another tool";
     if ((kn_contact_anchors(from) > 0) != (kn_contact_anchors(to) > 0))
         return "contact that now sticks, or no longer sticks";
-    // adhesion and grip reach farther, so there may be more samples
+    // with adhesion or grip, contact reaches farther, so the state may need room for more samples
     return kn_contact_samples(from) == kn_contact_samples(to) && kn_state_kept(from) == kn_state_kept(to)
                ? NULL
-               : "contact of another range";
+               : "contact that reaches farther or less far";
 }
 
 static double gamma_of(const kn_model *m) { return m->def.mesh ? m->gamma : m->grid.gamma; }
@@ -331,7 +331,7 @@ void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_
 {
     double share = gamma_of(from) / gamma_of(to);
     kn_state_copy(to, then, now);
-    // the extension u gamma L0 is kept, so the strain u changes by the ratio of the two gammas
+    // the extension u gamma L0 stays the same, so the strain u changes by the ratio of the two gammas
     for (size_t e = 0; share != 1 && then->strain && e < to->edge_reals; e++)
         kn_real_set(to, then->strain, e, share * kn_real_get(to, then->strain, e));
 }

@@ -16,14 +16,15 @@
 
 static double power_of_two_below(double v) { return exp2(floor(log2(v))); }
 
-// Stress area of an edge, and its tension per change of length while its damper is rigid.
+// Return the stress area of an edge, m^2. stiffness_of returns the change of its tension per change of length, N/m, if
+// its damper were rigid.
 static double area_of(const kn_model *m, const kn_edge *e) { return m->gamma * m->kappa_m * e->weight * e->rest_m; }
 static double stiffness_of(const kn_model *m, const kn_edge *e)
 {
     return m->law.a_pa_s / m->law.dt_s * m->kappa_m * e->weight;
 }
 
-typedef struct range { // smallest and largest values over all edges
+typedef struct range { // extreme values over all edges: largest stiffness, least stress area, largest rest length
     double stiffest_n_m, least_area_m2, longest_m;
 } range;
 
@@ -42,20 +43,20 @@ static range range_of(const kn_model *m)
 static void choose_units(const kn_model *m, kn_fixed_model *f, const range *r)
 {
     f->lambda_m = power_of_two_below(MOST_M_S * m->law.dt_s / (1 << (KN_FIXED_U - 1)));
-    // One lambda must change the tension of the stiffest edge by phi/16 at least.
+    // one lambda must change the tension of the stiffest edge by at least phi/16
     double soft = 16 * r->stiffest_n_m * f->lambda_m;
     f->phi_n = fmax(PHI_LEAST_N, fmin(PHI_N, soft > 0 ? power_of_two_below(soft) : PHI_N));
 }
 
-// Return the largest shift with which the value fits so many bits, within 0..40.
+// Return the largest shift in 0..40 with which value * 2^shift fits an unsigned number of `bits` bits.
 static int shift_within(double value, int bits)
 {
     int shift = (int)floor(log2(((1 << bits) - 1) / value));
     return shift < 0 ? 0 : shift > 40 ? 40 : shift;
 }
 
-// Choose Chebyshev's weights for eigenvalues in 2/kappa .. 2. kappa is as large as this number of iterations can
-// handle; see fixed.h (2). relax scales the interval to be centred on 1.
+// Choose the weights omega of Chebyshev's polynomial for eigenvalues of D^-1 M in 2/kappa .. 2; see fixed.h (2). kappa
+// grows with the number of iterations. relax scales the interval of eigenvalues so that its centre is 1.
 static void choose_polynomial(kn_fixed_config *c)
 {
     const double kappa = 2.0 + 1.0 * c->iterations * c->iterations;
@@ -86,7 +87,7 @@ static void choose_config(const kn_model *m, kn_fixed_model *f, const range *r)
 
 static int64_t to_units(double value, double unit) { return llround(value / unit); }
 
-// Rest positions, weights and supports in integers.
+// Fill the image's nodes: rest position, weight and support in integers.
 static void fill_nodes(const kn_model *m, kn_fixed_model *f)
 {
     for (int n = 0; n < m->node_count; n++) {
@@ -97,7 +98,8 @@ static void fill_nodes(const kn_model *m, kn_fixed_model *f)
     }
 }
 
-// Ends, stiffness and reciprocal area of each edge in integers. ia is at least 1, since a key of 0 has no exponent.
+// Fill the image's edges: ends, stiffness and reciprocal stress area in integers. ia is at least 1, because a key of 0
+// would have no exponent.
 static void fill_edges(const kn_model *m, kn_fixed_model *f, const range *r)
 {
     const kn_fixed_config *c = &f->image.config;
@@ -113,8 +115,8 @@ static void fill_edges(const kn_model *m, kn_fixed_model *f, const range *r)
     }
 }
 
-// Fill the table of R. The flowing branch of the law begins in the last octave but one. Below the first octave R is
-// clamped to its first value.
+// Fill the table of R = T(b)/b. Its octaves are placed so that the flowing branch of the law begins in the last octave
+// but one. A key below the first octave gets the first value of the table.
 static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
 {
     const double key = ((1 << KN_FIXED_IA) - 1) * r->least_area_m2 / f->phi_n; // the key of 1 Pa
@@ -128,7 +130,8 @@ static void fill_table(const kn_model *m, kn_fixed_model *f, const range *r)
 
 // --- the error of the solve ------------------------------------------------------------------------------------------
 
-// Press a patch of the top, one node and its neighbours, and return its force in the last tick of the trial.
+// Run the trial: apply the boundary list in each tick to the lattice at rest. Return the sum of the vertical reactions
+// in the last tick.
 static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, int count, void *memory,
                     int64_t (*reaction)[3])
 {
@@ -141,12 +144,13 @@ static double trial(const kn_fixed_image *image, const kn_fixed_bound *bound, in
     return force;
 }
 
-// Collect the nodes next to the middle of the top, held and moved down at 1 cm/s. Return their number.
+// List the boundary records of the trial: the node in the middle of the top and its neighbours are held and move down
+// at 1 cm/s. Return the number of records.
 static int patch_of_top(const kn_model *m, const kn_fixed_model *f, kn_fixed_bound *bound)
 {
     int middle = 0, count = 0;
     double nearest = INFINITY;
-    // Find the node of the top nearest to the axis, then its neighbours.
+    // find the node of the top nearest to the z axis, then its neighbours
     for (int t = 0; t < m->top_count; t++) {
         const double *x = m->rest_m[m->top[t]];
         if (hypot(x[0], x[1]) < nearest) nearest = hypot(x[0], x[1]), middle = m->top[t];
@@ -161,11 +165,11 @@ static int patch_of_top(const kn_model *m, const kn_fixed_model *f, kn_fixed_bou
     return count;
 }
 
-// Compare the force of the trial with that of six passes of 32 iterations. Return false if memory is short.
+// Compare the force of the trial with the force that six passes of 32 iterations give. Return false if memory is short.
 static bool measure_error(const kn_model *m, kn_fixed_model *f)
 {
     const size_t top = (size_t)m->top_count + 1;
-    // The reference has the same image with far more passes and iterations.
+    // the reference is the same image with far more passes and iterations
     kn_fixed_image much = f->image;
     much.config.passes = 6;
     much.config.iterations = KN_FIXED_ITERATIONS_MAX;
@@ -188,55 +192,56 @@ static bool measure_error(const kn_model *m, kn_fixed_model *f)
 
 // --- models that are refused -----------------------------------------------------------------------------------------
 
-// Forces taken at the beginning of a step chatter if they are too stiff for the object's resistance to the motion of a
-// step. With jelly this sets in between 43 and 69 times the resistance of an edge for a ball's foundation, and between
-// 3.6 and 5.8 times for gas.
+// Largest stiffness of a tool's foundation and of gas: stiffness times dt, as a multiple of the damping of an edge
+// (kg/s, `edge` below). This solver takes their forces from the beginning of the step, and forces of larger stiffness
+// would chatter. With jelly, chatter begins between 43 and 69 for a ball's foundation, and between 3.6 and 5.8 for gas.
 #define FOUNDATION_MOST 16
 #define GAS_MOST 2.5
 
-// Return NULL, or the reason why loads at the beginning of the step would chatter.
+// Return NULL, or the reason why forces from the beginning of the step would chatter.
 static const char *too_stiff(const kn_model *m)
 {
     const kn_model_def *d = &m->def;
     const double h = d->spacing_m, dt = d->solver.dt_s;
     const double edge = m->kappa_m * m->law.a_pa_s * (m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_flow);
     if (d->pressure != KN_PRESSURE_NONE && d->inside_pressure_pa * h * dt > GAS_MOST * edge)
-        return "fixed takes the gas from the start of the step, and here the gas is stiffer than the object is "
-               "viscous: needs the implicit solver";
+        return "fixed takes the gas pressure from the start of the step, and this gas is too stiff for that: needs "
+               "the implicit solver";
     for (int p = 0; p < d->probe_count; p++)
         if (d->probe[p].shape != KN_PROBE_PLATE &&
             kn_probe_foundation(&d->probe[p]) * h * h * dt > FOUNDATION_MOST * edge)
-            return "fixed takes a tool's depth from the start of the step, and its foundation is stiffer than the "
-                   "object is viscous: needs a softer one, or the implicit solver";
+            return "fixed takes a tool's depth from the start of the step, and this tool's foundation is too stiff "
+                   "for that: needs a softer foundation or the implicit solver";
     return NULL;
 }
 
-// Check the model before the image is built.
+// Check the model before the image is built. Return NULL, or the reason why the model is refused.
 static const char *unfit(const kn_model *m)
 {
-    // Limits of the formats, and parts of the model that the integers lack.
+    // check the limits of the number formats, then the parts of a model that this solver lacks
     const kn_solver_def *s = &m->def.solver;
-    if (m->node_count > KN_FIXED_NODES_MAX) return "fixed numbers nodes with 16 bits: 65535 at most";
+    if (m->node_count > KN_FIXED_NODES_MAX) return "fixed numbers nodes with 16 bits: at most 65535 nodes";
     if (m->law.stroke) return "fixed has no end stops of the damper: needs a material without a stroke";
     if (m->def.support >= KN_SUPPORT_NONE) return "fixed has no inertia: needs a bonded or a frictionless support";
     if (s->passes > KN_FIXED_PASSES_MAX || s->iterations > KN_FIXED_ITERATIONS_MAX)
-        return "fixed takes 15 passes of 32 iterations at most";
+        return "fixed allows at most 15 passes of 32 iterations";
     return too_stiff(m);
 }
 
-// Check the image after it is built.
+// Check the image after it is built. Return NULL, or the reason why the image is refused.
 static const char *misfit(const kn_fixed_model *f, const range *r, char *text, size_t size)
 {
     const kn_fixed_config *c = &f->image.config;
     if (c->d_shift > 18) {
-        snprintf(text, size, "fixed holds edges of up to %.3g m at this dt, the longest here is %.3g m",
+        snprintf(text, size, "fixed allows edges of up to %.3g m at this dt, and the longest edge here is %.3g m",
                  ldexp(f->lambda_m, 17 + 18) / 4, r->longest_m);
         return text;
     }
     const int32_t least = f->image.table[KN_FIXED_SEGMENTS];
     if (least < 64) {
         snprintf(text, size,
-                 "fixed holds a damper's flow to 1 %% down to c2 = (c1 + dt k1)/2048, here it falls to a %.3gth",
+                 "fixed computes a damper's flow to 1 %% if c2 is at least (c1 + dt k1)/2048, but here c2 falls to "
+                 "(c1 + dt k1)/%.3g",
                  ldexp(1, KN_FIXED_R_FRACTION) / fmax(least, 0.5));
         return text;
     }
@@ -267,7 +272,7 @@ const char *kn_fixed_build(kn_model *model, char *text, size_t size)
     if (!measure_error(model, f)) return "not enough memory for the model";
     if (!(f->error > KN_FIXED_ERROR_MOST)) return NULL;
     snprintf(text, size,
-             "fixed leaves %.0f %% of the force of a press unsolved with %d passes of %d iterations: needs more",
+             "fixed has an error of %.0f %% in the force of a press with %d passes of %d iterations: needs more",
              100 * f->error, f->image.config.passes, f->image.config.iterations);
     return text;
 }
@@ -283,7 +288,7 @@ void kn_fixed_destroy(kn_fixed_model *fixed)
 
 // --- the step -------------------------------------------------------------------------------------------------------
 
-typedef struct work { // data of a step, in the scratch
+typedef struct work { // data of a step, in the state's scratch memory
     kn_fixed engine;
     double (*load_n)[3];    // [node] loads from tools, top and gas
     double *moved_m;        // [node][3] displacements, for the gas; NULL without gas
@@ -293,7 +298,7 @@ typedef struct work { // data of a step, in the scratch
     kn_fixed_watch watch;
 } work;
 
-// Assign the arrays of a step from base on. Return the bytes; with base NULL nothing is written there.
+// Lay out the data of a step from `base` on, and return its size in bytes. If `base` is NULL, only measure.
 static size_t lay_out(const kn_model *m, char *base)
 {
     const size_t nodes = (size_t)m->node_count;
@@ -335,7 +340,7 @@ void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
     for (int e = 0; e < m->edge_count; e++) engine->h[e] = llround(strain[m->edges[e].slot] * f->spring[e]);
 }
 
-// Convert the engine's integers back to the state; the inverse of kn_fixed_read.
+// Convert the engine's integers back to the state. This is the inverse of kn_fixed_read.
 static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engine)
 {
     const kn_fixed_model *f = m->fixed;
@@ -351,7 +356,7 @@ static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engi
         strain[m->edges[e].slot] = f->spring[e] > 0 ? (double)engine->h[e] / f->spring[e] : 0;
 }
 
-// Return the record of a node in the list. Add one that pushes with nothing if there is none.
+// Return the boundary record of a node. If there is none, add a record that pushes with force 0.
 static kn_fixed_bound *record(work *w, int *count, int node)
 {
     if (w->place[node] < 0) {
@@ -362,8 +367,9 @@ static kn_fixed_bound *record(work *w, int *count, int node)
     return &w->bound[w->place[node]];
 }
 
-// The nodes under plates are held and move with the plate. The clamp at twice the largest velocity keeps the number in
-// 32 bits; the engine still flags it as saturated.
+// Add the boundary records of the nodes under plates, which move with the plate. A velocity is clamped to twice the
+// largest allowed velocity: its displacement then fits 32 bits, and kn_fixed_tick still flags the displacement as
+// saturated.
 static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, int *count)
 {
     for (int i = 0; i < contact->hold_count; i++) {
@@ -377,7 +383,7 @@ static void hold_nodes(const kn_model *m, const kn_contact *contact, work *w, in
     }
 }
 
-// Spread the load of the top and the force of every pressing sample over their nodes.
+// Add the dead load on the top and the force of every pressing sample to the loads of their nodes.
 static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n, work *w, int *count)
 {
     for (int t = 0; top_load_n != 0 && t < m->top_count; t++) {
@@ -395,8 +401,7 @@ static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n
     }
 }
 
-// Add the forces of gas at the present positions. Gas is a spring far softer than the resistance of edges at rest to
-// the motion of a step. It loads every node, so every node gets a record.
+// Add the forces of the gas at the present positions to the loads. Gas loads every node, so every node gets a record.
 static void push_gas(const kn_model *m, work *w, int *count)
 {
     const kn_fixed_image *image = &m->fixed->image;
@@ -408,7 +413,7 @@ static void push_gas(const kn_model *m, work *w, int *count)
     kn_gas_push(m, m->rest_m[0], w->moved_m, w->load_n[0]);
 }
 
-// Convert loads to phi. Each fits the circuit's 25 bits.
+// Convert the loads to integers in units of phi. A load is clamped to the 25 bits of the circuit.
 static void quantize_loads(const kn_model *m, work *w, int count)
 {
     const double most = (1 << (KN_FIXED_T - 1)) - 1;
@@ -419,7 +424,7 @@ static void quantize_loads(const kn_model *m, work *w, int count)
     }
 }
 
-// Give each hold its force and the output its residual, relative to the largest force of a tool.
+// Store the force of each held node, and the residual of the step relative to the largest force of a node or sample.
 static void read_forces(const kn_model *m, kn_contact *contact, const work *w, const kn_fixed_result *result,
                         kn_output *output)
 {
@@ -446,15 +451,15 @@ void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *inpu
     kn_fixed_result result;
     int count = 0;
     memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
-    // Convert the state to integers; the flags are those of this step only.
+    // convert the state to integers; clear the flags, so that they tell about this step only
     w->engine.flags = 0;
     kn_fixed_read(model, state, &w->engine);
-    // Build the boundary list: held nodes, pushed nodes, gas.
+    // build the boundary list: held nodes, pushed nodes, gas
     hold_nodes(model, &s->contact, w, &count);
     push_nodes(model, &s->contact, input->top_load_n, w, &count);
     if (w->moved_m) push_gas(model, w, &count);
     quantize_loads(model, w, count);
-    // Tell the watch before the tick, so that a circuit computes at the same time.
+    // tell the watch before the tick, so that a circuit can compute the tick at the same time
     if (w->watch.begin) w->watch.begin(w->watch.self, w->bound, count);
     kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
     if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);

@@ -6,8 +6,8 @@
 size_t kn_state_field(const kn_model *m, int components)
 {
     if (components != KN_FORWARD) return kn_model_field(m, components) * kn_model_real(m);
-    // Edge fields: a Voigt element's strain follows from its length and is not stored. The integer solver sums up the
-    // strain step by step, so it needs the field.
+    // The field `strain`: the strain of a Voigt element without damper follows from the edge's length and is not
+    // stored. The integer solver stores it all the same, because it sums the strain up step by step.
     const bool read_off = m->law.kind == KN_LAW_VOIGT && m->def.solver.kind != KN_SOLVER_FIXED;
     return read_off ? 0 : m->edge_reals * kn_model_real(m);
 }
@@ -23,7 +23,8 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src)
     if (src->anchor) memcpy(dst->anchor, src->anchor, (size_t)src->anchor_count * sizeof *src->anchor);
 }
 
-// Hash tools that turn, are coupled or stick, and their anchors. A scene without such tools adds nothing to the hash.
+// Hash the states of tools that are not all 0 (tools that turn, are coupled or stick) and the anchors. A scene without
+// such tools adds nothing to the hash.
 static uint64_t hash_tools(const kn_state *state, uint64_t h)
 {
     static const kn_tool_state none;
@@ -35,7 +36,7 @@ static uint64_t hash_tools(const kn_state *state, uint64_t h)
 
 uint64_t kn_state_hash(const kn_model *model, const kn_state *state)
 {
-    // hash the plain members from behind `tick` up to `bad`; the fields and anchors follow below
+    // hash the members from `probe` to `bad`, then the fields, held nodes, tools and anchors
     size_t from = offsetof(kn_state, probe), to = offsetof(kn_state, bad) + sizeof state->bad;
     uint64_t h = kn_hash_bytes(KN_HASH_SEED, (const char *)state + from, to - from);
 #define KN_FIELD(name, components)                                                                                     \

@@ -7,11 +7,11 @@
 
 // --- Runge-Kutta ----------------------------------------------------------------------------------------------------
 
-// Take one Runge-Kutta step. Contact enters the step as prescribed velocities and as external forces.
+// Take one Runge-Kutta step. The contact prescribes velocities of nodes under plates and adds external forces.
 static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 {
     kn_scratch *s = kn_state_scratch(state);
-    // the boundary begins with the support's constraints, zero velocities, and the dead load on the top
+    // begin with the constraints of the support, velocities of 0, and the dead load on the top
     memcpy(s->fixed, m->support, (size_t)m->node_count);
     memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
     memset(s->force, 0, (size_t)m->node_count * sizeof *s->force);
@@ -23,7 +23,7 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
             if (!(s->fixed[hold->node] >> k & 1)) s->velocity[hold->node][k] = hold->velocity_m_s[k];
         s->fixed[hold->node] = 7;
     }
-    // each sample pushes its nodes with the pressure at its present depth: contact is explicit here
+    // each sample pushes its nodes with the pressure at its present depth (explicit contact)
     for (int i = 0; i < s->contact.sample_count; i++) {
         kn_sample *sample = &s->contact.sample[i];
         kn_sample_push(sample);
@@ -39,33 +39,33 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
 
 // --- watch ----------------------------------------------------------------------------------------------------------
 
-// Chatter watch. If the contact force rises and falls alternately, the linearisation chatters. Half a second of secant
-// steps stops the chatter.
+// Chatter watch. If the contact force rises and falls from step to step, the linearisation of the law chatters. Half a
+// second of steps with the secant linearisation stops the chatter.
 #define CHATTER_SHARE 24   // number of sign changes of the force's increment in 64 steps that counts as chatter
-#define CHATTER_SIZE 0.005 // changes below this share of the force are ignored as rounding
+#define CHATTER_SIZE 0.005 // an increment below this share of the force counts as rounding and is ignored
 
-// Count the sign changes of the force's increment. Switch to the secant when there are too many.
+// Count the sign changes of the contact force's increment. If there are too many, switch to the secant linearisation.
 static void watch_chatter(const kn_model *m, kn_state *state, const kn_output *output)
 {
-    // one number, the sum of all force components, is enough to see an oscillation
+    // one number shows an oscillation: the sum of the absolute values of all force components
     double force = 0;
     for (int p = 0; p < m->def.probe_count; p++)
         for (int k = 0; k < 3; k++) force += fabs(output->probe[p].force_n[k]);
-    // record one bit per step: 1 when the increment changed its sign by more than rounding
+    // record one bit per step: 1 if the increment of the force has changed its sign and is larger than rounding
     double delta = force - state->last_force_n;
     bool turned = delta * state->last_delta_n < 0 && fabs(delta) > CHATTER_SIZE * force;
     state->chatter_bits = state->chatter_bits << 1 | turned;
     state->last_force_n = force;
     state->last_delta_n = delta;
     if (__builtin_popcountll(state->chatter_bits) < CHATTER_SHARE) return;
-    // too many sign changes in the last 64 steps: use the secant for a while and start to count anew
+    // there were too many sign changes in the last 64 steps: use the secant for a while, and count from 0 again
     state->secant_steps = KN_SECANT_REST;
     state->chatter_bits = 0;
 }
 
-// Return whether the results of the step are finite. One sum is enough: any NaN or infinity makes the
-// sum non-finite. The implicit solver's residual already sums over all nodes. Runge-Kutta has no
-// residual, so its velocities are summed.
+// Return whether the results of the step are finite. One sum is enough, because any NaN or infinity makes the sum
+// non-finite. The residual of the implicit solver is a sum over all nodes. Runge-Kutta has no residual, so the
+// velocities of all nodes are added instead.
 static bool all_finite(const kn_model *m, const kn_state *state, const kn_output *output)
 {
     double sum = output->residual;
@@ -89,7 +89,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
 
     // find which tool touches which nodes, at the present positions
     kn_contact_find(model, state, input, contact);
-    // solve for the lattice's velocities under these constraints, and for the forces on holds and samples
+    // solve for the velocities of the nodes, and for the forces of held nodes and samples
     if (rk4) solve_rk4(model, state, input);
     else if (kind == KN_SOLVER_FIXED) kn_solve_fixed(model, state, input, output);
     else kn_solve_implicit(model, state, input, output);
@@ -101,7 +101,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     watch_chatter(model, state, output);
     state->tick++;
 
-    // a non-finite number stops the physics until reset, with zero forces
+    // if a result is not finite, all forces are 0 from now on until kn_state_reset
     if (all_finite(model, state, output)) return KN_OK;
     state->bad = 1;
     memset(output, 0, sizeof *output);

@@ -1,14 +1,16 @@
 #ifndef KN_CORE_STEP_H
 #define KN_CORE_STEP_H
-// One tick of the physics. No allocation, lock, clock or I/O; every loop has a bound known when the model was built.
+// One step of the physics. It is real-time safe: no allocation, lock, clock or I/O, and every loop has a bound that is
+// known when the model has been built.
 #include "core/state.h"
 
 typedef enum kn_status {
     KN_OK,
-    KN_DIVERGED // a non-finite number: forces are zero and stay zero until kn_state_reset
+    KN_DIVERGED // a number is not finite: all forces are 0 until kn_state_reset
 } kn_status;
 
-// Advance the state by one time step, model->def.solver.dt_s, and store the forces on the probes in `output`.
+// Advance the state by one time step, model->def.solver.dt_s, and store the forces on the probes in `output`. The state
+// must come from kn_state_create with this model. Several threads may step different states of one model.
 kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
 
 #endif

@@ -16,7 +16,7 @@ typedef struct side {
     int at;      // index of the side's nodes along axis a
 } side;
 
-// Describe one of the six sides. Its two axes are in the order that makes u x v point outwards.
+// Describe side number 0..5 of a block. The order of its axes u and v makes u x v point outwards.
 static side side_of(const kn_grid *g, int number)
 {
     int a = number / 2, u = (a + 1) % 3, v = (a + 2) % 3; // u x v = +a
@@ -24,7 +24,7 @@ static side side_of(const kn_grid *g, int number)
     return (side){a, v, u, 0};
 }
 
-// Return the id of a side's node at the indices along u and v.
+// Return the id of the node with the indices iu, iv along u and v of a side.
 static int side_node(const kn_grid *g, const side *s, int iu, int iv)
 {
     int ixyz[3];
@@ -34,10 +34,10 @@ static int side_node(const kn_grid *g, const side *s, int iu, int iv)
     return kn_grid_node(g, ixyz[0], ixyz[1], ixyz[2]);
 }
 
-// Two ways to split a quad along a diagonal.
+// The two ways to split a quad into two triangles, as corner numbers of the quad.
 static const int split[2][2][3] = {{{0, 1, 2}, {0, 2, 3}}, {{0, 1, 3}, {1, 2, 3}}};
 
-// List the triangles of a block as node ids, if out is not NULL. Return their number.
+// List the triangles of a block's skin as node ids, and return their number. If out is NULL, only count them.
 static int triangles(const kn_grid *g, int (*out)[3])
 {
     int count = 0;
@@ -55,8 +55,8 @@ static int triangles(const kn_grid *g, int (*out)[3])
     return count;
 }
 
-// List the triangles on the outside of a composite's parts. A tied node in the same place as its
-// master is replaced by the master.
+// List the triangles on the outside of a composite, and return their number. If out is NULL, only count them. A tied
+// node in the same place as its master is replaced by the master, so that the parts share vertices.
 static int composite_triangles(const kn_model *m, int (*out)[3])
 {
     int count = 0;
@@ -82,7 +82,7 @@ kn_surface *kn_surface_create(const kn_model *model)
     if (g.flat) g.n[1] = 2; // a flat object is drawn with a front and a back layer
     size_t nodes = (size_t)model->node_count * (g.flat ? 2 : 1);
     kn_surface *s = calloc(1, sizeof *s);
-    // vertex number of each node; 0: the node is inside the object, so it has no vertex
+    // first a mark 1 for each node that a triangle uses, then the vertex number of the node
     int *vertex = calloc(nodes, sizeof *vertex);
     if (!s || !vertex) goto fail;
     // count the triangles first, then list them as node ids
@@ -102,7 +102,8 @@ kn_surface *kn_surface_create(const kn_model *model)
         if (vertex[node]) {
             int v = vertex[node] = s->vertex_count++;
             s->node[v] = node;
-            // a flat block: rows of front and back alternate, half its thickness apart from the nodes
+            // flat block: node ids of the doubled grid alternate between a front row and a back row; a vertex is half
+            // the thickness away from its node
             if (!g.flat) continue;
             int row = node / g.n[0];
             s->node[v] = row / 2 * g.n[0] + node % g.n[0];

@@ -10,7 +10,7 @@
 
 // --- face -----------------------------------------------------------------------------------------------------------
 
-// Return how far a tool reaches from its position in a direction of its frame, m.
+// Return how far a tool reaches from its position in a direction of the tool frame, m.
 static double reach(const kn_model *model, int p, const double way[3])
 {
     const kn_probe_def *def = &model->def.probe[p];
@@ -20,13 +20,13 @@ static double reach(const kn_model *model, int p, const double way[3])
 
 void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_touch_face *face)
 {
-    // turn the tool's x and y onto the face: see the formulas in touch.h
+    // rotate the tool's x and y into the plane of the face, by the formulas in touch.h
     static const double z[3] = {0, 0, 1};
     double up = 1 + normal[2], *axis[2] = {face->u, face->v};
     for (int i = 0; i < 2; i++) {
         double turn = up > 1e-6 ? normal[i] / up : 0, back[3];
         for (int k = 0; k < 3; k++) axis[i][k] = (k == i) - turn * (normal[k] + z[k]);
-        // n = -z has no shortest turn: u = x, v = -y by convention
+        // from z to n = -z there is no single shortest rotation: take u = x, v = -y
         if (up <= 1e-6 && i == 1) axis[i][1] = -1;
         for (int k = 0; k < 3; k++) back[k] = -axis[i][k];
         face->low_m[i] = -reach(model, p, back);
@@ -36,15 +36,15 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
 
 // --- pieces of the contact ------------------------------------------------------------------------------------------
 
-typedef struct piece {          // a sample or a held node, in the scene's frame
-    double arm_m[3], normal[3]; // vector from the tool's position; direction in which the object pushes there
+typedef struct piece {          // a piece of the contact: a sample or a held node; vectors in the scene's frame
+    double arm_m[3], normal[3]; // vector from the tool's position to the piece; direction out of the object there
     double force_n[3];          // force of the piece on the tool
-    double pressing_n;          // part of the piece's force along the normal
+    double pressing_n;          // component of force_n along the normal
     double area_m2;
     const kn_sample *sample; // the sample; NULL if the piece is a held node
 } piece;
 
-// Compute the skin's velocity relative to the tool, tangential part only.
+// Compute the tangential velocity of the skin relative to the tool at a sample.
 static void slip_of(const kn_model *m, const kn_state *state, const kn_sample *s, double slip[3])
 {
     kn_six_velocity(kn_state_scratch(state)->contact.tool[s->probe].velocity, s->arm_m, slip);
@@ -64,14 +64,14 @@ static bool piece_of_sample(const kn_model *m, int p, const kn_sample *s, piece 
     memcpy(out->arm_m, s->arm_m, sizeof out->arm_m);
     for (int k = 0; k < 3; k++) out->normal[k] = -s->normal[k], out->force_n[k] = -s->force_n[k];
     out->pressing_n = s->pressing_n;
-    // the sample's area follows from its stiffness k A
+    // the sample's area A follows from its foundation stiffness k A
     out->area_m2 = s->foundation_n_m / (foundation > 0 ? foundation : KN_FOUNDATION_N_M3);
     out->sample = s;
     return true;
 }
 
-// Return the width of the part of a node's cell that lies under the plate, along one axis. The node itself may be just
-// beside the plate.
+// Return the width along one axis of that part of a node's cell that lies under the plate, but at least a tenth of the
+// cell, because a held node may lie just beside the plate.
 static double under(double x, double size_m, double cell_m)
 {
     double half = 0.5 * size_m;
@@ -92,7 +92,7 @@ static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const
     return true;
 }
 
-// Get the next piece under probe p, starting at number *at. Return false behind the last piece.
+// Get the next piece of the contact of probe p from number *at on, and advance *at. Return false if there is none.
 static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at, piece *out)
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
@@ -106,8 +106,9 @@ static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at,
 
 // --- patch ----------------------------------------------------------------------------------------------------------
 
-// Sum over the pieces, weighted by |pressing|. With this weight adhesion does not reverse the normal, and every mean
-// stays within the contact. Return the sum of the weights.
+// Sum area, normal, centre and slip over the pieces, weighted by the absolute value of the normal force. With this
+// weight, pieces that pull by adhesion do not reverse the normal, and the centre stays within the contact. Return the
+// sum of the weights.
 static double sum_up(const kn_model *m, const kn_state *state, int p, kn_touch *t)
 {
     double sum = 0;
@@ -140,8 +141,8 @@ typedef struct span { // a range first .. last of cells of the pressure map, alo
     double share[CELLS];
 } span;
 
-// Spread a load evenly over `width` about x, and compute the share of every cell. A load
-// beyond the face is moved onto it.
+// Spread a load evenly over the interval of `width` about x, and compute the share of every cell. An interval that
+// reaches beyond the face is cut to the face, and the shares still sum to 1.
 static void spread(double x, double width, double low, double size, span *s)
 {
     double cell = size / CELLS, at = (x - low) / cell, half = 0.5 * width / cell;
@@ -152,7 +153,7 @@ static void spread(double x, double width, double low, double size, span *s)
         s->share[i] = ((to < i + 1 ? to : i + 1) - (from > i ? from : i)) / (to - from);
 }
 
-// Add one piece's pressure along the normal to the map.
+// Add the pressure of one piece to the map: its force along the mean normal, spread over the area of the piece.
 static void map_piece(const kn_touch_face *face, const double turn[3][3], piece *one, kn_touch *t)
 {
     span across, up;
@@ -174,18 +175,18 @@ void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch
     if (state->bad || !state->probe[p].attached) return;
     double sum = sum_up(model, state, p, touch);
     if (!(sum > 0)) return;
-    // means of the contact, in the tool's frame
+    // divide the sums by the weights, and rotate them into the tool frame
     into_tool(turn, 1 / sum, touch->centre_m);
     into_tool(turn, 1 / sum, touch->slip_velocity_m_s);
     into_tool(turn, 1 / sum, touch->normal);
-    // size 0: the object surrounds the tool, and any normal will do
+    // a mean normal of length 0 means that the object surrounds the tool: take z
     double size = sqrt(kn_dot(touch->normal, touch->normal));
     for (int k = 0; k < 3; k++) touch->normal[k] = size > 1e-6 ? touch->normal[k] / size : k == 2;
-    // when a ball presses, the slips on its flanks have a mean along the mean normal: remove this part
+    // the tangential velocities on the flanks of a ball can have a mean component along the mean normal: remove it
     double along = kn_dot(touch->slip_velocity_m_s, touch->normal);
     for (int k = 0; k < 3; k++) touch->slip_velocity_m_s[k] -= along * touch->normal[k];
 
-    // map: a second pass over the pieces, now that the face is known
+    // fill the pressure map in a second pass over the pieces, because it needs the mean normal
     kn_touch_face face;
     piece one;
     kn_touch_face_of(model, p, touch->normal, &face);
@@ -198,7 +199,7 @@ void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
     memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
-    // forces of the nodes on plates, then of samples, with the sign of the force on the node
+    // add the forces of plates on held nodes, then the forces of tools on samples
     for (const kn_held_node *hold = c->hold; hold < c->hold + c->hold_count; hold++)
         for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= 0; k++) force_n[hold->node][k] -= hold->force_n[k];
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)

@@ -3,13 +3,15 @@
 // The touch patch: the data of a contact that a fingertip, pin or vibrotactile display shows, from the forces of the
 // last step. All values are in the tool frame, SI. The message is KNEAD_TOUCH, proto/touch_patch_t.lcm.
 //
-// Pressure is a map over the tool's face. The face lies across the mean normal n, because a finger on its side touches
-// with its side. The face is seen from inside the tool. The shortest turn from z to n takes the tool's x and y to u, v:
+// Pressure is a map over the tool's face. The face is perpendicular to the mean normal n of the contact, because a
+// finger that lies on its side touches with its side. The face is seen from inside the tool. The shortest rotation from
+// z to n takes the tool's x and y to u, v:
 //
 //     u = x - n_x/(1 + n_z) (n + z)      v = y - n_y/(1 + n_z) (n + z)      u x v = n      (n = -z: u = x, v = -y)
 //
-// So u, v are x, y for a tool that stands on its lower face or tip. They follow n without a jump except at n = -z.
-// Rejected: always x, y (a contact at the side has no area there); the nearest axis (the map of a rolling ball jumps).
+// So u, v are x, y for a tool that stands on its lower face or tip. They follow n without a jump, except at n = -z.
+// Rejected: always x, y, because a contact at the tool's side would have no area. Also rejected: the axes nearest to n,
+// because the map of a rolling ball would jump.
 //
 //     v ^ [7][0] ... [7][7]     8 x 8 cells, [along v][along u], over the rectangle around the whole shape as seen
 //       | [0][0] ... [0][7]     along n: a box's lower face, a square of a ball's diameter, a finger's length by its
@@ -26,30 +28,31 @@
 #define KN_TOUCH_CELLS 8 // number of cells of the pressure map along each side of the face
 
 typedef struct kn_touch {    // all 0: nothing touches
-    double area_m2;          // area of undeformed skin that carries force
-    double centre_m[3];      // centre of pressure: a mean point of the skin, not of the face
+    double area_m2;          // area of the skin that carries force, measured on the undeformed object
+    double centre_m[3];      // centre of pressure: mean position of the touched skin, weighted by force
     double normal[3];        // unit normal n out of the object: mean over the contact, weighted by force
-    double peak_pressure_pa; // highest pressure of a sample; exceeds that of any cell where the skin is curved
-    // Tangential velocity of the skin relative to the tool: mean over the contact, weighted by force. It points along
-    // -x if the tool is drawn along +x over skin that stays behind. 0 for a plate, which sticks.
+    double peak_pressure_pa; // highest pressure of a sample; on curved skin above the pressure of every cell
+    // Tangential velocity of the skin relative to the tool: mean over the contact, weighted by force. If the tool
+    // slides along +x over resting skin, the velocity points along -x. It is 0 for a plate, which sticks.
     double slip_velocity_m_s[3];
     double pressure_pa[KN_TOUCH_CELLS][KN_TOUCH_CELLS]; // pressure map over the tool's face, [along v][along u]
 } kn_touch;
 
 typedef struct kn_touch_face {
     double u[3], v[3];          // unit vectors of the face's two directions, in the tool frame
-    double low_m[2], size_m[2]; // lowest corner of the face's rectangle from the tool's position; its sides; along u, v
+    double low_m[2], size_m[2]; // along u and v: lowest corner of the face, from the tool's position; sides of the face
 } kn_touch_face;
 
-// Compute the face of probe p for a unit normal in the tool frame.
+// Compute the face of probe p that is perpendicular to a unit normal in the tool frame. Real-time safe.
 void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_touch_face *face);
 
-// Read the touch patch of probe p after a kn_step with this state. Real-time safe: two passes over the contact's
-// samples.
+// Read the touch patch of probe p after a kn_step with this state. A copy of a state has no contact, because the
+// contact is in the scratch. Real-time safe: two passes over the contact's samples.
 void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch *touch);
 
-// Store the force of all tools together on each node in that step, N: force_n[node_count]. A sample's force goes to its
-// nodes by their weights. So the sum is the opposite of the force on the tools. Forces of the table are not included.
+// Store the force of all tools together on each node in the last step, N: force_n[node_count]. A sample's force goes to
+// its nodes by their weights. So the sum over all nodes is the opposite of the force on the tools. Forces of the table
+// are not included. Real-time safe.
 void kn_touch_nodes(const kn_model *model, const kn_state *state, double (*force_n)[3]);
 
 #endif

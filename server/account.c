@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-// The counters have one writer, so a load and a store are enough to increment a counter. They are cheaper than a locked
-// add.
+// Add n to a counter. Only one thread writes the counters, so a separate load and store are enough. They are cheaper
+// than an atomic addition.
 #define ADD(counter, n)                                                                                                \
     atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + (n), memory_order_relaxed)
 #define SET(value, to) atomic_store_explicit(value, to, memory_order_relaxed)
@@ -16,7 +16,8 @@ void kn_account_init(kn_account *a)
     SET(&a->success_rate, 1.0);
 }
 
-// Count a time in the histogram. The bucket number is the bit length of the time in us, up to the last bucket.
+// Count a duration in a histogram. The bucket number is the bit length of the duration in us; the last bucket takes all
+// longer durations.
 static void count(_Atomic int64_t *histogram, int64_t ns)
 {
     int bucket = 0;
@@ -38,7 +39,7 @@ static int32_t errors_of(const kn_force *force)
     return errors;
 }
 
-// Return the worst mode of all probes.
+// Return the most severe mode (MODE_*) of all probes.
 static int32_t mode_of(const kn_tick_in *in, const kn_tick_out *out)
 {
     int32_t mode = KNEAD_STATUS_T_MODE_IDLE, flags = 0;
@@ -48,14 +49,14 @@ static int32_t mode_of(const kn_tick_in *in, const kn_tick_out *out)
         mode = KNEAD_STATUS_T_MODE_RUNNING;
         flags |= out->force[p].flags;
     }
-    // The modes in falling order of severity. An emergency stop was returned above.
+    // Check the other modes, most severe first. The most severe mode of all, MODE_ESTOP, has already been returned.
     if (in->stop) return KNEAD_STATUS_T_MODE_STOPPING;
     if (flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED) return KNEAD_STATUS_T_MODE_FAULT;
     if (flags & KNEAD_CONTACT_FORCE_T_FLAG_REENGAGE_LIFT) return KNEAD_STATUS_T_MODE_RECOVERING;
     return flags & KNEAD_CONTACT_FORCE_T_FLAG_BRAKE ? KNEAD_STATUS_T_MODE_BRAKE : mode;
 }
 
-// Update the largest force and the largest change of force between two ticks, over all probes.
+// Update two maxima over all probes: the force on a hand, and its change from one tick to the next.
 static void account_forces(kn_account *a, const kn_tick_out *out)
 {
     for (int p = 0; p < out->probes; p++) {
@@ -73,8 +74,8 @@ static void account_forces(kn_account *a, const kn_tick_out *out)
 
 #define ALL_GOOD ((1 << KN_PROBES_MAX) - 1)
 
-// Shift one tick into the ring of the last KN_RECENT_TICKS ticks and update the sums over the ring. `good` has one bit
-// per probe. The bit is set if the tick was on time, and the probe had a fresh pose or no session.
+// Shift one tick into the ring of the last KN_RECENT_TICKS ticks, and update the numbers of good ticks in the ring. Bit
+// p of `good` is set if the tick was on time, and probe p had a fresh pose or no session.
 static void remember(kn_account *a, int good)
 {
     int before = a->good[a->next];
@@ -84,14 +85,14 @@ static void remember(kn_account *a, int good)
     a->next = (a->next + 1) % KN_RECENT_TICKS;
 }
 
-// Update the success rates. A missed cycle counts as a failure of every probe.
+// Update the success rates of the server and of each probe. A missed cycle counts as a failure of every probe.
 static void account_success(kn_account *a, const kn_tick_in *in, const kn_wake *wake, int64_t ticks)
 {
     int fresh = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) fresh |= (!in->pose[p] || in->fresh[p]) << p;
     for (int i = 0; i < wake->missed && i < KN_RECENT_TICKS; i++) remember(a, 0);
     remember(a, fresh);
-    // until the ring is full, divide by the number of cycles since the start
+    // in the first KN_RECENT_TICKS cycles the ring is not full, so divide by the number of cycles since the start
     int64_t cycles = ticks + GET(&a->missed);
     double of = (double)(cycles < KN_RECENT_TICKS ? cycles : KN_RECENT_TICKS);
     SET(&a->success_rate, (double)a->good_count / of);
@@ -110,15 +111,15 @@ static void take(kn_spread *s, double value)
 
 static double deviation(const kn_spread *s) { return sqrt(s->square / (double)s->count); }
 
-// Publish the statistics of the window. The mean rate is the number of ticks divided by their total time, so that a
-// short period after a long one does not raise the mean.
+// Publish the statistics of the present window of ticks. The mean rate is the number of ticks divided by their total
+// time, so that a short period after a long one does not raise the mean.
 static void tell_window(kn_account *a)
 {
     const kn_spread *s = &a->busy_us, *t = &a->period_s;
     const double busy[4] = {s->mean, deviation(s), s->min, s->max};
     for (int i = 0; i < 4; i++) SET(&a->execution_us[i], busy[i]);
     if (t->count == 0) return;
-    // The deviation of 1/t follows from that of t to first order: std(1/t) = std(t) / mean(t)^2.
+    // t is the period of a tick. To first order, the standard deviation of the rate is std(1/t) = std(t) / mean(t)^2.
     const double rate[4] = {1 / t->mean, deviation(t) / (t->mean * t->mean), 1 / t->max, 1 / t->min};
     for (int i = 0; i < 4; i++) SET(&a->periodicity_hz[i], rate[i]);
 }
@@ -133,7 +134,8 @@ static void account_window(kn_account *a, const kn_wake *wake, int64_t execution
     if (a->began_ns && since_ns > 0) take(&a->period_s, 1e-9 * (double)since_ns);
     take(&a->busy_us, 1e-3 * (double)execution_ns);
     a->began_ns = wake->now_ns;
-    // Missed cycles may jump over the end of a window, so compare the window numbers and not the remainder.
+    // Missed cycles may skip the last tick of a window, so compare the numbers of the windows instead of testing a
+    // remainder.
     bool whole = (wake->tick + 1) / KN_WINDOW_TICKS != (wake->tick - wake->missed) / KN_WINDOW_TICKS;
     if (!whole && a->windowed) return;
     tell_window(a);
@@ -142,7 +144,7 @@ static void account_window(kn_account *a, const kn_wake *wake, int64_t execution
     a->period_s = a->busy_us = (kn_spread){0};
 }
 
-// Sum the counters of the safety stage over all probes.
+// Sum the counters of the output stage (core/safety.h) over all probes.
 static void account_trips(kn_account *a, const kn_servo *servo, const kn_tick_out *out)
 {
     int64_t trips[KN_TRIPS] = {0};
@@ -181,7 +183,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // Measure from one period before the missed deadline, when this turn of the loop began.
+    // Measure the turn of the loop that missed cycles: it began one period before the deadline that it missed.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
@@ -198,7 +200,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
-    // A passivity error is no fault of a probe, so add its bit to the last errors separately.
+    // Creating energy latches no fault of a probe, and only faults replace last_errors. So add the passivity bit here.
     if (account_audit(a, servo->audit)) {
         errors |= KNEAD_STATUS_T_ERROR_PASSIVITY;
         SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);

@@ -23,7 +23,7 @@ static const char *read_key(kn_auth *auth, int fd)
     if (!S_ISREG(file.st_mode)) return "not a regular file";
     if (file.st_uid != geteuid() && file.st_uid != 0) return "owned by another user, expected this user or root";
     if (file.st_mode & 077) return "others may read or write it, expected mode 0600";
-    // Read at most one byte more than the digits and a newline, so that a longer file is noticed.
+    // Read one byte more than a valid file can have, so that a longer file is noticed.
     ssize_t size = read(fd, text, sizeof text);
     if (size == DIGITS + 1 && text[DIGITS] == '\n') size--;
     bool hex = size == DIGITS && sodium_hex2bin(auth->key, sizeof auth->key, text, DIGITS, NULL, &bytes, NULL) == 0 &&
@@ -92,6 +92,6 @@ bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char
     make_tag(auth, channel, payload, size - KN_AUTH_TAG, tag);
     const unsigned char *trailer = payload + size - KN_AUTH_TRAILER;
     *stamp = (kn_auth_stamp){kn_bytes_64(trailer), kn_bytes_64(trailer + 8)};
-    // The range of age_us leaves room to add or subtract two ages without overflow.
+    // Ages below 2^62 us can be added or subtracted without overflow of an int64_t.
     return sodium_memcmp(tag, trailer + 16, KN_AUTH_TAG) == 0 && stamp->age_us >= 0 && stamp->age_us < INT64_MAX / 2;
 }

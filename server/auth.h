@@ -32,10 +32,11 @@
 #define KN_HELLO_CHANNEL "KNEAD_HELLO"
 #define KN_LIFE_CHANNEL "KNEAD_LIFE"
 
-// A pose's age may be smaller than the age of kneadd's life by at most KN_AUTH_BEHIND_US. This bound is shorter than
-// the second of silence that ends a session, so that a session that has ended cannot be replayed. A pose's age may be
-// greater by at most KN_AUTH_AHEAD_US, to allow for the drift between two clocks since the last message. Both bounds
-// are in microseconds.
+// Limits for the age in the stamp of a pose, us. The age may be smaller than kneadd's own age (the time since its life
+// began) by at most KN_AUTH_BEHIND_US. This limit is shorter than the second of silence that ends a session, so that a
+// recorded session cannot be replayed after its end. The age may be greater than kneadd's own by at most
+// KN_AUTH_AHEAD_US. The sender computes the age from the last message that it received and from its own clock, which
+// may run fast.
 #define KN_AUTH_BEHIND_US 800000
 #define KN_AUTH_AHEAD_US 100000
 
@@ -59,12 +60,13 @@ void kn_auth_begin(kn_auth *auth);
 // Return a random number other than 0.
 int64_t kn_auth_random(void);
 
-// Return a stamp of the present moment. Its age exceeds *last_us, the age of the sender's last stamp, and *last_us is
-// updated. Set *last_us to 0 before the first call. Real-time safe, as are kn_auth_sign and kn_auth_check.
+// Return a stamp (life and age) of the present moment. Its age is greater than *last_us, the age of the sender's last
+// stamp; *last_us is then set to the new age. Set *last_us to 0 before the first call. kn_auth_now, kn_auth_sign and
+// kn_auth_check are real-time safe.
 kn_auth_stamp kn_auth_now(const kn_auth *auth, int64_t *last_us);
 
-// Append stamp and tag to a payload of `size` bytes. The buffer must have room for KN_AUTH_TRAILER more bytes. Return
-// the new size.
+// Append the trailer, which is the stamp and the authentication tag, to a payload of `size` bytes. The buffer must have
+// room for KN_AUTH_TRAILER more bytes. Return the new size.
 size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *payload, size_t size, kn_auth_stamp stamp);
 
 // Check a message of `size` bytes, whose last KN_AUTH_TRAILER bytes are the trailer, and read its stamp. Return whether
@@ -72,7 +74,8 @@ size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *pay
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 
-// Return whether a message of `size` bytes can hold exactly `payload` bytes, with or without a trailer.
+// Return whether a message of `size` bytes can be a payload of `payload` bytes: without a trailer, with a trailer, or
+// with the tag alone (logs of version 0.1.0).
 static inline bool kn_auth_fits(size_t size, size_t payload)
 {
     return size == payload || size == payload + KN_AUTH_TAG || size == payload + KN_AUTH_TRAILER;

@@ -46,7 +46,8 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     if (bus->device == 0) return kn_refuse(error, error_size, "%s: no such network interface", lan);
     if (lan && bus->device == LO)
         return kn_refuse(error, error_size, "%s: is the loopback interface, expected an interface of a network", lan);
-    // Accept a multicast group and a port only. %c matches only if something follows the port.
+    // Accept a multicast group and a port, followed by nothing or by '?'. `end` is set only if something follows the
+    // port.
     int fields = sscanf(url, "udpm://%15[0-9.]:%5u%c", address, &port, &end);
     if (fields < 2 || (fields == 3 && end != '?') || inet_pton(AF_INET, address, &bus->group.sin_addr) != 1 ||
         !IN_MULTICAST(ntohl(bus->group.sin_addr.s_addr)) || port == 0 || port > 65535)
@@ -58,20 +59,23 @@ bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, si
     long hops = ttl_of(query ? query + 1 : "");
     if (hops < 0 || hops > 255)
         return kn_refuse(error, error_size, "%s: expected at most one ttl=, a number from 0 to 255", url);
-    // Without a LAN interface no message may leave the machine, so ttl must be 0. With one, ttl 0 would reach nobody.
+    // Without a LAN interface no message may leave the machine, so ttl must be 0. With a LAN interface, ttl 0 would
+    // reach nobody.
     if (!lan != (hops == 0))
-        return kn_refuse(error, error_size,
-                         lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
-                             : "%s: expected ttl=0: anyone on a bus can move the tool, so it stays on this machine",
-                         url, lan);
+        return kn_refuse(
+            error, error_size,
+            lan ? "%s: expected ttl=1 or more: with ttl=0 nothing reaches %s"
+                : "%s: expected ttl=0: anyone on a bus can move the tool, so the bus stays on this machine",
+            url, lan);
     bus->group.sin_family = AF_INET;
     bus->group.sin_port = htons((uint16_t)port);
     return true;
 }
 
-// Return the index of the device over which the kernel would route the group, or 0 if there is no route. This function
-// asks the kernel, as `ip route get` does. Reading the source address of a connected socket would not be enough,
-// because this address is 0.0.0.0 both for a link-scope route over lo and for a network card without an address.
+// Return the index of the network interface over which the kernel would route the group, or 0 if there is no route.
+// This function asks the kernel, as `ip route get` does. Reading the source address of a connected socket would not be
+// enough, because this address is 0.0.0.0 both for a link-scope route over lo and for a network card without an
+// address.
 static int route_device(struct in_addr group)
 {
     struct {
@@ -147,7 +151,8 @@ int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t erro
 {
     char name[80], group[16], user[40];
     struct stat net = {0};
-    // the claim's name contains the network namespace, because every namespace has its own lo
+    // the name of the lock file contains the network namespace, because every namespace has a loopback device of its
+    // own
     stat("/proc/self/ns/net", &net);
     inet_ntop(AF_INET, &bus->group.sin_addr, group, sizeof group);
     snprintf(name, sizeof name, "kneadd-%ju-%s:%u", (uintmax_t)net.st_ino, group, ntohs(bus->group.sin_port));
@@ -182,8 +187,8 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
 {
     const int on = 1, off = 0;
     const struct ip_mreqn group = {.imr_multiaddr = bus->group.sin_addr, .imr_ifindex = bus->device};
-    // IP_PKTINFO reports the device of each datagram. Without IP_MULTICAST_ALL the socket receives only the groups that
-    // it joined itself.
+    // IP_PKTINFO reports the network interface of each datagram. Without IP_MULTICAST_ALL the socket receives only the
+    // groups that it joined itself.
     int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd >= 0 && setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(fd, IPPROTO_IP, IP_PKTINFO, &on, sizeof on) == 0 &&
@@ -199,7 +204,7 @@ int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error
     return -1;
 }
 
-// Return the index of the device over which a datagram arrived, or 0 if the kernel did not report the device.
+// Return the index of the network interface over which a datagram arrived, or 0 if the kernel did not report it.
 static int device_of(struct msghdr *header)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(header); c; c = CMSG_NXTHDR(header, c)) {

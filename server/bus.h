@@ -2,7 +2,7 @@
 #define KN_SERVER_BUS_H
 // A bus: an LCM URL, its multicast group, and a socket that receives the group.
 //
-// All traffic stays on this machine, or on the one network interface that was named. If the route of a group leaves
+// All traffic stays on this machine, or on the one network interface that --lan names. If the route of a group leaves
 // through another interface, the group is refused before any socket joins it, because joining already sends a packet
 // (IGMP) through the network card, even with ttl 0. The socket is bound to the group's own address and joins the group
 // on that one interface. (Stock liblcm binds any address and hears every group on its port.) The socket reports for
@@ -22,8 +22,8 @@
 typedef struct kn_bus {
     const char *url; // LCM URL of the bus, borrowed
     struct sockaddr_in group;
-    int device;      // index of lo or of the named interface
-    const char *lan; // name of the interface, borrowed; NULL: lo
+    int device;      // index of the bus's network interface: lo, or the one named in `lan`
+    const char *lan; // name of the LAN interface (--lan), borrowed; NULL: lo
 } kn_bus;
 
 typedef struct kn_datagram {
@@ -33,7 +33,7 @@ typedef struct kn_datagram {
     unsigned char bytes[KN_DATAGRAM_MAX];
 } kn_datagram;
 
-typedef struct kn_datagram_batch { // the datagrams read in one wake of the main thread
+typedef struct kn_datagram_batch { // datagrams that the main thread reads in one call
     int count;
     kn_datagram datagram[KN_BATCH];
 } kn_datagram_batch;
@@ -42,8 +42,8 @@ typedef struct kn_datagram_batch { // the datagrams read in one wake of the main
 // `lan` names an interface and ttl must be 1 or more. For any other URL return false and put one line in error.
 bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size);
 
-// Return whether the kernel would route the group over the bus's device. If not, put one line in error that names the
-// remedy.
+// Return whether the kernel would route the group over the bus's network interface. If not, put one line in error that
+// names the remedy.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // Claim the bus for this server, because a second server on the bus would answer the same poses. The claim is a lock on
@@ -56,19 +56,19 @@ bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 // names `option`, with which the operator selects another bus.
 int kn_bus_claim(const kn_bus *bus, const char *option, char *error, size_t error_size);
 
-// Return whether a and b have the same group and the same port.
+// Return whether two buses have the same group and the same port.
 bool kn_bus_same(const kn_bus *a, const kn_bus *b);
 
-// Return a non-blocking socket that receives the group over the bus's device. Other sockets may receive the group as
-// well. On failure return -1 and put one line in error. `buffer_bytes` is the wanted size of the receive buffer. The
-// kernel may allow less: only root may exceed net.core.rmem_max.
+// Return a non-blocking socket that receives the group over the bus's network interface. Other sockets may receive the
+// group as well. On failure return -1 and put one line in error. `buffer_bytes` is the wanted size of the receive
+// buffer. The kernel may allow less: only root may exceed net.core.rmem_max.
 int kn_bus_listen(const kn_bus *bus, int buffer_bytes, char *error, size_t error_size);
 
-// Read the waiting datagrams, at most `limit` (<= KN_BATCH) of them. Neither blocks nor allocates.
+// Read the waiting datagrams, at most `limit` (<= KN_BATCH) of them. The function neither blocks nor allocates.
 void kn_bus_read(const kn_bus *bus, int fd, int limit, kn_datagram_batch *batch);
 
-// Read one datagram of at most `room` bytes; a longer one is cut. Return its size, or -1 when none waits. Set *here to
-// true if the datagram arrived over the bus's network interface. Neither blocks nor allocates.
+// Read one datagram of at most `room` bytes; a longer datagram is cut. Return its size, or -1 if no datagram waits. Set
+// *here to true if the datagram arrived over the bus's network interface. The function neither blocks nor allocates.
 ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *here);
 
 // An LCM datagram after its bounds were checked:
@@ -76,8 +76,8 @@ ssize_t kn_bus_take(const kn_bus *bus, int fd, void *bytes, size_t room, bool *h
 //     "LC02" | sequence u32 | channel, NUL | payload
 //     "LC03" | sequence u32 | message size u32 | offset u32 | part u16 | parts u16 | channel, NUL in part 0 | payload
 typedef struct kn_packet {
-    bool split;          // an LC03 datagram: one part of a message
-    const char *channel; // NULL in an LC03 part other than part 0
+    bool split;          // true if this is an LC03 datagram, that is, one part of a message
+    const char *channel; // channel name; NULL in all parts of an LC03 message but the first
     const unsigned char *payload;
     size_t size; // number of bytes in `payload`
     // `whole`: size of the whole message, bytes; `whole` and `offset` are set for LC03 only.
@@ -87,15 +87,15 @@ typedef struct kn_packet {
 
 typedef enum kn_framing { KN_FRAMED, KN_FRAME_RUNT, KN_FRAME_MAGIC, KN_FRAME_CHANNEL_END } kn_framing;
 
-// Parse a datagram. The packet points into `bytes`. Pure function.
+// Parse a datagram of `size` bytes. The pointers in *packet point into `bytes`.
 kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet);
 
-// Return how many datagrams the kernel has dropped since the socket was opened because its buffer was full, modulo
-// 2^32. SO_RXQ_OVFL attaches the same number to each datagram. Reading the number from the socket, as this function
-// does, also counts the drops after the last datagram.
+// Return how many datagrams the kernel has dropped since the socket was opened because its receive buffer was full,
+// modulo 2^32. The socket option SO_RXQ_OVFL would attach this number to each datagram. This function instead asks the
+// socket for the number (SO_MEMINFO), which includes drops after the last datagram received.
 uint32_t kn_bus_drops(int fd);
 
-// Big-endian integers, as LCM encodes them. The caller checks the bounds.
+// Read and write big-endian integers, as LCM encodes them. The caller checks the bounds.
 static inline uint32_t kn_bytes_32(const unsigned char *bytes)
 {
     return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];

@@ -27,7 +27,8 @@ int64_t kn_stamp_us(void)
     static _Atomic int64_t start_us; // difference of the wall clock and the monotonic clock, us; 0: not measured yet
     int64_t now_us = kn_now_ns() / 1000, at_us = atomic_load_explicit(&start_us, memory_order_relaxed);
     if (handed) return now_us;
-    // Two threads may measure the offset at once. The first to store it wins, and the other takes the stored value.
+    // Two threads may measure the offset at once. The first thread to store the offset wins, and the other takes the
+    // stored value.
     if (at_us == 0) {
         int64_t none = 0, wall_us = kn_wall_us() - now_us;
         at_us = atomic_compare_exchange_strong(&start_us, &none, wall_us) ? wall_us : none;
@@ -85,7 +86,7 @@ void kn_busy_tell(kn_busy *busy, int64_t tick, int64_t from_ns, int64_t to_ns)
     atomic_store_explicit(&busy->to_ns[tick % KN_BUSY], to_ns, memory_order_relaxed);
 }
 
-// Sum the overlap of each recorded tick with the interval.
+// Sum the overlaps of the recorded ticks with the interval from from_ns to to_ns.
 int64_t kn_busy_within(const kn_busy *busy, int64_t from_ns, int64_t to_ns)
 {
     int64_t all_ns = 0;

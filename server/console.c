@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-_Static_assert(KN_CONSOLE_LINE <= PIPE_BUF, "a pipe that is ready takes that much at once");
+_Static_assert(KN_CONSOLE_LINE <= PIPE_BUF, "a pipe that is ready takes a whole line at once");
 
 // Four values for each of stdout and stderr: descriptor to write to; number of lines dropped since the last report;
 // true if a write failed; true if the last write ended within a line.
@@ -42,12 +42,13 @@ static bool put(int fd, const char *line, size_t size)
     if (poll(&ready, 1, 0) != 1) return false;
     ssize_t written = write(own[fd], line, size);
     if (written < 0 && errno != EAGAIN && errno != EINTR) atomic_store(&failed[fd], true);
-    // only a part of the text was written; note whether it ended within a line
+    // only a part of the line may have been written, so remember whether the output now ends within a line
     if (written > 0) atomic_store(&torn[fd], line[written - 1] != '\n');
     return written == (ssize_t)size;
 }
 
-// Report the lines dropped so far. Return false if there is no room for the report either; the count then continues.
+// Report how many lines have been dropped. If there is no room for this report either, keep the count for the next
+// report and return false.
 static bool tell_dropped(int fd)
 {
     char line[160];

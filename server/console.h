@@ -14,10 +14,11 @@
 #include <stddef.h>
 #include <unistd.h>
 
-#define KN_CONSOLE_LINE 4096 // bytes of a line with its newline (= PIPE_BUF); a longer line is cut
+#define KN_CONSOLE_LINE 4096 // largest length of a line with its newline, bytes (= PIPE_BUF); a longer line is cut
 
-// Prepare stdout and stderr as they are now. Call it once, before creating threads. From then on SIGPIPE is ignored: a
-// reader that closes its end does not end the process. Lines buffered before the call are still written.
+// Set up the output on stdout and stderr. Call this function once, before creating threads. From then on SIGPIPE is
+// ignored, so that a reader that closes its end of a pipe does not end the process. Lines that stdio buffered before
+// the call are still written.
 void kn_console_start(void);
 
 // Write one line to STDOUT_FILENO or STDERR_FILENO; a newline is added.
@@ -26,10 +27,11 @@ void kn_console_line(int fd, const char *format, ...) __attribute__((format(prin
 #define kn_console_err(...) kn_console_line(STDERR_FILENO, __VA_ARGS__)
 void kn_console_lines(int fd, const char *text); // write whole lines to STDOUT_FILENO or STDERR_FILENO
 
-// Return true if every line for this descriptor was written, or if a later line reported its loss.
+// Return true if no write to this descriptor has failed, and every dropped line has been reported by a later line.
 bool kn_console_complete(int fd);
 
-// Put one line in `error`, for the caller to print. Return false, so that a caller can return the answer.
+// Write a one-line reason into `error`, for the caller to print. Always return false, so that a function can fail with
+// `return kn_refuse(...)`.
 bool kn_refuse(char *error, size_t error_size, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 #endif

@@ -21,10 +21,10 @@
 #define AUDIT_PIECE 3000 // largest part of a request that one line on stderr shows, bytes
 
 typedef struct peer {
-    int fd; // descriptor of the peer's connection; -1: this place is free
+    int fd; // descriptor of the peer's connection; -1: this entry is free
     struct ucred who;
-    int64_t paid_ns;  // rate limit: the unused credit is the time from paid_ns to the present, ns
-    int64_t heard_ns; // time of the latest whole line, or of the connection
+    int64_t paid_ns;  // rate limit: the time from paid_ns to the present is the peer's unused credit, ns
+    int64_t heard_ns; // time of the peer's latest whole line; before its first line: time of the connection
     // slow request of this peer that has no answer yet; the peer's further lines wait for this answer; NULL: none
     json_t *request;
     bool ended;      // true if the peer has finished sending; its remaining lines are still answered
@@ -47,16 +47,16 @@ struct kn_control {
     // The slow request that the worker is answering. These fields belong to the control thread while `job` is JOB_NONE
     // or JOB_DONE, and to the worker while `job` is JOB_GIVEN.
     _Atomic job job;
-    int job_peer; // index of the peer whose slow request is being answered; -1: none
+    int job_peer; // index in `peers` of the peer whose slow request is being answered; -1: none
     const json_t *job_request;
     json_t *job_answer;
     sem_t given;
     atomic_bool ending;
-    int done_fd; // eventfd that ends the control thread's wait
-    // Number of lines since the last report that were only counted, not logged one by one.
+    int done_fd; // eventfd with which the worker wakes the control thread
+    // Number of malformed or rate-limited lines that were counted but not logged since the last report of their number.
     int untold;
-    struct ucred untold_of; // sender of the latest line that was only counted
-    int64_t untold_ns;      // time of the last report of counted lines
+    struct ucred untold_of; // sender of the latest line counted in `untold`
+    int64_t untold_ns;      // time of the last report of `untold`
 };
 
 json_t *kn_control_error(const char *format, ...)
@@ -68,14 +68,15 @@ json_t *kn_control_error(const char *format, ...)
     return json_pack("{s:b, s:o}", "ok", 0, "error", error ? error : json_string("out of memory, or not UTF-8"));
 }
 
-// --- lines that are only counted in the log ---
+// --- malformed and rate-limited lines, which are counted and reported together ---
 
-// Report the number of lines counted since the last report, at most once a second.
+// Report the number of malformed and rate-limited lines since the last report, at most once a second.
 static void tell_untold(kn_control *c, int64_t now_ns)
 {
     if (c->untold == 0 || now_ns - c->untold_ns < 1000000000) return;
-    kn_console_err("kneadd: control: malformed lines, or more than %d a second: %d, the last from uid %d pid %d",
-                   KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
+    kn_console_err(
+        "kneadd: control: lines that were malformed or above %d a second: %d, the last one from uid %d pid %d",
+        KN_CONTROL_HZ, c->untold, (int)c->untold_of.uid, (int)c->untold_of.pid);
     c->untold = 0;
     c->untold_ns = now_ns;
 }
@@ -97,8 +98,8 @@ static bool serves(const struct sockaddr_un *at)
     return yes;
 }
 
-// Remove a dead socket from the path. Return NULL if the path is then free, or else the reason why the path cannot be
-// bound.
+// Remove the socket file of a server that has ended. Return NULL if the path is then free, or else the reason why the
+// path cannot be bound.
 static const char *make_room(const struct sockaddr_un *at)
 {
     struct stat there;
@@ -155,7 +156,7 @@ void kn_control_close(kn_control *c)
     if (atomic_load(&c->job) == JOB_DONE) json_decref(c->job_answer);
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
         if (c->peers[i].fd >= 0) hang_up(&c->peers[i]);
-    // Another server may have replaced the socket's file. Remove only our own.
+    // Remove the socket's file only if it is still our own, because another server may have replaced it.
     if (lstat(c->at.sun_path, &now) == 0 && now.st_dev == c->own.st_dev && now.st_ino == c->own.st_ino)
         unlink(c->at.sun_path);
     sem_destroy(&c->given);
@@ -194,16 +195,16 @@ static void send_reply(peer *p, json_t *answer)
     json_decref(answer);
 }
 
-// Return a place for one more peer. A free place is best. Otherwise take the place of the peer that was silent for
-// longest. A peer that waits for the answer to a slow request is replaced only if there is no other. So silent peers
-// that fill all places cannot keep out an emergency stop.
+// Return an entry of `peers` for a new connection. A free entry is best. Otherwise disconnect the peer that was silent
+// for longest, and return its entry. A peer that waits for the answer to a slow request is disconnected only if there
+// is no other. So silent peers that hold all connections cannot keep out an emergency stop.
 static peer *make_place(kn_control *c)
 {
     peer *place = NULL;
     for (int i = 0; i < KN_CONTROL_PEERS; i++) {
         peer *p = &c->peers[i];
         if (p->fd < 0) return p;
-        // The worker's answer is sent to this place, so keep the place.
+        // keep the peer whose slow request the worker is answering, because the answer is sent to this entry
         if (i == c->job_peer) continue;
         bool sooner = !place || (!p->request && place->request) ||
                       (!p->request == !place->request && p->heard_ns < place->heard_ns);
@@ -271,7 +272,7 @@ static void tell_audit(const peer *p, const json_t *request, const json_t *answe
     free(asked);
 }
 
-// Count the opening brackets. The JSON reader and writer use one level of the stack for each nested bracket.
+// Count the opening brackets, because the JSON reader and writer recurse once for each nested bracket.
 static int brackets(const char *line, size_t length)
 {
     int count = 0;
@@ -279,7 +280,8 @@ static int brackets(const char *line, size_t length)
     return count;
 }
 
-// Parse one line. Return a new reference, or NULL with the reply in *refusal.
+// Parse one line. Return the request, a new reference. If the line is not a request, return NULL and put the error
+// reply in *refusal.
 static json_t *parse(const char *line, size_t length, json_t **refusal)
 {
     json_error_t why;
@@ -303,7 +305,8 @@ json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t len
     return *request ? def->answer(def->self, *request) : refusal;
 }
 
-// Log the request if def.audits says so, and send the reply. Takes ownership of `reply`.
+// Send the reply to a request. Log request and reply first if the callback `audits` says so. Takes ownership of
+// `reply`.
 static void answer(const kn_control *c, peer *p, const json_t *request, json_t *reply)
 {
     if (c->def.audits(c->def.self, request)) tell_audit(p, request, reply);
@@ -326,7 +329,8 @@ static bool is_urgent(const kn_control *c, const char *line, size_t length)
     return urgent;
 }
 
-// Answer an urgent request that was carried out ahead of its turn. Return false if the line is not an urgent request.
+// Answer an urgent request whose turn has come, but which was already carried out. Return false if the line is not an
+// urgent request.
 static bool answer_done(const kn_control *c, peer *p, size_t length)
 {
     if (!p->done || length >= p->hastened || !is_urgent(c, p->line, length)) return false;
@@ -351,8 +355,8 @@ static void hear_line(kn_control *c, peer *p, size_t length)
         // the request waits until give() passes it to the worker, or kn_control_drain() refuses it
         p->request = request;
     } else {
-        // This request may have revoked the urgent one (recover after estop), so an urgent line that comes later must
-        // be carried out again.
+        // This request may have undone an urgent request that was carried out earlier, as `recover` ends an `estop`.
+        // Forget the earlier answer, so that the next urgent line is carried out again.
         if (c->def.audits(c->def.self, request)) forget_done(p);
         answer(c, p, request, c->def.answer(c->def.self, request));
         json_decref(request);
@@ -477,7 +481,7 @@ void kn_control_work(kn_control *c)
         if (atomic_load(&c->job) == JOB_GIVEN) {
             c->job_answer = c->def.answer(c->def.self, c->job_request);
             atomic_store(&c->job, JOB_DONE);
-            // if this write fails, the control thread's wait still ends by its time limit
+            // if this write to the eventfd fails, the control thread's wait still ends by its time limit
             ssize_t woken = write(c->done_fd, &(uint64_t){1}, sizeof(uint64_t));
             (void)woken;
         }
@@ -501,7 +505,6 @@ void kn_control_turn(kn_control *c, int timeout_ms)
         const peer *p = &c->peers[i];
         bool full = p->length == sizeof p->line, waits = p->request != NULL;
         polled[2 + i] = (struct pollfd){.fd = full || p->ended ? -1 : p->fd, .events = POLLIN};
-        // a whole line has been read already, so do not wait
         if (p->fd >= 0 && !waits && (full || memchr(p->line, '\n', p->length))) timeout_ms = 0;
     }
     if (poll(polled, 2 + KN_CONTROL_PEERS, timeout_ms) < 0) return;

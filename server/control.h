@@ -36,9 +36,9 @@ typedef struct kn_control kn_control;
 
 typedef struct kn_control_def {
     void *self;
-    // Return the reply to one request, a JSON object: a new reference, never NULL.
+    // Return the reply to `request`, which is a JSON object. The reply is a new reference, never NULL.
     json_t *(*answer)(void *self, const json_t *request);
-    // Return whether the request gets an entry on stderr.
+    // Return whether the request is logged on stderr.
     bool (*audits)(void *self, const json_t *request);
     // Return whether the answer may take longer than a few ticks. A slow request is answered in kn_control_work's
     // thread, and the other peers are served meanwhile. NULL: no request is slow.
@@ -49,29 +49,30 @@ typedef struct kn_control_def {
     bool (*urgent)(void *self, const json_t *request);
 } kn_control_def;
 
-// Return the reply {"ok": false, "error": "..."}.
+// Return an error reply, {"ok": false, "error": "..."}.
 json_t *kn_control_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-// Return the reply to one line, given without its newline: a new reference, never NULL. The line may hold any bytes.
-// Set *request to the parsed request, a new reference, or to NULL if the line is not a request.
+// Parse one line, given without its newline, and return the reply: a new reference, never NULL. The line may hold any
+// bytes. Set *request to the parsed request, a new reference, or to NULL if the line is not a request.
 json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t length, json_t **request);
 
-// Bind the socket to path. An existing socket that no server accepts on is replaced. On failure return NULL and put one
+// Bind the socket to `path`. The socket file of a server that has ended is replaced. On failure return NULL and put one
 // line in error.
 kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size);
-// Close after both threads have ended. Remove the path if it is still this socket. `control` may be NULL.
+// Close the socket, and remove its file unless another server has replaced the file. Call this function after the
+// threads that run kn_control_turn and kn_control_work have ended. `control` may be NULL.
 void kn_control_close(kn_control *control);
 
-// Serve one line of every peer that has sent one. If no peer has, wait at most timeout_ms for one. Called by one
+// Serve one line of every peer that has sent one. If no peer has sent a line, wait at most timeout_ms. Called by one
 // thread, not real-time.
 void kn_control_turn(kn_control *control, int timeout_ms);
 
-// Body of another thread: answer the slow requests, one at a time. Returns after kn_control_end, which any thread may
-// call.
+// Body of the worker thread: answer the slow requests, one at a time, until any thread calls kn_control_end.
 void kn_control_work(kn_control *control);
 void kn_control_end(kn_control *control);
-// Call this after both threads have ended: answer the requests sent until now, but refuse slow ones. Takes at most
-// KN_CONTROL_LAST_MS. A peer that sends something later is disconnected without an answer.
+// Answer the requests sent until now, but refuse slow ones. Call this function after the threads that run
+// kn_control_turn and kn_control_work have ended. It takes at most KN_CONTROL_LAST_MS. A peer that sends something
+// later is disconnected without an answer.
 void kn_control_drain(kn_control *control);
 
 #endif

@@ -22,8 +22,8 @@
 #define DATAGRAMS_PER_TICK 256
 // time from the start of the threads to tick 0, ns; by then every thread has left the start barrier and sleeps
 #define START_DELAY_NS 20000000
-// A second signal counts as a request of its own only after this time. timeout(1) and shells send the first signal
-// twice, and a stop takes 100 ms at most.
+// Time after the first signal from which a second signal ends the process at once, ns. timeout(1) and shells send the
+// first signal twice, and a stop takes 100 ms at most.
 #define PATIENCE_NS 300000000
 #define SIGNALS 3
 #define BUFFER_BYTES (1 << 20) // receive buffer of the socket, bytes: about 1 300 poses
@@ -36,9 +36,9 @@ enum { SERVO, SENTINEL, MESH, CONTROL, WORKER, KEEPER, THREADS }; // threads bes
 typedef struct server {
     kn_served_object on; // the scene being served
     kn_bus bus, mesh_bus;
-    int claim, mesh_claim, fd; // descriptors: the claims on the two buses; the socket of the first bus
-    kn_exchange exchange;      // used by the main thread
-    kn_auth auth;              // key and life of kneadd, used if a key file was given
+    int claim, mesh_claim, fd; // descriptors: lock files that claim the bus and the mesh bus; socket of the bus
+    kn_exchange exchange;      // receiver and publisher; used by the main thread only
+    kn_auth auth;              // key and life (run) of kneadd, used if a key file was given
     kn_datagram_batch batch;
     kn_skin skin;
     kn_control *control; // control socket; NULL: none
@@ -50,7 +50,7 @@ typedef struct server {
     kn_rt rt;
     pthread_t thread[THREADS];
     pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
-    atomic_bool ending;   // set to end the threads of normal priority; the keeper has a flag of its own
+    atomic_bool ending;   // true: the threads of normal priority end; the keeper has a flag of its own
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
@@ -60,8 +60,8 @@ typedef struct server {
     bool stuck;          // true if the worker thread did not end in time
     ev_timer status_due, scene_due;
     ev_signal signals[SIGNALS];
-    int64_t stop_ns; // time of the first signal to end, ns; 0: none yet
-    int budget;      // datagrams that may still be read before the next tick
+    int64_t stop_ns; // time of the first SIGINT, SIGTERM or SIGHUP, ns; 0: none yet
+    int budget;      // number of datagrams that may still be read before the next tick
     int32_t mode_told;
     kn_health_check check;
 } server;
@@ -86,7 +86,7 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     if (d->budget <= 0) ev_io_stop(ev, w); // pause reading until the next tick
 }
 
-// Publish the status and the health.
+// Publish KNEAD_STATUS and KNEAD_HEALTH.
 static void tell_status(server *d)
 {
     kn_health health;
@@ -96,8 +96,8 @@ static void tell_status(server *d)
     kn_publisher_health(&d->exchange.publisher, &health.more);
 }
 
-// Called after each tick of the servo: publish its records, and read datagrams again. Publish the status at once when
-// the mode has changed. End the main loop after the last tick.
+// Called after each tick of the servo. Publish the tick's records, and allow datagrams to be read again. Publish the
+// status at once if the mode has changed. End the main loop after the last tick.
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
@@ -144,7 +144,7 @@ static void on_asked(struct ev_loop *ev, ev_async *w, int events)
     kn_mailbox_post(&d->operator.health);
 }
 
-// The operator has requested the end: stop, and load no other scene.
+// An operator's command has requested the end: stop, and load no other scene.
 static void on_leave(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
@@ -153,25 +153,26 @@ static void on_leave(struct ev_loop *ev, ev_async *w, int events)
     stop(d);
 }
 
-// The operator has requested another scene: stop, and then serve the new scene.
+// An operator's command has requested another scene: stop, and then serve the new scene.
 static void on_load(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)ev, (void)events;
     server *d = w->data;
-    // an end has already been requested, so ignore the request for another scene
+    // if an end has already been requested, ignore the request for another scene
     if (atomic_load(&d->loop.stop)) return;
     d->goes_on = true;
     stop(d);
 }
 
-// Ask the main thread to post the health. Runs in the control thread, as do goes_on() and leave().
+// Ask the main thread to post a health report. The control thread runs ask(), goes_on() and leave().
 static void ask(void *arg)
 {
     server *d = arg;
     ev_async_send(d->ev, &d->asked);
 }
 
-// Keep a copy of the text that was checked, so that a later change of the file has no effect. Runs in the worker thread.
+// Keep path and text of the scene to load next. The text is the one that was checked, so a later change of the file has
+// no effect. Runs in the worker thread.
 static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
@@ -203,7 +204,7 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
     server *d = w->data;
     int64_t now_ns = kn_now_ns();
     d->goes_on = false;
-    // this is a deliberate second signal, so end at once, as without a handler
+    // a second signal more than PATIENCE_NS after the first ends the process at once, as without a handler
     if (d->stop_ns && now_ns - d->stop_ns > PATIENCE_NS) {
         signal(w->signum, SIG_DFL);
         raise(w->signum);
@@ -212,7 +213,8 @@ static void on_signal(struct ev_loop *ev, ev_signal *w, int events)
     stop(d);
 }
 
-// Wake the main thread. Runs in the servo thread: one write to an eventfd, and none while one is pending.
+// Wake the main thread. Runs in the servo thread: one write to an eventfd, or none while an earlier wake-up is still
+// pending.
 static void notify(void *arg)
 {
     server *d = arg;
@@ -280,8 +282,9 @@ static void *mesh_main(void *arg)
             kn_health_report_second(&d->check);
         }
         kn_tick_trace_drain(&d->trace);
-        // Sleep until just before the next frame is due, however long this frame took to measure. Then look for the
-        // frame every millisecond. With a fixed sleep period the thread could be late by a whole period.
+        // After a published frame, sleep until just before the next frame is due, however long this frame took to
+        // measure. Then look for a new frame every millisecond. A sleep of fixed length could make the thread late by a
+        // whole frame period.
         const int64_t taken_ns = kn_now_ns();
         bool published = kn_skin_publish(&d->skin, kn_stamp_us());
         kn_clock_sleep(taken_ns + (published ? rest_ns : KN_PERIOD_NS));
@@ -337,7 +340,7 @@ static bool needs(const server *d, int thread)
 // Parse the two URLs, and load the key if there is one.
 static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    // without an option, take the URL from the environment, as every LCM client does
+    // without --lcm-url, take the URL from the environment, as every LCM client does
     const char *url = def->lcm_url ? def->lcm_url : getenv("LCM_DEFAULT_URL");
     const char *own = def->lan ? KN_LCM_LAN_URL : KN_LCM_URL, *own_mesh = def->lan ? KN_MESH_LAN_URL : KN_MESH_URL;
     return kn_bus_parse(&d->bus, url && *url ? url : own, def->lan, error, error_size) &&
@@ -378,7 +381,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
         kn_keeper_start(&d->keeper, &d->loop.servo, &d->loop.orders);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
         bool estopped = def->estopped || kept;
-        if (estopped) { // tick 0 takes the order and publishes an event for the log
+        if (estopped) { // order an emergency stop, which tick 0 carries out and records as an event for the log
             kn_orders_give(&d->loop.orders, KN_ORDER_ESTOP, 0);
             atomic_store(&d->loop.account.mode, KNEAD_STATUS_T_MODE_ESTOP);
         }
@@ -432,7 +435,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
-    // The barrier's count: the main thread and the threads below.
+    // Number of threads that meet at the barrier: the main thread, and the threads created below.
     unsigned count = 1;
     for (int i = 0; i < THREADS; i++) count += needs(d, i);
     pthread_barrier_init(&d->go, NULL, count);
@@ -447,7 +450,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     if (failed) return kn_refuse(error, error_size, "cannot start a thread: %s", strerror(failed));
     if (d->rt.mode == KN_RT_REQUIRE && *d->rt.missing)
         return kn_refuse(error, error_size, "not real time: %s", d->rt.missing);
-    // Start the grids of servo and sentinel, then release the threads.
+    // Start the tick grids of servo and sentinel, then release the threads.
     const int64_t start_ns = d->check.start_ns = kn_now_ns() + START_DELAY_NS;
     kn_loop_start(&d->loop, start_ns);
     d->sentinel.beside = &d->loop.start_ns;
@@ -458,12 +461,14 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     return true;
 }
 
-// time after which a further signal ends the process, as in on_signal, ns; 0: no signal yet
+// time of the first signal, or of the end of the previous life (life: see auth.h), ns; a signal more than PATIENCE_NS
+// later ends the process
 static int64_t stopping_ns;
-// set by a signal that came after the end of one life and before the next (life: see auth.h)
+// set by a signal that arrived between the end of one life (run) of the server and the start of the next
 static volatile sig_atomic_t told_to_end;
 
-// Signal handler from the end of one life to the start of the next, when libev's handlers are not installed.
+// Handle signals from the end of one life (run) of the server to the start of the next, when libev's handlers are not
+// installed.
 static void end_at_once(int number)
 {
     told_to_end = 1;
@@ -500,7 +505,7 @@ static bool stop_threads(server *d)
         join_worker(d);
         kn_control_drain(d->control);
     }
-    // The keeper ends last, because control and worker may ask it for snapshots.
+    // The keeper ends last, because the control and worker threads may ask the keeper for snapshots.
     atomic_store(&d->keeper.ending, true);
     if (needs(d, KEEPER)) pthread_join(d->thread[KEEPER], NULL);
     bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
@@ -535,7 +540,7 @@ static int serve(server *d, const kn_daemon_def *def)
 {
     char error[512];
     *d = (server){.claim = -1, .mesh_claim = -1, .fd = -1, .keeper.store.dir = -1};
-    // Load the scene, then the snapshots. Bad input (exit code 2) is found before anything is opened.
+    // Load the scene, then open the snapshot directory. Bad input (exit code 2) is found before any bus is opened.
     bool heard = choose_buses(d, def, error, sizeof error);
     int code = heard ? kn_served_object_load(&d->on, &def->object, error, sizeof error) : 2;
     if (code == 0)
@@ -547,7 +552,7 @@ static int serve(server *d, const kn_daemon_def *def)
             start_threads(d, def, error, sizeof error)) {
             kn_health_report_start(&d->check);
             sd_notifyf(0, "READY=1\nSTATUS=serving %s", d->on.scene->name);
-            // A signal that came between two lives of the server still ends the process.
+            // A signal that arrived between two lives (runs) of the server still ends the process.
             if (told_to_end) stop(d);
             ev_run(d->ev, 0);
             code = stop_threads(d) ? 0 : 3;
@@ -579,16 +584,16 @@ int kn_daemon_run(const kn_daemon_def *def)
     for (;;) {
         int code = serve(&d, &life);
         bool goes_on = code == 0 && d.goes_on && !told_to_end;
-        // return without a cleanup, because the worker thread is stuck and ends with the process
+        // return without a cleanup, because the worker thread is stuck; the thread ends with the process
         if (d.stuck) return code;
-        // take the safety limits of the first life, because no later life may exceed them
+        // take the safety limits of the first life (run), because no later life may exceed them
         if (d.on.base && !life.limits) {
             limits = d.on.base->limits;
             life.limits = &limits;
         }
         free(path);
         free(text);
-        // The next life serves the scene that was loaded. An emergency stop that is in force is kept.
+        // The next life (run) serves the scene that was loaded. An emergency stop that is in force is kept.
         memcpy(name, d.next_name, sizeof name);
         life.object.scene_path = path = d.next;
         life.object.text = text = d.next_text;

@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_DAEMON_H
 #define KN_SERVER_DAEMON_H
 // The daemon creates the threads of kneadd and connects its modules: main (receives poses and publishes forces, on
-// libev), servo, sentinel, mesh, control, worker (slow control requests) and keeper (snapshots). It owns everything
-// from the start to the end of the last thread, and each module borrows from it.
+// libev), servo, sentinel, mesh, control, worker (slow control requests) and keeper (snapshots). The daemon owns
+// everything from the start to the end of the last thread, and each module borrows from the daemon.
 #include "server/auth.h"
 #include "server/receiver.h"
 #include "server/rt.h"
@@ -18,10 +18,10 @@ typedef struct kn_daemon_def {
     // Safety limits that a scene loaded later must not exceed; NULL: the limits of the first scene.
     const kn_safety_limits *limits;
     kn_served_object_def object;
-    // LCM URL of the bus for poses and forces; NULL: environment variable LCM_DEFAULT_URL, else KN_LCM_URL or
-    // KN_LCM_LAN_URL.
+    // LCM URL of the bus for poses and forces. NULL: take the environment variable LCM_DEFAULT_URL, or if it is not set
+    // KN_LCM_URL (with `lan` KN_LCM_LAN_URL).
     const char *lcm_url;
-    const char *mesh_url;              // LCM URL of the bus for meshes; NULL: KN_MESH_URL or KN_MESH_LAN_URL
+    const char *mesh_url;              // LCM URL of the bus for meshes; NULL: KN_MESH_URL, with `lan` KN_MESH_LAN_URL
     const char *control;               // path of the control socket (control.h); NULL: none
     const char *lan;                   // network interface of both buses; NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // addresses that poses are accepted from
@@ -33,7 +33,7 @@ typedef struct kn_daemon_def {
     bool estopped;
     bool later; // true: this is not the first scene of the process, so rows are appended to the trace file
     bool free;  // true: the servo's tick grid does not follow the poses (tick_timing.h)
-    bool touch; // publish touch patches (KNEAD_TOUCH)
+    bool touch; // true: publish touch patches (KNEAD_TOUCH)
 } kn_daemon_def;
 
 // Serve until SIGINT, SIGTERM or SIGHUP. Then the forces ramp to zero, the threads end and a summary is printed. A

@@ -11,8 +11,8 @@
 #define ROOM_FIXED 2048
 _Static_assert(sizeof(knead_status_t) + 64 <= ROOM_FIXED, "a status fits");
 
-// From now on publish `scene`, which must have the same probes. Borrows `scene`. May allocate. If memory is short, return
-// false and keep publishing the previous scene.
+// From now on publish `scene`, which must have the same probes as the scene published before. Borrows `scene`. May
+// allocate. If memory is short, return false and keep publishing the previous scene.
 static bool take_scene(kn_publisher *p, const kn_scene *scene)
 {
     knead_scene_t message;
@@ -54,8 +54,8 @@ void kn_publisher_close(kn_publisher *p)
     p->bytes = NULL;
 }
 
-// Send the message that is encoded in p->bytes. A message that does not fit or is refused counts as failed; later messages
-// are not affected.
+// Send the message that is encoded in p->bytes. A message that does not fit or is refused counts as failed; later
+// messages are not affected.
 static void send_bytes(kn_publisher *p, const char *channel, int size)
 {
     bool sent = kn_wire_send(p->lcm, p->auth, &p->signed_us, channel, p->bytes, size);
@@ -63,7 +63,7 @@ static void send_bytes(kn_publisher *p, const char *channel, int size)
     p->failed += !sent;
 }
 
-// Answer a listener's KNEAD_HELLO with KNEAD_LIFE. Needs auth.
+// Answer a listener's KNEAD_HELLO with KNEAD_LIFE. p->auth must not be NULL.
 static void answer_hello(kn_publisher *p, const unsigned char nonce[KN_AUTH_NONCE])
 {
     memcpy(p->bytes, nonce, KN_AUTH_NONCE);
@@ -132,7 +132,7 @@ typedef struct row {
 bool kn_tick_trace_open(kn_tick_trace *trace, const char *path, bool append, char *error, size_t error_size)
 {
     *trace = (kn_tick_trace){0};
-    // write the column names only into a new file, because a second scene of the same process appends rows
+    // write the column names only into a new file, because a later scene of this process appends its rows to the file
     if (!path) return true;
     trace->file = fopen(path, append ? "ae" : "we");
     if (trace->file && kn_ring_init(&trace->rows, ROWS, sizeof(row))) {
@@ -210,7 +210,7 @@ static void publish_records(kn_exchange *x)
         if (x->trace) trace_record(x->trace, record, &x->publisher.scene->model);
         if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);
         memcpy(x->force, record->out.force, sizeof x->force);
-        // A session has sent its last pose and its force is zero: free its probe.
+        // A session that has sent its last pose and whose force is zero gives up its probe.
         for (int p = 0; p < record->out.probes; p++)
             if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session))
                 kn_loop_post(x->loop, p, NULL);

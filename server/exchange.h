@@ -34,8 +34,8 @@ typedef struct kn_publisher {
     char touch_channel[KN_PROBES_MAX][64];
     uint8_t *bytes; // buffer of `room` bytes for the largest message (the scene) and its KN_AUTH_TRAILER bytes
     int room;
-    int64_t published; // datagrams handed to LCM
-    int64_t failed;    // messages that could not be encoded, or that LCM refused
+    int64_t published; // number of datagrams handed to LCM
+    int64_t failed;    // number of messages that could not be encoded, or that LCM refused
 } kn_publisher;
 
 // Open the bus at an LCM URL. initial_hash: state hash of the object before anything touched it. Borrows `scene`. On
@@ -75,7 +75,7 @@ typedef struct kn_tick_trace {
 // Create a trace file, or append to it if `append` is true. `path` NULL: no trace. On failure return false and put one
 // line in error.
 bool kn_tick_trace_open(kn_tick_trace *trace, const char *path, bool append, char *error, size_t error_size);
-void kn_tick_trace_drain(kn_tick_trace *trace); // write the rows in the ring to the file; one thread only
+void kn_tick_trace_drain(kn_tick_trace *trace); // write the rows in the ring to the file; call from one thread only
 // Write the rows in the ring and close the file; return false if a write failed; a zeroed trace is allowed.
 bool kn_tick_trace_close(kn_tick_trace *trace);
 
@@ -87,16 +87,16 @@ typedef struct kn_exchange {
     kn_loop *loop;         // servo loop; borrowed, as are `trace` and `sentinel`
     kn_tick_trace *trace;  // trace file of the run; NULL: no trace
     kn_sentinel *sentinel; // sentinel thread; NULL: none
-    // Change whose scene is published; NULL: the scene of the server's start is published.
+    // Latest change of the scene that was published; NULL: the scene of the server's start is published.
     kn_scene_change *told;
     kn_force force[KN_PROBES_MAX]; // answer of the latest tick to each probe
 } kn_exchange;
 
-// Judge the datagrams, and post accepted poses to the loop.
+// Judge the datagrams, and post the accepted poses to the servo loop.
 void kn_exchange_hear(kn_exchange *exchange, const kn_datagram_batch *batch);
 
-// Call after one tick or more. Publish the records and touches that wait, and end the sessions that fell silent. Return
-// true when the loop has ended and its last record has been published.
+// Publish the records and touch patches of all ticks since the last call, and end the sessions that fell silent. Call
+// this function after one tick or more. Return true when the loop has ended and its last record has been published.
 bool kn_exchange_ticked(kn_exchange *exchange);
 
 #endif

@@ -9,12 +9,14 @@
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
 
-// longest acceptable tick without contact, ns; a tick with contact takes twice as long, and may take 1 ms
+// longest acceptable tick of an untouched object, ns: half a period, because a tick with contact takes about twice as
+// long
 #define REST_TICK_NS 500000
 
-// The reasons for the loss of a circuit have the same numbers in the code and in the messages.
+// The reasons for the loss of a circuit have the same numbers in loss.h and in the message health_t.
 #define SAME_LOSS(name, word, what)                                                                                    \
-    _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name, "reasons of a circuit's loss on the wire");
+    _Static_assert((int)KN_LOSS_##name == KNEAD_HEALTH_T_LOSS_##name,                                                  \
+                   "loss.h and health_t give each reason the same number");
 KN_LOSSES(SAME_LOSS)
 
 // Return the number of datagrams that the kernel has dropped since the start.
@@ -27,8 +29,8 @@ static int64_t kernel_drops(kn_health_check *c)
     return c->kernel_drops;
 }
 
-// Return the errors of disk and circuit since the last published status; the servo does not see these errors. They are
-// kept in service_errors until the next fault.
+// Return the ERROR_* bits of disk and circuit that occurred since the last published status. Add them to
+// c->service_errors, which holds them until the next fault. The servo does not see these errors.
 static int32_t service_errors(kn_health_check *c, const kn_fpga_counts *circuit)
 {
     int32_t errors = 0;
@@ -57,12 +59,13 @@ static knead_status_t status_of(kn_health_check *c, const kn_fpga_counts *circui
     status.backend = circuit->there ? KNEAD_STATUS_T_BACKEND_FPGA
                      : model->fixed ? KNEAD_STATUS_T_BACKEND_FIXED
                                     : KNEAD_STATUS_T_BACKEND_CPU;
-    // Set the DEGRADED_* bits for everything that keeps the server from its full quality.
+    // Set the DEGRADED_* bits for everything that the server lacks: real-time priority, locked memory, fast
+    // multiply-add, a circuit in step.
     if (!c->rt->fifo) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FIFO;
     if (!c->rt->locked) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_MLOCK;
     if (model->isa == KN_ISA_BASE) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FMA;
     if (circuit->there && !circuit->in_step) status.degraded |= KNEAD_STATUS_T_DEGRADED_NO_FPGA;
-    // After a new fault, keep only the errors since that fault.
+    // After a new fault, keep only the disk and circuit errors since that fault.
     if (status.faults > c->faults_seen) c->service_errors = 0;
     c->faults_seen = status.faults;
     status.current_errors |= service_errors(c, circuit);
@@ -117,7 +120,7 @@ static knead_health_t health_of(const kn_health_check *c, const kn_fpga_counts *
     return health;
 }
 
-// Fill in both messages from one reading of the circuit's counters, so that the messages agree.
+// Fill in status_t and health_t from one reading of the circuit's counters, so that the two messages agree.
 static void look(kn_health_check *c, kn_health *health, kn_fpga_counts *circuit)
 {
     kn_backend_fpga_counts(&c->served->backend, circuit);
@@ -150,7 +153,7 @@ void kn_health_publication(kn_health_check *c, kn_health *health)
     health->status.current_errors = health->error_bits = c->errors_told = errors;
 }
 
-// --- lines ---
+// --- lines on stdout and stderr ---
 
 void kn_health_report_refusals(kn_health_check *c)
 {
@@ -159,7 +162,7 @@ void kn_health_report_refusals(kn_health_check *c)
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         if (c->exchange->receiver.rejected[told[i]] == 0 || c->refusals_told >> told[i] & 1) continue;
         c->refusals_told |= 1u << told[i];
-        kn_console_err("kneadd: a message was refused as %s: %s; 'knead ctl status' shows the counts",
+        kn_console_err("kneadd: rejected a message, reason %s: %s; 'knead ctl status' shows the counts",
                        kn_pose_verdict_name(told[i]), kn_pose_verdict_meaning(told[i]));
     }
 }
@@ -183,8 +186,8 @@ static void tell_audit(kn_health_check *c)
 {
     int64_t created = atomic_load_explicit(&c->loop->account.created, memory_order_relaxed);
     if (created != c->created_told)
-        kn_console_err("kneadd: in %" PRId64
-                       " s the object created energy: it gave more than it had and received, by over %g %% of the work",
+        kn_console_err("kneadd: the object created energy in %" PRId64
+                       " audited seconds: it gave off more than it had stored or received, by over %g %% of the work",
                        created - c->created_told, 100 * KN_AUDIT_SHARE);
     c->created_told = created;
 }
@@ -223,8 +226,8 @@ static void tell_quality(kn_health_check *c)
     c->exhausted_told = exhausted;
 }
 
-// Report that the circuit was lost or is in step again, at most one line a second. If the circuit was lost and came
-// back within this second, one line reports both, with the number of losses.
+// Report that the circuit was lost or is in step again. This function is called once a second. If the circuit was lost
+// and came back within this second, one line reports both, with the number of losses.
 static void tell_losses(kn_health_check *c)
 {
     char line[KN_FPGA_LINE];
@@ -273,13 +276,14 @@ static void tell_ready(kn_health_check *c, FILE *out)
                 c->has_control ? "" : "a start with --control and ");
     if (*c->rt->missing) fprintf(out, "kneadd: not real time: %s\n", c->rt->missing);
     if (c->exchange->receiver.auth)
-        fprintf(out, "kneadd: poses must be signed with the key, forces are signed with it\n");
+        fprintf(out, "kneadd: poses must be signed with the key; forces are signed with the key\n");
     else if (c->exchange->receiver.peers > 0)
         fprintf(
             out,
             "kneadd: poses are accepted from %d addresses; this is no authentication, since an address can be forged\n",
             c->exchange->receiver.peers);
-    if (c->served->model->isa == KN_ISA_BASE) fprintf(out, "kneadd: not real time: fused multiply-add in software\n");
+    if (c->served->model->isa == KN_ISA_BASE)
+        fprintf(out, "kneadd: not real time: this processor has no fused multiply-add, so software computes it\n");
     // The servo is already running and may lower the deadline, so print the deadline of the start.
     if (c->loop->measured_deadline > 0)
         fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", c->loop->measured_deadline);
@@ -298,7 +302,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
                 1e-6 * (double)c->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (c->rest_ns > REST_TICK_NS)
             fprintf(out,
-                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin computes the object\n",
+                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin on the processor gives "
+                    "the forces\n",
                     1e-6 * REST_TICK_NS);
     } else if (c->rest_ns > REST_TICK_NS)
         fprintf(
@@ -316,16 +321,17 @@ static void tell_circuit(kn_health_check *c)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&c->served->backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&c->served->backend, why, &link);
-    kn_console_err(
-        "kneadd: %lld ticks on the circuit, each equal to its twin's; %lld by the twin alone; lost %lld times, "
-        "different %lld, loaded %lld; at the end %s%s",
-        (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different, (long long)n.loads,
-        agrees ? "its state equals the twin's" : "", agrees ? "" : why);
+    kn_console_err("kneadd: %lld ticks on the circuit, each with its twin's result; %lld by the twin alone; circuit "
+                   "lost %lld times, "
+                   "results different %lld, states loaded %lld; at the end %s%s",
+                   (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
+                   (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
     if (agrees)
-        kn_console_err("kneadd: circuit answered in p50 %.0f us, p99 %.0f us; %lld requests sent again, %lld frames "
-                       "broken",
-                       1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
-                       (long long)(link.link.crc + link.link.coding));
+        kn_console_err(
+            "kneadd: the circuit's answers took %.0f us (p50), %.0f us (p99); %lld requests sent again, %lld frames "
+            "damaged",
+            1e-3 * (double)link.p50_ns, 1e-3 * (double)link.p99_ns, (long long)link.retries,
+            (long long)(link.link.crc + link.link.coding));
 }
 
 // Print the totals of the run.
@@ -335,13 +341,15 @@ static void tell_summary(kn_health_check *c, FILE *out)
     const kn_receiver *r = &c->exchange->receiver;
     fprintf(out,
             "kneadd: stopped after %" PRId64 " ticks, %" PRId64 " missed (%" PRId64
-            " explained by the machine), %" PRId64 " overruns; %" PRId64 " published, %" PRId64 " not queued\n",
+            " explained by the machine), %" PRId64 " overruns; %" PRId64 " published messages, %" PRId64
+            " records not queued\n",
             a->ticks, a->missed, kn_sentinel_judge(c->exchange->sentinel, INT64_MAX), a->overruns,
             c->exchange->publisher.published, a->unpublished);
     const kn_sentinel *s = c->exchange->sentinel;
     fprintf(out,
-            "kneadd: woken 1 ms late or more %" PRId64 " times (%" PRId64 " explained), 0.5 ms %" PRId64 " (%" PRId64
-            "); its sentinel %" PRId64 " and %" PRId64 " times in %" PRId64 " wakes\n",
+            "kneadd: woken 1 ms late or more %" PRId64 " times (stalls explain %" PRId64
+            "), 0.5 ms late or more %" PRId64 " times (%" PRId64 "); the sentinel so late %" PRId64 " and %" PRId64
+            " times in %" PRId64 " wakes\n",
             s->whole.count, s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
     fprintf(out, "kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)
@@ -350,21 +358,22 @@ static void tell_summary(kn_health_check *c, FILE *out)
     const kn_audit_news *audit = c->loop->audit ? kn_audit_read(c->loop->audit) : NULL;
     if (audit && audit->windows)
         fprintf(out,
-                "kneadd: %" PRId64 " s audited, energy created in %" PRId64 " of them, %.3g mJ at most; at last %.3g mJ"
-                " stored of %.3g mJ of work\n",
+                "kneadd: energy audited for %" PRId64 " s, created in %" PRId64 " of them, %.3g mJ at most; at the end "
+                "%.3g mJ stored of %.3g mJ of work\n",
                 audit->windows, audit->created, 1e3 * audit->most_j, 1e3 * kn_energy_sum(&audit->stored),
                 1e3 * audit->work_j);
     const kn_keeper *k = c->keeper;
     if (k->store.dir >= 0)
         fprintf(out,
-                "kneadd: %" PRId64 " snapshots, the last generation %" PRId64 ", %.1f ms at most; %" PRId64 " errors\n",
+                "kneadd: %" PRId64 " snapshots saved, the last with generation %" PRId64
+                ", each in %.1f ms at most; %" PRId64 " saves failed\n",
                 k->saves, k->store.generation, 1e-3 * (double)k->most_us, k->errors);
     if (c->exchange->trace->lost)
         fprintf(out, "kneadd: %" PRId64 " rows of the trace lost\n", c->exchange->trace->lost);
     if (c->loop->phase.driven)
         fprintf(out,
-                "kneadd: %" PRId64 " ticks with a tool to follow, in step with its poses in %" PRId64
-                ", held back for one in %" PRId64 "\n",
+                "kneadd: phase lock: %" PRId64 " ticks with a tool to follow, %" PRId64
+                " of them in step with the tool's poses, %" PRId64 " held back for a late pose\n",
                 c->loop->phase.driven, c->loop->phase.followed, c->loop->phase.held);
 }
 

@@ -1,8 +1,9 @@
 #ifndef KN_SERVER_HEALTH_REPORT_H
 #define KN_SERVER_HEALTH_REPORT_H
-// Reports of the health of the server, gathered from the counters of its modules: status_t and health_t, as published on
-// KNEAD_STATUS and KNEAD_HEALTH and as printed by `knead ctl status`; and the lines of kneadd on stdout and stderr. Not
-// real-time safe; no call but kn_health_report_end blocks, which waits for a circuit to catch up.
+// Reports of the health of the server, gathered from the counters of its modules. The messages status_t and health_t
+// are published on KNEAD_STATUS and KNEAD_HEALTH, and `knead ctl status` prints them. Other reports are the lines of
+// kneadd on stdout and stderr. Not real-time safe. Only kn_health_report_end may block: it waits for a circuit to catch
+// up.
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "server/exchange.h"
@@ -25,36 +26,38 @@ typedef struct kn_health_check {
     const kn_rt *rt;
     const kn_bus *bus, *mesh_bus;
     int fd;           // socket of the bus; the kernel counts the datagrams that it drops
-    bool estopped;    // an emergency stop is in force from the first tick on
-    bool has_control; // there is a control socket
-    int64_t rest_ns;  // time of a tick while nothing touches the object, ns
+    bool estopped;    // true: an emergency stop is in force from the first tick on
+    bool has_control; // true: kneadd has a control socket
+    int64_t rest_ns;  // duration of a tick while nothing touches the object, ns
     int64_t start_ns;
-    // Private to the main thread.
+    // The fields up to refusals_told are used by the main thread only.
     uint32_t drops_seen; // last value of the kernel's counter of dropped datagrams, which wraps at 2^32
     int64_t kernel_drops;
     int32_t service_errors; // ERROR_* bits of the disk and the circuit since the last fault
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
-    unsigned refusals_told; // reasons of rejected poses that have been reported, one bit per kn_pose_verdict
-    // Private to the mesh thread: what its lines have reported so far. tick_told begins at -1, quality_told at the
-    // scene's quality.
+    unsigned refusals_told; // reasons of rejection that have been reported, one bit per kn_pose_verdict
+    // The fields below are used by the mesh thread only: the values that its lines have reported so far. tick_told
+    // begins at -1, quality_told at the scene's quality.
     int64_t tick_told, unpublished_told, missed_told, created_told;
     kn_quality quality_told;
     bool exhausted_told, lost_told;
 } kn_health_check;
 
-// Fill in everything but force. Called by the main thread, as are the next two functions.
+// Fill in all fields of `health` but `force`. The main thread calls kn_health_now, kn_health_publication and
+// kn_health_report_refusals.
 void kn_health_now(kn_health_check *c, kn_health *health);
-// Fill in everything but force, for publication. current_errors are the errors since the last call of this function, so
-// that each error is published once.
+// Fill in all fields of `health` but `force`, for the published messages. status.current_errors holds the errors since
+// the last call of this function, so that each error is published once.
 void kn_health_publication(kn_health_check *c, kn_health *health);
-// Print each reason for which every message of a sender is refused. Each reason is reported once.
+// Report rejected messages with a reason that usually concerns all messages of a sender: peer, mac, replayed, clock,
+// type. Each reason is reported once.
 void kn_health_report_refusals(kn_health_check *c);
 
 // Print what is being served, and everything that prevents real-time operation, accuracy or authentication.
 void kn_health_report_start(kn_health_check *c);
-// Print what the real-time threads have counted, and report to the systemd watchdog of kneadd.service. The mesh thread
-// calls this once a second.
+// Print what the servo and the sentinel have counted, and report to the systemd watchdog of kneadd.service. The mesh
+// thread calls this function once a second.
 void kn_health_report_second(kn_health_check *c);
 // Print the totals of the run, when all threads have ended.
 void kn_health_report_end(kn_health_check *c);

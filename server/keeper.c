@@ -29,7 +29,7 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
     pthread_mutex_init(&k->answering, NULL);
     int code = directory ? kn_store_open(&k->store, directory, scene, model, error, error_size) : 0;
     if (code != 0) return code;
-    // All memory is allocated here: two slots and the snapshot to restore.
+    // Allocate all memory now: the undo points, two slots and the snapshot to restore.
     bool fits = kn_undo_init(&k->undo, model);
     kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
     for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_keep(model)) != NULL;
@@ -53,7 +53,8 @@ void kn_keeper_close(kn_keeper *keeper)
 static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
 {
     kn_state_copy(k->model, slot->saved.state,
-                  // the state of a changed model has the same layout
+                  // k->model describes this state also after a scene change, because the changed model has the same
+                  // layout
                   servo->backend->state(servo->backend->self));
     slot->saved.servo = *servo;
     k->last_hash = servo->scene->text_hash;
@@ -70,14 +71,14 @@ static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now
     return k->last_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last, KN_KEEPER_MOVED_M);
 }
 
-// Note that the object still equals the last copy. If this copy has been saved, the file equals the object as of now.
+// The object still equals the last copy. If this copy has been saved, the newest file equals the object now.
 static void confirm(kn_keeper *k, int64_t now_ns)
 {
     if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
 }
 
-// Return true while a new force limit takes effect only after a force has faded. A snapshot file cannot hold such a
-// pending limit, so no copy is made meanwhile.
+// Return true while a new force limit is pending, because it takes effect only when a force has faded. A snapshot file
+// cannot hold a pending limit, so no copy is made meanwhile.
 static bool relimiting(const kn_servo *servo)
 {
     bool any = false;
@@ -97,15 +98,16 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     k->looked = number;
     kn_kept *slot = &k->slot[!k->last];
     const kn_state *now = servo->backend->state(servo->backend->self);
-    // Return unless something is due and can be copied: a slot is free and the state is good.
+    // Return unless a copy is due or requested, and can be made: a slot is free, the state is finite, and no force
+    // limit is pending.
     if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
-    // Copy if a snapshot was asked for, the last save failed, or the object has moved.
+    // Copy if a snapshot was requested, the last save failed, or the object has moved.
     k->due = false;
     if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, servo, now)) {
         confirm(k, wake->now_ns);
         return;
     }
-    // Fill the free slot and hand it to the thread.
+    // Fill the free slot and hand it to the keeper thread.
     copy_to(k, slot, servo, wake->tick, utime);
     slot->now_ns = wake->now_ns;
     slot->asked = k->asked_served = asked;
@@ -115,8 +117,8 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
 
 // --- the thread -----------------------------------------------------------------------------------------------------
 
-// Print an error message at most once per second. Each message gives the number of saves that failed since the message
-// before, so that all messages together report every error.
+// Print an error message, but not the same message twice within a second. Each message gives the number of saves that
+// failed since the previous message, so that all messages together report every failure.
 static void complain(kn_keeper *k, const char *why, int64_t now_ns)
 {
     k->untold++;
@@ -158,7 +160,7 @@ static bool save(kn_keeper *k, kn_saved *saved, bool stays, kn_answer *answer)
     return answer->ok;
 }
 
-// Save a slot, answer the operator who asked for it, and free it.
+// Save the copy in a slot, answer the operator who requested the copy, and free the slot.
 static void serve(kn_keeper *k, kn_kept *slot)
 {
     kn_answer answer;
@@ -251,7 +253,7 @@ static void write_age(double age_s, char *text, size_t size)
     else snprintf(text, size, "%.0f days", age_s / 86400);
 }
 
-// Load the newest snapshot that fits, and print a line for each that does not.
+// Load the newest snapshot that fits, and print a line for each newer snapshot that does not fit.
 static bool load_newest(kn_keeper *k, char *name)
 {
     char why[200], *told = NULL;
@@ -264,7 +266,7 @@ static bool load_newest(kn_keeper *k, char *name)
     return fits;
 }
 
-// Order the next tick to restore the snapshot in k->incoming, and keep its file.
+// Order the next tick to restore the snapshot in k->incoming, and keep the snapshot's file.
 static void order_restore(kn_keeper *k, kn_orders *orders)
 {
     orders->restore = &k->incoming;
@@ -301,7 +303,7 @@ void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders)
 
 // --- the operator's side --------------------------------------------------------------------------------------------
 
-// Return an answer that is not ok, with an error.
+// Return the answer to a request that failed, with the reason.
 static kn_answer refusal(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static kn_answer refusal(const char *format, ...)
 {
@@ -320,7 +322,8 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
     kn_keeper *k = keeper;
     if (k->store.dir < 0)
         return refusal("snapshot: there is no directory of snapshots, expected kneadd --state-dir DIR");
-    // request into its answer.
+    // Give the request a number. The servo makes a copy for it, and the keeper thread saves the copy and stores the
+    // answer.
     int64_t number = atomic_fetch_add(&k->asked, 1) + 1;
     for (int64_t end_ns = deadline(); kn_now_ns() < end_ns; rest()) {
         pthread_mutex_lock(&k->answering);
@@ -329,16 +332,18 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
         pthread_mutex_unlock(&k->answering);
         if (served) return answer;
     }
-    return refusal("snapshot: not saved within %d ms, but may be later: the disk is slow, or the object's state is not "
-                   "finite",
-                   KN_KEEPER_PATIENCE_MS);
+    return refusal(
+        "snapshot: not saved within %d ms, but it may be saved later: the disk is slow, or the object's state is not "
+        "finite",
+        KN_KEEPER_PATIENCE_MS);
 }
 
 bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size)
 {
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return true;
-    // Count the order and set its lowest bit in one step.
+    // In one atomic step, increase the number of orders in `marks`, and set its lowest bit to the new state of the
+    // emergency stop.
     int64_t before = atomic_load(&k->marks), marks;
     do marks = (((before >> 1) + 1) << 1) | estopped;
     while (!atomic_compare_exchange_weak(&k->marks, &before, marks));
@@ -371,7 +376,7 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene
     if (k->store.dir < 0)
         return refusal("restore: there is no directory of snapshots, expected kneadd --state-dir DIR");
     if (k->incoming_order && !kn_orders_obeyed(orders, k->incoming_order, &tick))
-        return refusal("restore: the restore before has not been done yet");
+        return refusal("restore: the previous restore has not been carried out yet");
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
     if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {

@@ -25,7 +25,8 @@
 // Longest wait for an answer, ms; after that time the disk or the servo is assumed to hang.
 #define KN_KEEPER_PATIENCE_MS 2000
 
-typedef struct kn_kept { // slot: memory for one copy of the object, which the servo fills and the keeper thread writes
+// Slot: memory for one copy of the object, which the servo fills and the keeper thread writes to a file.
+typedef struct kn_kept {
     kn_saved saved;
     int64_t now_ns; // time at which the copy was made (CLOCK_MONOTONIC, ns)
     int64_t asked;  // number of the kn_keeper_snapshot request that this copy answers
@@ -36,7 +37,7 @@ typedef struct kn_kept { // slot: memory for one copy of the object, which the s
 
 typedef struct kn_answer { // answer to an operator's snapshot, restore or undo
     bool ok;
-    int64_t generation;  // generation of the snapshot file; 0: the answer to an undo
+    int64_t generation;  // generation (number) of the snapshot file; 0: the answer to an undo
     int64_t tick;        // tick of the snapshot; for undo and restore, the tick that replaced the object
     uint64_t state_hash; // hash of the state that was saved or restored
     char error[200];     // reason of the failure, one line; set only if `ok` is false
@@ -50,11 +51,12 @@ typedef struct kn_keeper {
     int last; // index of the slot that holds the servo's last copy; used by the servo only
     // Text hash of the scene in the servo's last copy; kept here because the keeper thread changes the slot's own field
     uint64_t last_hash;
-    int64_t looked; // number of the last comparison of the object with its copy: tick / KN_KEEPER_TICKS
+    // Number of the interval of KN_KEEPER_TICKS ticks in which the object was last compared with its copy.
+    int64_t looked;
     int64_t asked_served;
     bool due;
     kn_saved incoming;      // snapshot that the next restore uses
-    int64_t incoming_order; // number of the loop order that restores `incoming`; 0: none
+    int64_t incoming_order; // number of the order (kn_orders_give) that restores `incoming`; 0: none
     _Atomic int64_t asked;  // number of snapshots that operators have requested
     atomic_bool again;      // true if the last save failed, so the object must be saved again
     // Last time at which the newest file equalled the object (CLOCK_MONOTONIC, ns); 0: no file.
@@ -64,22 +66,24 @@ typedef struct kn_keeper {
     pthread_mutex_t answering;  // lock between the keeper thread and the operator's thread for the fields below
     kn_answer answer;
     int64_t answered;
-    // 2 * number of orders to write or remove the emergency-stop mark, + 1 if the stop is now in force
+    // Lowest bit: 1 if the emergency stop is now in force. Upper bits: number of orders so far to write or remove the
+    // emergency-stop mark on disk.
     _Atomic int64_t marks;
     int64_t marked;     // last value of `marks` that the keeper thread has written to disk; guarded by `answering`
     char unmarked[200]; // reason why writing the emergency-stop mark failed; "" if it did not fail
     atomic_bool ending;
-    char told[200];          // last error message that was printed
-    int64_t told_ns, untold; // `told_ns`: time of that message; `untold`: number of errors since that message
+    char told[200]; // last error message that was printed
+    // `told_ns`: time at which `told` was printed; `untold`: number of failed saves since then.
+    int64_t told_ns, untold;
 } kn_keeper;
 
 // Open a keeper. If `directory` is NULL, nothing is saved, but undo works. Borrows `scene`, `model` and `directory`.
-// Return 0, or put one line in `error` and return an exit code.
+// Return 0 on success. Otherwise put one line in `error` and return an exit code.
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
                    size_t error_size);
-// A keeper that was never opened is allowed if all its fields are 0 and store.dir is -1.
+// Close a keeper. It may never have been opened, if all its fields are 0 and store.dir is -1.
 void kn_keeper_close(kn_keeper *keeper);
-size_t kn_keeper_bytes(const kn_model *model, bool saves); // return the memory that a keeper takes, bytes
+size_t kn_keeper_bytes(const kn_model *model, bool saves); // return the size of a keeper's memory, bytes
 
 // Give the servo its undo points, before its first tick. Order the first tick to restore the newest snapshot that fits
 // the scene. Print on stdout which snapshot is restored, and on stderr every newer snapshot that was refused.
@@ -87,8 +91,8 @@ void kn_keeper_start(kn_keeper *keeper, kn_servo *servo, kn_orders *orders);
 
 // Body of the keeper thread, needed only with a snapshot directory; returns after `ending` is set.
 void *kn_keeper_run(void *keeper);
-// Save the object at the end, when all threads have ended, unless the newest file already is that object. Return false
-// if it could not be saved.
+// Save the object at the end, when all threads have ended, unless the newest file already holds this object. Return
+// false if it could not be saved.
 bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
 
 // Leave a copy of the object for the keeper thread if a copy is due. Called by the servo after a tick, when its forces
@@ -105,12 +109,14 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
 int64_t kn_keeper_age_ms(const kn_keeper *keeper);
 
 // Return true if a copy of an object of this model still waits to be written to disk. Once the model is no longer
-// served and the function has returned false, it keeps returning false.
+// served and the answer was false, the answer stays false.
 bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
 
-// Functions for the operator's thread; each waits at most KN_KEEPER_PATIENCE_MS. `generation` 0: the newest snapshot.
+// The operator's thread calls kn_keeper_snapshot, kn_keeper_restore and kn_keeper_undo. Each of them waits at most
+// KN_KEEPER_PATIENCE_MS for its answer.
 kn_answer kn_keeper_snapshot(kn_keeper *keeper);
-// `scene` and `model`: the scene and the model being served now.
+// Restore the snapshot number `generation`; 0: the newest. `scene` and `model`: the scene and the model being served
+// now.
 kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene *scene, const kn_model *model,
                             int64_t generation);
 kn_answer kn_keeper_undo(kn_orders *orders);

@@ -19,29 +19,34 @@ static const char usage[] =
     "\n"
     "  --scene FILE      serve this scene, the object and its probes (YAML); knead check FILE shows its cost\n"
     "  --set KEY=VALUE   override a key of the scene, e.g. material.k1='300 gf/cm^3'; knead check --keys lists them\n"
-    "  --quality NAME    use this quality point of the scene: fast, balanced or accurate; own: none of them\n"
+    "  --quality NAME    use this quality point of the scene: fast, balanced, accurate or own (its solver settings)\n"
     "  --lcm-url URL     bus of poses, forces, status (default: LCM_DEFAULT_URL, else " KN_LCM_URL ")\n"
     "  --mesh-url URL    bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --realtime MODE   auto: take what the machine grants, report what is missing; require: exit 3 if any of it is\n"
-    "                    missing; off: ask for nothing (default: auto)\n"
+    "  --realtime MODE   auto: use the real-time priority and the locked memory that the machine grants, and report\n"
+    "                    what it refuses; require: exit 3 if it refuses any; off: request neither (default: auto)\n"
     "  --phase MODE      lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us;\n"
-    "                    free: ticks keep a grid of their own (default: lock)\n"
-    "  --backend WHERE   step the lattice there. cpu: as the scene says; fixed: in the integers of hdl's circuit;\n"
-    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0, shm:NAME: on that circuit, in\n"
-    "                    step with its twin here, which continues with the same bits if the circuit is lost\n"
-    "                    (default: cpu)\n"
-    "  --local-model     publish the contact of every tool as KNEAD_CONTACT_<probe>, for clients behind a slow link\n"
-    "  --touch           publish the touch of every tool as KNEAD_TOUCH_<probe>, for fingertip displays, at 250 Hz\n"
-    "  --control PATH    open a socket there for knead ctl: status, reset, snapshot, undo, set, load, estop ...\n"
-    "  --state-dir DIR   save the object there, at most every 0.5 s, and start with the last one that fits; an\n"
-    "                    emergency stop then outlasts a restart, too (default: save and restore nothing)\n"
-    "  --trace FILE      write a CSV row per tick: times of its pose's arrival, its wake, its step, its guarded force\n"
+    "                    free: ticks do not follow the poses (default: lock)\n"
+    "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, as the scene says;\n"
+    "                    fixed: the processor, in the integers of the circuit in hdl; uart:/dev/ttyUSB0?baud=3000000,\n"
+    "                    pty:PATH, pcie:0000:01:00.0, shm:NAME: that circuit, in step with its twin on the processor,\n"
+    "                    which continues with the same bits if the circuit is lost (default: cpu)\n"
+    "  --local-model     publish a local contact model of every tool as KNEAD_CONTACT_<probe>, for clients behind a\n"
+    "                    slow link\n"
+    "  --touch           publish touch patches of every tool as KNEAD_TOUCH_<probe>, 250 Hz, for fingertip displays\n"
+    "  --control PATH    open a control socket at PATH for knead ctl: status, reset, snapshot, undo, set, load, estop\n"
+    "                    and others\n"
+    "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the newest snapshot that fits;\n"
+    "                    an emergency stop then also outlasts a restart (default: save and restore nothing)\n"
+    "  --trace FILE      write a CSV row per tick and probe: when the pose arrived, the tick began, the lattice was\n"
+    "                    stepped and the force was ready\n"
     "  --key FILE        accept only poses signed with this key (64 hexadecimal digits, mode 0600); sign forces, too\n"
-    "  --lan IFACE       serve that network instead of this machine alone; needs --key or --peer, and URLs with ttl=1\n"
-    "  --peer ADDRESS    accept only poses from there (up to 16 times); no authentication: an address can be forged\n"
+    "  --lan IFACE       serve the network of this interface, not only this machine; needs --key or --peer, and URLs\n"
+    "                    with ttl=1\n"
+    "  --peer ADDRESS    accept poses from this address only; may be given up to 16 times; no authentication, because\n"
+    "                    an address can be forged\n"
     "  --help, --version\n"
     "\n"
-    "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit: 2 bad input, 3 the machine refuses.\n";
+    "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit codes: 2 bad input, 3 the machine refuses.\n";
 
 typedef struct options {
     kn_daemon_def def;
@@ -128,7 +133,7 @@ int main(int argc, char **argv)
     const char **sets = calloc(2 * (size_t)argc, sizeof *sets);
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
-    // Evaluate both: fflush alone does not report an earlier error.
+    // Evaluate both fflush and ferror (hence | and not ||), because fflush alone does not report an earlier error.
     if (!(fflush(stdout) | ferror(stdout)) && kn_console_complete(STDOUT_FILENO)) return code;
     kn_console_err("kneadd: standard output could not be written completely");
     return code ? code : 3;

@@ -73,7 +73,7 @@ static bool fetch(kn_log *log, kn_log_record *r)
     size_t got = fread(h, 1, sizeof h, log->file);
     if (got >= 4 && kn_bytes_32(h) != MAGIC) return damaged(log, "not a record of an LCM event log");
     if (got < HEADER_SIZE) return damaged(log, "cut within a record");
-    // Check the sizes before they are used.
+    // Check the lengths of channel name and data before they are used.
     int64_t channel = (int32_t)kn_bytes_32(h + 20), data = (int32_t)kn_bytes_32(h + 24);
     if (channel < 1 || channel > CHANNEL_MAX) return damaged(log, "channel name of a length that LCM does not allow");
     if (data < 0 || data > DATA_MAX) return damaged(log, "message of a size that LCM does not allow");
@@ -124,7 +124,7 @@ static kn_log_kind read_event(kn_log_record *r)
     return sane ? KN_LOG_EVENT : KN_LOG_MALFORMED;
 }
 
-// Decode a scene. Its counts are checked first, because the decoder trusts them.
+// Decode a scene message. First check the lengths in the message, because the generated decoder trusts them.
 static kn_log_kind read_scene(kn_log *log, kn_log_record *r)
 {
     if (!kn_wire_scene_fits(r->data, r->size)) return KN_LOG_MALFORMED;
@@ -188,8 +188,8 @@ static bool keep_event(kn_log_summary *s, const knead_event_t *e)
     return true;
 }
 
-// Keep the text of another scene, but only once, because kneadd repeats it every second. Return false when memory is
-// short.
+// Keep the text of a later scene. Keep each text only once, because kneadd publishes its scene every second. Return
+// false when memory is short.
 static bool keep_other(kn_log_summary *s, const knead_scene_t *told)
 {
     for (size_t i = 0; i < s->other_count; i++)
@@ -218,7 +218,7 @@ int64_t kn_log_missed(const knead_event_t *e)
     return (int64_t)fmin(e->arg[0], fmin((double)e->tick, INT32_MAX));
 }
 
-// Return the longest span that the number of records so far allows, ms.
+// Return the longest time that a log with the records read so far may span, ms.
 static int64_t span_ms(const kn_log_summary *s) { return KN_LOG_PAUSE_MS + KN_LOG_RECORD_MS * s->own_records; }
 
 // Record the tick number of a force or an event. Return NULL, or the reason why the replay must end before this record.
@@ -229,7 +229,7 @@ static const char *see_tick(kn_log_summary *s, int64_t tick, int64_t missed, int
         s->before_tick = tick - 1;
         s->origin_utime = utime - 1000 * tick;
     }
-    // records of the first tick tell which tick ran before it
+    // the records of the first tick tell how many cycles were missed before this tick, and so which tick ran before
     if (missed > KN_LOG_PAUSE_MS) missed = KN_LOG_PAUSE_MS;
     if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
     if (tick - s->first_tick > span_ms(s)) return "more than an hour without records";
@@ -247,12 +247,12 @@ static void keep_probe(kn_log_summary *s, const char *name)
     }
 }
 
-// Find the settings in force where the log begins. The first event that records a setting determines its value: the
-// server's start, a change of the setting, or a checkpoint, which repeats all settings.
+// Find the deadline, the overload and the quality that were in force where the log begins. Each is determined by the
+// first event that records it: the server's start, a change, or a checkpoint, which records all three.
 static void see_stood(kn_log_initial *s, const knead_event_t *e)
 {
     const bool start = e->kind == KNEAD_EVENT_T_KIND_START, all = start || e->kind == KNEAD_EVENT_T_KIND_CHECKPOINT;
-    // a change event implies the value before the change; a checkpoint gives the value in force
+    // a change event gives the value from before the change; a checkpoint gives the value in force
     if (!s->deadline_told && (all || e->kind == KNEAD_EVENT_T_KIND_DEADLINE)) {
         const double units = start ? 0 : e->arg[all ? 5 : 1];
         s->deadline_told = true;
@@ -271,13 +271,14 @@ static void see_stood(kn_log_initial *s, const knead_event_t *e)
     }
 }
 
-// Enter a record into the summary. Return NULL, or the reason why the part that can be replayed ends before this record.
+// Enter a record into the summary. Return NULL, or the reason why the part that can be replayed ends before this
+// record.
 static const char *note(kn_log_summary *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    // Check the times of the log only until the first tick. A log with ticks is replayed by its ticks, whatever the
-    // clock showed, because a machine that was suspended ran no ticks.
+    // Check the log times of the records only until the first tick. From then on the tick numbers count, because a
+    // suspended machine runs no ticks while its clock goes on.
     if (first && s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
         return "more than an hour without records";
     s->own_records += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||
@@ -326,7 +327,7 @@ bool kn_log_summarise(kn_log_summary *summary, const char *path, char *error, si
     *s = (kn_log_summary){0};
     if (!kn_log_open(&log, path, error, error_size)) return false;
     s->first_tick = s->last_tick = s->first_force_tick = s->first_pose_utime = -1;
-    // read until the log ends, or a record does not belong to one run of a server
+    // read until the log ends, or until a record that does not belong to the same run of the server
     for (int64_t at = 0; kn_log_read(&log, &record) != KN_LOG_END; at = log.offset) {
         const char *ends = note(s, &record);
         if (ends) {
@@ -341,8 +342,9 @@ bool kn_log_summarise(kn_log_summary *summary, const char *path, char *error, si
     if (log.damage[0]) snprintf(s->damage, sizeof s->damage, "%s", log.damage);
     kn_log_close(&log);
     if (s->forces > 0 || s->first_pose_utime >= 0) return true;
-    return kn_refuse(error, error_size, "%s: %s%sholds no poses and no forces (%lld records), expected those of a hand",
-                     path, s->damage, s->damage[0] ? "; " : "", (long long)s->records);
+    return kn_refuse(error, error_size,
+                     "%s: %s%sholds no poses and no forces (%lld records), expected the log of a session", path,
+                     s->damage, s->damage[0] ? "; " : "", (long long)s->records);
 }
 
 void kn_log_summary_free(kn_log_summary *summary)

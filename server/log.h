@@ -33,7 +33,7 @@ typedef enum kn_log_kind {
     KN_LOG_MALFORMED // a record on the channel of a pose, force, event or scene, with invalid bytes
 } kn_log_kind;
 
-typedef struct kn_log_record { // valid until the next read
+typedef struct kn_log_record { // one record of a log; its pointers are valid until the next read
     kn_log_kind kind;
     int64_t utime; // time at which the record was logged, us, 0 .. KN_LOG_UTIME_MAX
     const char *channel;
@@ -60,9 +60,9 @@ typedef struct kn_log {
 
 // Open a log. On failure return false and put one line in error.
 bool kn_log_open(kn_log *log, const char *path, char *error, size_t error_size);
-// Read the next record. Its strings and data stay valid until the next read.
+// Read the next record. The record's strings and data stay valid until the next read.
 kn_log_kind kn_log_read(kn_log *log, kn_log_record *record);
-// Close the log. A zeroed log is fine.
+// Close the log. A log whose fields are all 0 is allowed.
 void kn_log_close(kn_log *log);
 
 // Append one record to a log that liblcm writes: lcm_eventlog_create(path, "w"), this function, lcm_eventlog_destroy.
@@ -72,15 +72,18 @@ bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void
 // --- summary ---
 //
 // The summary of a log is collected by reading the log once from beginning to end: scenes, events, probes with forces,
-// and the range of ticks. It also gives the end of the part that one run of a server recorded without damage. log_replay.h
-// replays that part in a second reading.
+// and the range of ticks. It also gives the end of the part that one run of a server recorded without damage.
+// log_replay.h replays this part when it reads the log a second time.
 
-// kneadd records a checkpoint every second, so the number of records limits the span of a log. This limit prevents a
-// few records with a very large tick number from making a replay run for ever.
+// Limits of the time that a log may span. kneadd records a checkpoint every second, so a genuine log has at least one
+// record per second. Without limits, a few forged records with very large tick numbers could make a replay run for
+// ever.
 #define KN_LOG_RECORD_MS 1000 // time span that each record allows a log, both in ticks and in log time, ms
-// Additional time span for all pauses together (missed cycles, a wall clock that was set), ms.
+// Time that a log may span in addition to KN_LOG_RECORD_MS per record, for all its pauses together (missed cycles, a
+// wall clock that was set), ms.
 #define KN_LOG_PAUSE_MS 3600000
-// Part of KN_LOG_PAUSE_MS allowed for ticks that a replay runs although their records were lost, ms.
+// Largest number of ticks that a replay runs although their records were lost, in addition to KN_LOG_RECORD_MS for each
+// record, ms.
 #define KN_LOG_LOST_MS 60000
 
 typedef struct kn_log_scene {
@@ -88,8 +91,8 @@ typedef struct kn_log_scene {
     char *text;
 } kn_log_scene;
 
-// Settings of the server that were in force when its log begins. A setting that the log does not record has the value
-// that it has at a server's start.
+// Deadline, overload and quality of the server when its log begins. A value that the log does not record is that of a
+// server's start.
 typedef struct kn_log_initial {
     bool deadline_told, overload_told, quality_told;
     int64_t deadline; // largest number of units of work (core/solve/step_effort.h) per step; 0: no limit
@@ -98,19 +101,20 @@ typedef struct kn_log_initial {
 } kn_log_initial;
 
 typedef struct kn_log_summary {
-    knead_event_t *events; // [event_count], in the order of the log
+    knead_event_t *events; // [event_count] events, in the order of the log
     size_t event_count, event_capacity;
     char *scene_name, *scene_text; // name and text of the first scene in the log; NULL: none
     uint64_t scene_hash;
     kn_log_scene *others; // [other_count] later scenes, which result from settings made at run time
     size_t other_count;
     int64_t forces, records, malformed;
-    int64_t own_records;                             // number of poses, forces, events and scenes among the records
-    char force_probe[KN_PROBES_MAX][64];             // names of the probes for which the log holds forces
-    int64_t first_tick, last_tick, first_force_tick; // numbers of ticks; -1: none
+    int64_t own_records;                 // number of poses, forces, events and scenes among the records
+    char force_probe[KN_PROBES_MAX][64]; // names of the probes for which the log holds forces
+    // First and last tick number of all records; first tick number of a force; -1: none.
+    int64_t first_tick, last_tick, first_force_tick;
     int64_t before_tick; // last tick that ran before first_tick; equals first_tick - 1 unless cycles were missed
-    // Log times, us. first_pose_utime: -1 if there is no pose. origin_utime: time of tick 0, extrapolated from
-    // first_tick.
+    // Log times, us: of the first and the last record; of the first pose (-1: no pose); of tick 0, extrapolated from
+    // first_tick (origin_utime).
     int64_t first_utime, last_utime, first_pose_utime, origin_utime;
     bool started;     // true if the log begins with the server's start
     bool undoes;      // true if the log contains an undo
@@ -120,11 +124,12 @@ typedef struct kn_log_summary {
     char damage[160];   // damage found in the file, "" if none; the summary covers the part before the damage
 } kn_log_summary;
 
-// Return the number of cycles missed just before the event's tick if only this checkpoint reports them, else 0.
+// Return how many cycles were missed just before the tick of a checkpoint that reports missed cycles. Return 0 for
+// every other event.
 int64_t kn_log_missed(const knead_event_t *e);
 
-// Summarise a log. If the log cannot be read, or holds neither poses nor forces, return false and put one line in error.
-// Free the summary in both cases.
+// Summarise a log. If the log cannot be read, or holds neither poses nor forces, return false and put one line in
+// error. The caller frees the summary in both cases.
 bool kn_log_summarise(kn_log_summary *summary, const char *path, char *error, size_t error_size);
 void kn_log_summary_free(kn_log_summary *summary); // a zeroed summary is allowed
 

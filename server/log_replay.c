@@ -18,14 +18,14 @@
 // the log
 #define POSES 4096
 
-typedef struct kn_replay_private { // reader of the log; named `v` in the functions below
+typedef struct kn_replay_private { // internal data of a replay; named `v` in the functions below
     kn_log log;
     kn_log_record record;
     bool held; // true if `record` was read ahead and is not used yet
     kn_receiver receiver;
     kn_pose *poses[KN_PROBES_MAX]; // [POSES] remembered poses; pose number seq is at index seq % POSES
 
-    kn_log_summary found; // result of the first reading of the log
+    kn_log_summary found; // summary of the log, made by the first reading
     size_t next_event;    // index in found.events of the next event to apply
     // `change`: latest change that a tick applied; `next`: change that the next tick applies; NULL: none
     kn_scene_change *change, *next;
@@ -35,14 +35,14 @@ typedef struct kn_replay_private { // reader of the log; named `v` in the functi
     kn_saved saved; // snapshot that was read last
     kn_undo undo;
 
-    // Forces of one tick:
+    // Forces that the log holds for the tick group_tick:
     knead_contact_force_t force[KN_PROBES_MAX];
-    bool has[KN_PROBES_MAX]; // true if the log has a force of probe p for this tick
+    bool has[KN_PROBES_MAX]; // true if the log has a force of probe p for the tick group_tick
     bool grouped;            // true if all forces of the tick group_tick have been read
     int64_t group_tick;
 
     int64_t tick;   // number of the last tick executed, -1: none
-    int64_t untold; // number of ticks without a record that were executed, or counted in advance by afford()
+    int64_t untold; // number of ticks without a record that were run so far, or counted in advance by afford()
     bool live[KN_PROBES_MAX];
     // `touched`: a session has begun; `resting`: no session has begun and the object does not move
     bool touched, resting;
@@ -66,7 +66,8 @@ static bool look_through(kn_replay *r, const kn_replay_def *def, char *error, si
     return found;
 }
 
-// Parse the scene: the named file, or the text in the log. Decide whether the replay is exact (`same`).
+// Parse the scene: the file scene_path, or without scene_path the text in the log. Set r->same if the replay must give
+// the log's numbers exactly.
 static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -74,7 +75,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     r->logged_text = v->found.scene_text;
     if (def->scene_path) r->scene = kn_scene_load(def->scene_path, def->sets, def->set_count, error, error_size);
     else if (!v->found.scene_text)
-        snprintf(error, error_size, "%s: has no KNEAD_SCENE record, expected the name of a scene, too", def->log_path);
+        snprintf(error, error_size, "%s: has no KNEAD_SCENE record, expected a scene file in addition", def->log_path);
     else
         r->scene = kn_scene_parse_beside(def->log_path, v->found.scene_name, v->found.scene_text,
                                          strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
@@ -83,8 +84,8 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
     // refuse a scene other than the log's, unless settings show that the difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path)
-        return kn_refuse(error, error_size, "%s: this version of knead reads its scene '%s' differently", def->log_path,
-                         v->found.scene_name);
+        return kn_refuse(error, error_size, "%s: this version of knead reads the log's scene '%s' differently",
+                         def->log_path, v->found.scene_name);
     return kn_refuse(error, error_size,
                      "%s: the log was recorded with another scene, '%s': leave the scene out, or give the intended "
                      "difference with --set, --quality, --solver, --precision or --dt",
@@ -119,7 +120,8 @@ static int probe_of(const kn_replay *r, const char *name)
     return -1;
 }
 
-// If the scene is not the log's, check that it has the log's probes. Otherwise their forces would count as malformed.
+// If the scene is not the log's, check that the scene has every probe whose forces the log holds. Otherwise the forces
+// of a missing probe would count as malformed records.
 static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     const char *set = NULL;
@@ -144,14 +146,15 @@ static bool of_the_run(void *replay, const kn_saved *saved)
     if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.before_tick ||
         saved->tick >= v->found.last_tick)
         return false;
-    // Compare tick number and wall clock with a tolerance, because ticks that follow poses may run 0.2 % fast or slow,
-    // and the logger's clock may be set.
+    // Compare the snapshot's wall clock with the time that the log gives for its tick. Allow a difference, because
+    // ticks that follow poses may run 0.2 % fast or slow, and the logger's clock may be set.
     double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
     double apart_us = (double)(saved->utime - v->found.origin_utime) - 1e3 * (double)saved->tick;
     return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
 }
 
-// Continue from the snapshot that was read last: object, servo and the sessions that were open.
+// Load object, servo and open sessions from the snapshot in v->saved, and continue the replay after the snapshot's
+// tick.
 static void resume(kn_replay *r)
 {
     reading *v = r->private;
@@ -183,7 +186,8 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
     char why[200] = "no such snapshot";
     for (size_t i = 0; i < v->found.event_count && v->found.restores > 0; i++) {
         const knead_event_t *e = &v->found.events[i];
-        // stop at a change of settings, because later states belong to another model and are searched for when needed
+        // stop at the first change of settings, because later snapshots belong to another model; apply_restore()
+        // searches for them when they are needed
         if (e->kind == KNEAD_EVENT_T_KIND_SET) break;
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
@@ -199,7 +203,7 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
     return true;
 }
 
-// Allocate what undos and snapshots need.
+// Allocate memory for undo points and snapshots.
 static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *error, size_t error_size)
 {
     reading *v = r->private;
@@ -221,7 +225,8 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     char why[200];
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged))
-        return kn_refuse(error, error_size, "%s: --snapshot needs a log with forces, and its own scene and computation",
+        return kn_refuse(error, error_size,
+                         "%s: --snapshot needs a log with forces, replayed with the log's own scene and computation",
                          def->log_path);
     if (wanted && kn_store_browse(def->snapshot_path, r->scene, r->model, &v->saved, of_the_run, r, why, sizeof why)) {
         resume(r);
@@ -251,19 +256,21 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     return true;
 }
 
-// Take the deadline of steps from the log. A replay that does not reproduce the log (same is false) runs without one.
+// Take the deadline of steps (largest number of units of work) from an event of the log. A replay that need not give
+// the log's numbers (same is false) runs without a deadline.
 static void apply_deadline(const kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     if (r->same && e->arg[0] >= 1 && e->arg[0] < 0x1p53) in->deadline = (int64_t)e->arg[0];
 }
 
-// Take over the deadline, overload and quality that were in force where the replay begins, in mid-run or at a snapshot.
+// Set deadline, overload and quality to the values in force where the replay begins: at the beginning of a log that
+// begins in mid-run, or at a snapshot.
 static void stand(kn_replay *r, const kn_log_summary *found)
 {
     const kn_log_initial *initial = &found->initial;
     r->servo.deadline = initial->deadline;
     r->servo.overloaded = initial->overloaded;
-    // a snapshot holds neither deadline nor overload: apply the events up to its tick
+    // a snapshot holds neither deadline nor overload, so apply the log's events up to the snapshot's tick
     for (size_t i = 0; i < found->event_count && found->events[i].tick <= r->resumed_tick; i++) {
         const knead_event_t *e = &found->events[i];
         kn_tick_in then = {0};
@@ -271,7 +278,7 @@ static void stand(kn_replay *r, const kn_log_summary *found)
         if (then.deadline > 0) r->servo.deadline = then.deadline;
         if (e->kind == KNEAD_EVENT_T_KIND_OVERLOAD) r->servo.overloaded = e->arg[0] != 0;
     }
-    // a snapshot holds the quality itself
+    // a snapshot holds the quality, so set the quality only if the replay does not begin at a snapshot
     if (!initial->quality_told || r->resumed_tick >= 0 || !r->scene->point[initial->quality].live) return;
     r->servo.quality = initial->quality;
     r->servo.asked = initial->asked;
@@ -344,8 +351,8 @@ const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
 
 // ---- second reading: tick by tick
 
-// Read the next record of the part that is replayed, unless a record read ahead is not used yet. Return false at the
-// end.
+// Read the next record into v->record, unless v->record was read ahead and is not used yet. Return false at the end of
+// the part that can be replayed.
 static bool next_record(reading *v)
 {
     if (v->held) return true;
@@ -367,8 +374,8 @@ static kn_datagram datagram_of(const kn_log_record *record)
     return d;
 }
 
-// Remember a pose of a log with forces. The daemon has already judged the pose, so check only that the bytes are a
-// pose.
+// Remember a pose from a log that also holds forces. The recorded server has already judged this pose, so check only
+// that the bytes are a pose.
 static void remember_pose(kn_replay *r)
 {
     reading *v = r->private;
@@ -412,7 +419,7 @@ static void gather(kn_replay *r)
     }
 }
 
-// Return the cycles skipped just before a tick, as told by the tick's forces or else by its checkpoint.
+// Return the number of cycles skipped just before a tick. The tick's forces tell this number, or else its checkpoint.
 static int32_t missed_before(const reading *v, int64_t tick)
 {
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
@@ -423,9 +430,9 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
-// Count one tick without a record, and check that the log allows `more` that follow. Return false if the log has too
-// few records for so many ticks; the replay then ends here. This check bounds the time that a damaged or forged log may
-// take.
+// Count one tick without a record, and check that `more` further ticks without a record may follow. Return false if the
+// log has too few records for so many ticks; the replay then ends. This check bounds the time that a damaged or forged
+// log may take.
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;
@@ -449,20 +456,20 @@ static bool choose_tick(kn_replay *r, kn_tick_in *in)
     reading *v = r->private;
     gather(r);
     while (v->next_event < v->found.event_count && v->found.events[v->next_event].tick <= v->tick) v->next_event++;
-    // the next tick that is known to have run: the next one with a force or an event
+    // number of the next tick that is known to have run, because the log holds a force or an event of it
     bool event = v->next_event < v->found.event_count;
     if (!v->grouped && !event) return false;
     int64_t known = v->grouped ? v->group_tick : v->found.events[v->next_event].tick;
     if (event && v->found.events[v->next_event].tick < known) known = v->found.events[v->next_event].tick;
     int32_t missed = missed_before(v, known);
 
-    // All ticks between two known ticks ran as well, so replay them. They can be left out only while an untouched
-    // object does not move.
+    // The ticks between two recorded ticks ran as well, so replay them. Leave them out only while the object is
+    // untouched and does not move.
     bool idle = v->tick >= 0 && v->tick + 1 + missed < known && !v->resting;
     in->tick = idle ? v->tick + 1 : known;
     in->missed = idle ? 0 : missed;
-    // Count a whole gap at its start. An object that nothing has touched may come to rest within the gap; in this case
-    // count tick by tick.
+    // At the first tick without a record, count all ticks of the gap at once. But if nothing has touched the object, it
+    // may come to rest within the gap, so count tick by tick.
     return !idle || afford(r, in->tick, v->touched ? known - missed - in->tick - 1 : 0);
 }
 
@@ -482,7 +489,7 @@ static void guess_pose(kn_replay *r, int p)
     if (next) *pose = *next;
 }
 
-// Take the pose that the tick's force record echoes.
+// Use the pose whose session and number the tick's force record echoes.
 static void take_pose(kn_replay *r, int p)
 {
     reading *v = r->private;
@@ -498,7 +505,7 @@ static void take_pose(kn_replay *r, int p)
     else if (!held) guess_pose(r, p);
 }
 
-// Repeat a change of the quality. A replay that does not reproduce the log (same is false) ignores the change.
+// Repeat a change of the quality. A replay that need not give the log's numbers (same is false) ignores the change.
 static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     double to = e->arg[1];
@@ -513,8 +520,7 @@ static void apply_quality(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
              (long long)e->tick);
 }
 
-// Repeat an undo or a restore. kn_replay_create has already seen the snapshot, but the file may have been removed
-// since.
+// Repeat an undo or a restore. kn_replay_create has found the snapshot, but the file may have been removed since then.
 static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     reading *v = r->private;
@@ -531,8 +537,8 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     }
 }
 
-// Repeat a setting: find the scene's text by its hash, and build the change with that text, overridden by this replay's
-// own sets.
+// Repeat a change of settings. Find the text of the new scene by its hash, override the text with the settings of this
+// replay, and build the change.
 static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     reading *v = r->private;
@@ -553,7 +559,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
         snprintf(why, sizeof why, "this version reads the scene differently");
         scene = NULL;
     }
-    // build the change; it replaces an earlier one that no tick has taken
+    // build the change; it replaces an earlier change that no tick has applied
     kn_scene_change *change =
         scene ? kn_scene_change_create(scene, r->servo.scene, r->servo.model, false, why, sizeof why) : NULL;
     if (change) {
@@ -628,7 +634,7 @@ static void run_tick(kn_replay *r)
         r->changes++;
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
-    r->same = false; // undo points from before the log are lost: no snapshot holds them
+    r->same = false; // the undo point is from before the log began, and no snapshot holds undo points
     snprintf(r->damage, sizeof r->damage, "an undo to a state before this log begins, at tick %lld",
              (long long)r->private->tick);
 }
@@ -678,8 +684,8 @@ static bool step_by_time(kn_replay *r)
     *in = (kn_tick_in){.tick = v->tick + 1};
     r->tick.utime = utime;
     r->tick.time_s = 1e-3 * (double)in->tick;
-    // A tick takes all records up to half a period after its own time. With this rule the jitter of a sender with the
-    // same period moves no pose to another tick.
+    // A tick takes all records up to half a period after its own time. So jitter of less than half a period moves no
+    // pose to another tick.
     int64_t until = r->tick.utime + 500;
     // count a tick that has no record in the log
     const int64_t next = next_record(v) ? v->record.utime : v->found.last_utime;
@@ -718,8 +724,8 @@ static bool step_by_time(kn_replay *r)
     return true;
 }
 
-// Count ticks in which a tool presses outside its allowed reach. A block of two resolutions has coarse cells outside
-// this region. A tool that touches nothing may be anywhere.
+// Count the ticks in which a tool presses the object outside the reach that the scene gives its probe. In a block of
+// two resolutions, the cells outside the reach are coarse. The position of a tool that touches nothing does not matter.
 static void look_outside(kn_replay *r)
 {
     double most_m = 1e-6; // ignore distances up to 1 um, which are rounding errors

@@ -38,8 +38,9 @@ typedef struct kn_replay_def { // arguments of kn_replay_create; the data behind
     // "key=value" settings that override the scene's, as --set does; if there are none, the log's settings apply.
     const char *const *sets;
     int set_count;
-    bool afresh;               // use the poses alone: do not reproduce the log's state hashes and qualities
-    const char *snapshot_path; // a snapshot, or a directory of them as kneadd --state-dir keeps; NULL: none
+    bool afresh; // true: take only the poses from the log, and do not reproduce its state hashes and qualities
+    // Path of a snapshot file, or of a directory of snapshots (kneadd --state-dir); NULL: none.
+    const char *snapshot_path;
     // URI of a circuit that steps the lattice without a time limit; NULL: the processor steps the lattice.
     const char *device;
     bool *device_failed; // set when kn_replay_create fails: true if the circuit is the reason; may be NULL
@@ -51,7 +52,7 @@ typedef struct kn_replay_tick { // input and result of the last tick that the re
     kn_pose pose[KN_PROBES_MAX];                        // poses to which in.pose points
     const knead_contact_force_t *logged[KN_PROBES_MAX]; // force of this tick in the log; NULL: none
     int64_t utime;                                      // log time of this tick, us
-    // Time since the first force, negative before it. In a log without forces: time since the first pose.
+    // Time of the tick since the first force, s; negative before it. In a log without forces: since the first pose.
     double time_s;
     // Elapsed time and CPU time that this replay took for the tick, ns; for information only.
     int64_t execution_ns, cpu_ns;
@@ -61,7 +62,7 @@ typedef struct kn_replay_tally { // counts of ticks and records, and of records 
     int64_t ticks;               // number of ticks executed so far
     int64_t ticks_total;         // number of ticks in the log, for a progress bar; an estimate if the log has no forces
     int64_t forces;              // number of force records used
-    // Number of recorded ticks without a force record, or whose pose is missing from the log.
+    // Number of gaps: a tick of a probe with a session that has no force record, or whose pose is missing from the log.
     int64_t gaps;
     int64_t first_gap;      // tick number of the first gap, -1: none
     int64_t malformed;      // number of records on Knead's channels with invalid content
@@ -69,9 +70,10 @@ typedef struct kn_replay_tally { // counts of ticks and records, and of records 
     int64_t checkpoints;    // number of state hashes in the log that were compared with the replay's
     int64_t mismatches;     // number of state hashes in the log that the replay did not reproduce
     int64_t first_mismatch; // tick number of the first mismatch, -1: none
-    // Block of two resolutions: number of ticks in which a tool pressed the object outside the tool's allowed region.
+    // Block of two resolutions: number of ticks in which a tool pressed the object outside the reach that the scene
+    // gives its probe.
     int64_t outside;
-    double outside_m;  // largest distance of a pressing tool from its allowed region, m
+    double outside_m;  // largest distance of a pressing tool from its probe's reach, m
     int outside_probe; // index of the probe with the distance outside_m
 } kn_replay_tally;
 
@@ -102,7 +104,7 @@ kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_
 // Run one tick. Return false at the end of the log; tick.out, tick.pose and tick.time_s then still hold the last tick.
 bool kn_replay_step(kn_replay *replay);
 
-// Return the present object and its model. A step that applies a setting may replace both.
+// Return the present state of the object, and its present model. A step that applies a setting may replace both.
 const kn_state *kn_replay_state(kn_replay *replay);
 const kn_model *kn_replay_model(const kn_replay *replay);
 // Return tick.time_s of the last tick in the log. If the log has no forces, the time is an estimate from

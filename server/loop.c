@@ -5,13 +5,13 @@
 #include <stddef.h>
 #include <string.h>
 
-// capacity of the record queue: half a second of ticks; the main thread is later than that only if the machine stops
+// capacity of the record queue: half a second of ticks; the main thread falls further behind only if the machine stops
 #define RECORDS 512
 
 // sleep between two checks for a late pose, ns; waking up from the sleep takes about as long
 static const int64_t look_ns = 15000;
-// Sleep after a tick that took longer than 1 ms. A thread that never sleeps takes the processor from all other threads,
-// the sentinel first, and the kernel ends the process by LimitRTTIME.
+// Sleep after a tick that took longer than 1 ms, ns. A thread that never sleeps takes the processor from all other
+// threads, the sentinel first, and the kernel ends the process by LimitRTTIME.
 static const int64_t breath_ns = 50000;
 
 bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, kn_backend *backend, kn_skin *skin,
@@ -73,13 +73,14 @@ typedef struct turn {
     int64_t orders; // total number of orders given so far
     kn_arrival arrival[KN_PROBES_MAX];
     kn_tick_record record;
-    bool published; // the record was queued for the main thread
-    bool last;      // the loop ends after this turn
+    bool published; // true: the record was queued for the main thread
+    bool last;      // true: the loop ends after this turn
 } turn;
 
 // --- read ---
 
-// Take the deadline of a change, unless it is 0. The counts of long steps of the old model do not apply to the new one.
+// Adopt the deadline (units of work per step) of a changed scene, unless it is 0. Reset the counts of slow and fast
+// steps, because they belong to the old model.
 static void take_deadline(kn_loop *loop, kn_tick_in *in)
 {
     if (in->change->deadline > 0) in->deadline = loop->deadline = loop->measured_deadline = in->change->deadline;
@@ -116,7 +117,7 @@ static void read_input(kn_loop *loop, turn *t)
 
 // --- publish ---
 
-// Continue with the audit and the budget of a change that the servo has adopted.
+// The servo has adopted a change of the scene. Continue with the energy audit and the time budget of the changed scene.
 static void adopt_change(kn_loop *loop, kn_scene_change *change)
 {
     if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
@@ -128,7 +129,7 @@ static void adopt_change(kn_loop *loop, kn_scene_change *change)
 // Adapt the deadline to the speed of the processor; see KN_LOOP_SLOW_STEPS in loop.h.
 static void adapt_deadline(kn_loop *loop, int64_t units)
 {
-    // A step that used less than half of its units says little about the time of a unit.
+    // A step that used less than half of its units of work says little about the time of a unit.
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
     const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
     loop->slow_steps = share > KN_LOOP_SLOW_SHARE ? loop->slow_steps + 1 : 0;
@@ -151,7 +152,8 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
 static void publish(kn_loop *loop, turn *t)
 {
     kn_tick_record *record = &t->record;
-    // End after the tick that has brought every gain to zero, or after KN_LOOP_STOP_TICKS.
+    // End the loop after the tick that has brought every gain to zero, or KN_LOOP_STOP_TICKS ticks after the stop was
+    // requested.
     if (!t->in.stop) loop->running_tick = t->wake->tick;
     t->last = record->out.stopped || t->wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
     record->utime = kn_stamp_us();
@@ -159,7 +161,7 @@ static void publish(kn_loop *loop, turn *t)
     record->execution_ns = loop->execution_ns = record->guarded_ns - t->wake->now_ns;
     adapt_deadline(loop, record->out.units);
     for (int p = 0; p < record->out.probes; p++) record->posted_ns[p] = t->arrival[p].arrived_ns;
-    // Leave out the contacts if nobody identifies local models.
+    // Queue the record without its contacts if the backend identifies no local contact models.
     size_t bytes = record->out.local ? sizeof *record : offsetof(kn_tick_record, out.contact);
     t->published = kn_ring_push_start(&loop->records, record, bytes);
     kn_orders_done(&loop->orders, t->orders, &t->in, &record->out);
@@ -169,11 +171,11 @@ static void publish(kn_loop *loop, turn *t)
 
 // --- jobs in the rest of the tick, while the main thread publishes the forces ---
 
-// Queue the touch patches, every KN_LOOP_TOUCH_TICKS ticks. A touch display tolerates more delay than a force on a hand.
-// The main thread is woken once more for the patches.
+// Queue the touch patches, every KN_LOOP_TOUCH_TICKS ticks. A touch display tolerates more delay than a force on a
+// hand. The main thread is woken once more for the patches.
 static void queue_touches(kn_loop *loop, const kn_tick_record *record)
 {
-    // Missed ticks may skip the tick of a patch, so compare quotients instead of testing the remainder.
+    // Missed cycles may skip the tick of a patch, so compare quotients instead of testing the remainder.
     int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
     if (tick / KN_LOOP_TOUCH_TICKS == before / KN_LOOP_TOUCH_TICKS) return;
     kn_backend *backend = loop->servo.backend;
@@ -218,7 +220,7 @@ static bool has_audit(const kn_loop *loop) { return loop->audit; }
 static bool has_keeper(const kn_loop *loop) { return loop->keeper; }
 static bool has_skin(const kn_loop *loop) { return loop->skin; }
 
-// The jobs in their order.
+// The jobs in the order in which they run. `when` returns whether a job is needed.
 static const struct after_job {
     bool (*when)(const kn_loop *loop);
     void (*run)(kn_loop *loop, const kn_tick_record *record);
@@ -236,7 +238,7 @@ static void run_after_jobs(kn_loop *loop, const kn_tick_record *record)
 
 // --- account ---
 
-// Move the grid towards the arrival of the poses (tick_timing.h).
+// Move the tick grid towards the arrival of the poses (tick_timing.h).
 static void follow_poses(kn_loop *loop, kn_arrival arrival[], const kn_wake *wake)
 {
     int probes = loop->servo.model->def.probe_count;

@@ -23,7 +23,7 @@
 #include "server/skin.h"
 #include "server/tick_timing.h"
 
-#define KN_LOOP_STOP_TICKS 100 // a stop ends the loop after this many ticks at the latest; forces fade within 20
+#define KN_LOOP_STOP_TICKS 100 // largest number of ticks from a stop to the end of the loop; forces fade within 20
 
 typedef struct kn_tick_record { // result and times of one tick, for the publisher
     kn_wake wake;
@@ -54,7 +54,7 @@ typedef struct kn_loop {
     kn_clock clock;
     kn_phase phase;
     bool free;                // true: the tick grid does not follow the poses (tick_timing.h); set before the start
-    _Atomic int64_t start_ns; // time of tick 0 on the clock's grid, for threads that follow the grid, ns
+    _Atomic int64_t start_ns; // time of tick 0 on the servo's grid, for threads that follow the grid (sentinel), ns
     kn_account account;
     kn_ring records; // queue of kn_tick_record; read by the main thread
     kn_ring touches; // queue of kn_touch_patch; read by the main thread; capacity 0: touch patches are not computed
@@ -66,18 +66,18 @@ typedef struct kn_loop {
     int64_t posted_ns[KN_PROBES_MAX]; // arrival time of the latest pose of each probe; used by the main thread only
     void (*notify)(void *arg);        // called after each tick to wake the main thread; must be real-time safe
     void *notify_arg;
-    atomic_bool stop;                   // set by any thread: forces ramp to zero, then the thread ends
-    kn_orders orders;                   // orders for the next tick
+    atomic_bool stop;                   // true: forces ramp to zero, then the thread ends; set by any thread
+    kn_orders orders;                   // an operator's orders for the next tick
     _Atomic(kn_scene_change *) changed; // latest change of the scene that a tick has applied; NULL: none
     atomic_bool done;                   // true when the loop has ended and its last record is in `records`
     int64_t execution_ns;               // duration of the last tick, ns
-    // Number of units of work (core/solve/step_effort.h) that a step may take from the first tick on; 0: no deadline; set before
-    // the start.
+    // Number of units of work (core/solve/step_effort.h) that a step may take from the first tick on; 0: no deadline;
+    // set before the start.
     int64_t deadline;
     // Deadline measured for the present model, at the start or when a change was built, units of work.
     int64_t measured_deadline;
-    // Numbers of consecutive long steps; `slow_steps`: with ticks above KN_LOOP_SLOW_SHARE of the budget; `fast_steps`: with ticks
-    // below KN_LOOP_FAST_SHARE of the budget.
+    // Consecutive long steps (see KN_LOOP_SLOW_STEPS). `slow_steps`: number of steps whose tick took more than
+    // KN_LOOP_SLOW_SHARE of the time budget; `fast_steps`: less than KN_LOOP_FAST_SHARE.
     int slow_steps, fast_steps;
     double slow_share;    // smallest fraction of the time budget that one of the `slow_steps` ticks took
     kn_busy busy;         // times at which the servo thread was busy in its latest ticks; the sentinel reads them
@@ -89,21 +89,22 @@ bool kn_loop_init(kn_loop *loop, const kn_scene *scene, const kn_model *model, k
                   kn_audit *audit);
 void kn_loop_free(kn_loop *loop);
 
-// Make the loop compute touch patches from the contacts and queue them in loop->touches. Call before the start. Return
-// false when memory is short.
+// Make the loop compute touch patches from the contacts and queue them in loop->touches. Call this function before the
+// loop starts. Return false when memory is short.
 bool kn_loop_touch(kn_loop *loop);
 
-// Put tick 0 at start_ns. Call before kn_loop_run, and before any thread reads loop->start_ns.
+// Set the time of tick 0 to start_ns (CLOCK_MONOTONIC, ns). Call this function before kn_loop_run, and before any
+// thread reads loop->start_ns.
 void kn_loop_start(kn_loop *loop, int64_t start_ns);
 
 // The deadline, in units of work, follows the speed of the processor. The processor may become slower after the
 // deadline was measured, and the same units then take longer. Only long steps are judged, that is, steps that took at
-// least half of the deadline's units. After KN_LOOP_SLOW_STEPS long steps in a row, whose ticks took more than
-// KN_LOOP_SLOW_SHARE of the time budget, the deadline is reduced, at most to half. After KN_LOOP_FAST_STEPS long steps in a
-// row below KN_LOOP_FAST_SHARE the deadline is raised by an eighth, up to its measured value (loop->measured_deadline). A step
-// that uses the measured deadline takes KN_STEP_SHARE of the budget. A step that uses an eighth less takes less than
-// KN_LOOP_FAST_SHARE, so the deadline can return to its measured value. Each change is an event in the log, so that a
-// replay gives the same bits.
+// least half of the deadline's units. The deadline is reduced, at most to half, after KN_LOOP_SLOW_STEPS long steps in
+// a row whose ticks took more than KN_LOOP_SLOW_SHARE of the time budget. The deadline is raised by an eighth, up to
+// its measured value (loop->measured_deadline), after KN_LOOP_FAST_STEPS long steps in a row whose ticks took less than
+// KN_LOOP_FAST_SHARE. A step that uses the measured deadline takes KN_STEP_SHARE of the budget. A step that uses an
+// eighth less takes less than KN_LOOP_FAST_SHARE, so the deadline can return to its measured value. Each change is an
+// event in the log, so that a replay gives the same bits.
 #define KN_LOOP_SLOW_STEPS 3
 #define KN_LOOP_SLOW_SHARE 0.85
 #define KN_LOOP_FAST_STEPS 1000
@@ -112,13 +113,13 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns);
 // Post the latest pose of a probe, or NULL when the probe's session has ended. Called by the main thread.
 void kn_loop_post(kn_loop *loop, int probe, const kn_pose *pose);
 
-// Return whether an emergency stop is in force or ordered. Call after all threads have ended.
+// Return whether an emergency stop is in force or ordered. Call this function after all threads have ended.
 bool kn_loop_estopped(const kn_loop *loop);
 
 // Body of the servo thread: wait and tick until the loop ends.
 void *kn_loop_run(void *loop);
-// One turn of the thread. kn_loop_wait waits until the next tick is due, and then briefly for a late pose (tick_timing.h).
-// kn_loop_tick runs the tick, and returns false when the loop may end.
+// One turn of the servo thread. kn_loop_wait waits until the next tick is due, and then briefly for a late pose
+// (tick_timing.h). kn_loop_tick runs the tick, and returns false when the loop may end.
 kn_wake kn_loop_wait(kn_loop *loop);
 bool kn_loop_tick(kn_loop *loop, const kn_wake *wake);
 

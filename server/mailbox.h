@@ -21,8 +21,8 @@ typedef struct kn_mailbox {
     void *slot[3];           // three slots of equal size in the caller's memory
 } kn_mailbox;
 
-// Use the three equal slots that start at memory. `size` is the number of bytes of each slot, a multiple of the
-// required alignment.
+// Initialise a mailbox with three slots of `size` bytes, which lie one after the other at `memory`. `size` is a
+// multiple of the required alignment.
 void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size);
 
 // For the writer: fill the slot that kn_mailbox_back returns (the slot holds some earlier value), then call
@@ -34,8 +34,8 @@ void kn_mailbox_post(kn_mailbox *box);
 // kn_mailbox_latest may already return a newer value.
 bool kn_mailbox_unseen(const kn_mailbox *box);
 
-// For the reader: return the latest posted value. *fresh is false if the last call returned the same post. Before the
-// first post, return the initial bytes of the memory. The value stays valid until the next call.
+// For the reader: return the latest posted value. Set *fresh to false if the previous call returned the same value.
+// Before the first post, return the initial bytes of the memory. The value stays valid until the next call.
 const void *kn_mailbox_latest(kn_mailbox *box, bool *fresh);
 
 #endif

@@ -23,12 +23,12 @@ void kn_operator_free(kn_operator *o)
     o->before = o->now = NULL;
 }
 
-// Sleep 0.5 ms, then the caller checks again for an answer.
+// Sleep 0.5 ms between two checks for an answer.
 static void rest(void) { kn_clock_sleep(kn_now_ns() + 500000); }
 
 // --- status ---
 
-// List the names of the bits that are set.
+// List the names of the bits that are set in `bits`.
 static json_t *names_of(int32_t bits, const char *const names[], int count)
 {
     json_t *array = json_array();
@@ -69,7 +69,7 @@ static json_t *spread(const double of[4])
     return json_pack("{s:f, s:f, s:f, s:f}", "mean", of[0], "std", of[1], "min", of[2], "max", of[3]);
 }
 
-// Count why probes were latched, and the seconds in which the object created energy.
+// Report how often probes were latched, by reason, and in how many seconds the object created energy.
 static json_t *trips(const knead_health_t *m)
 {
     static const struct {
@@ -84,7 +84,7 @@ static json_t *trips(const knead_health_t *m)
     return object;
 }
 
-// Describe the circuit of --backend DEVICE: state, counters, reasons of losses, round trip.
+// Describe the circuit of --backend DEVICE: state, counters, reasons of losses, round-trip times.
 static json_t *circuit(const knead_health_t *m)
 {
     static const char *const states[] = {"none", "in_step", "behind", "lost"};
@@ -117,7 +117,7 @@ static json_t *rejections(const knead_status_t *s)
     return object;
 }
 
-// Describe every probe of the scene: session, force, fault and the way back, link.
+// Describe every probe of the scene: session, force, fault and how to clear it, link counters.
 static json_t *probes(const kn_operator *o, const kn_health *h)
 {
     json_t *array = json_array();
@@ -138,7 +138,7 @@ static json_t *probes(const kn_operator *o, const kn_health *h)
     return array;
 }
 
-// List the settings made at run time. The worker thread writes them, hence the lock.
+// List the settings made at run time. The worker thread changes these settings, so take the lock.
 static json_t *settings(kn_operator *o)
 {
     char room[KN_SETTINGS_BYTES];
@@ -250,7 +250,7 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_orders_give(&o->on.loop->orders, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        // read `done` before asking for the order, because the last tick may still have taken the order
+        // read `done` first: if it is set and no tick has taken the order, no tick ever will
         bool done = atomic_load(&o->on.loop->done);
         if (kn_orders_obeyed(&o->on.loop->orders, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
@@ -290,7 +290,7 @@ static json_t *take_quality(kn_operator *o, const char *name)
         if (strcmp(name, kn_quality_name(q)) != 0) continue;
         if (o->on.served->scene->point[q].live) return order(o, KN_ORDER_QUALITY, q);
         if (!o->on.served->scene->point[q].defined)
-            return kn_control_error("quality %s: the scene has no such point", name);
+            return kn_control_error("quality %s: the scene has no such quality point", name);
         return kn_control_error(
             "quality %s: has another lattice or precision, expected kneadd --quality %s at the start", name, name);
     }
@@ -322,7 +322,7 @@ static json_t *snapshot(kn_operator *o, const json_t *argument)
 
 static json_t *restore(kn_operator *o, const json_t *argument)
 {
-    int64_t generation = json_integer_value(argument); // 0 if there is no argument: the newest
+    int64_t generation = json_integer_value(argument); // 0 if there is no argument: the newest snapshot
     if (argument && generation < 1)
         return kn_control_error("restore: generation %" PRId64 ": expected 1 or more", generation);
     const kn_scene *scene = o->now ? o->now->scene : o->on.served->scene;
@@ -340,18 +340,17 @@ static json_t *undo(kn_operator *o, const json_t *argument)
 
 // --- another scene ---
 
-// Parse the scene of the start again, overridden by these settings.
+// Parse the scene of the server's start again, overridden by `settings`.
 static kn_scene *parse(const kn_operator *o, const kn_settings *settings, char *error, size_t error_size)
 {
     char why[400];
     kn_scene *scene = kn_settings_parse(settings, o->on.served->base, o->on.def->scene_path, why, sizeof why);
-    // the parser names the option --set; here it is the command `set`
+    // the parser's message names the option --set; name the command `set` instead
     if (!scene) snprintf(error, error_size, "%s", strncmp(why, "--set ", 6) == 0 ? why + 2 : why);
     return scene;
 }
 
-// Name a thread that may still use the object from before the latest change. Return NULL if every thread uses the new
-// object.
+// Return why the object from before the latest change may still be in use, or NULL if every thread uses the new object.
 static const char *user_of_the_last(kn_operator *o)
 {
     int64_t tick;
@@ -359,13 +358,13 @@ static const char *user_of_the_last(kn_operator *o)
         return "no tick has applied the last change yet";
     if (o->now && atomic_load(&o->told) != o->now) return "the main thread has not reported the last change yet";
     if (o->now && !kn_skin_follows(o->on.skin, o->now->model))
-        return "the mesh thread has not shown the last change yet";
+        return "the mesh thread has not published the last change yet";
     bool written = o->before && kn_keeper_writes(o->on.keeper, o->before->model);
-    return written ? "the disk has not stored the state before the last change yet" : NULL;
+    return written ? "the state from before the last change is not on disk yet" : NULL;
 }
 
-// Free the change before the latest one, as soon as no thread uses it. Return NULL on success, or else the name of a
-// thread that still uses it.
+// Free the second latest change as soon as no thread uses it. Return NULL on success, or else why it may still be in
+// use.
 static const char *retire(kn_operator *o)
 {
     const char *user = user_of_the_last(o);
@@ -386,7 +385,7 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_sce
                         *next = &change->scene->device;
     const json_t *value;
     size_t i;
-    // the device's virtual coupling is no mere limit, because it affects the physics
+    // a new virtual coupling of the device is more than a limit, because the coupling affects the physics
     json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
     return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
 }
@@ -428,10 +427,11 @@ static kn_scene_change *prepare(kn_operator *o, const json_t *values, char *erro
     const char *raised = kn_safety_raised(&scene->limits, &o->on.served->base->limits);
     if (raised) {
         kn_scene_destroy(scene);
-        snprintf(error, error_size,
-                 "set: %s: relaxes a limit for the hand beyond the scene, expected a stricter value; only a restart of "
-                 "kneadd can",
-                 raised);
+        snprintf(
+            error, error_size,
+            "set: %s: relaxes a safety limit of the hand beyond the scene's value, expected a stricter value; only a "
+            "restart of kneadd can relax it",
+            raised);
         return NULL;
     }
     // build the model and its backend, while ticks continue with the old ones
@@ -448,8 +448,8 @@ static kn_scene_change *prepare(kn_operator *o, const json_t *values, char *erro
     return change;
 }
 
-// Add the energy that the object stores before and after the change. The old lattice can be read here, since nothing
-// steps it any more.
+// Add to the answer the energy that the object stored before and after the change. The old lattice can be read here,
+// since nothing steps it any more.
 static void add_energies(json_t *answer, const kn_model *model, kn_backend *left, const kn_scene_change *change)
 {
     kn_energy before, after;
@@ -466,7 +466,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     char error[400];
     int64_t tick;
     if (json_array_size(argument) == 0) return kn_control_error("set: expected KEY=VALUE");
-    // only two changes are kept, so first free the one before the latest
+    // only the two latest changes are kept, so first free the older of them
     const char *busy = retire(o);
     if (busy) return kn_control_error("set: %s, try again", busy);
     kn_scene_change *change = prepare(o, argument, error, sizeof error);
@@ -507,8 +507,8 @@ static void keep_secret(char *why, size_t size, const char *path)
     if (!plain) strcpy(quoted, "... (see knead check, if you may read the file)");
 }
 
-// Run `load`. First load the scene on trial, as the next start will, so that a scene that cannot be served does not end
-// the present one.
+// Run `load`. First load the scene on trial, as the next start will, so that kneadd does not stop for a scene that it
+// cannot serve.
 static json_t *load(kn_operator *o, const json_t *argument)
 {
     char error[512 + SECRET];
@@ -523,11 +523,10 @@ static json_t *load(kn_operator *o, const json_t *argument)
     }
     const char *raised = kn_safety_raised(&trial.scene->limits, o->on.limits);
     json_t *answer =
-        raised
-            ? kn_control_error("%s: %s: relaxes a limit for the hand beyond the scene at the start; only a restart of "
-                               "kneadd can",
-                               def.scene_path, raised)
-            : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
+        raised ? kn_control_error("%s: %s: relaxes a safety limit of the hand beyond the scene of the start; only a "
+                                  "restart of kneadd can relax it",
+                                  def.scene_path, raised)
+               : json_pack("{s:b, s:s}", "ok", 1, "scene", trial.scene->name);
     if (!raised) o->on.load(o->on.arg, def.scene_path, trial.base);
     kn_served_object_free(&trial);
     return answer;
@@ -546,8 +545,8 @@ static const struct command {
     // name of the command's only argument field; NULL: the command has none
     const char *argument;
     json_type type;
-    bool needed; // the argument must be given
-    bool slow;   // waits for the disk, for a restored state or for a model, so it runs on the worker thread
+    bool needed; // true: the argument must be given
+    bool slow;   // true: the command waits for the disk, a restored state or a model, so it runs on the worker thread
 } commands[] = {{"status", status, NULL, JSON_NULL, false, false},
                 {"reset", reset, NULL, JSON_NULL, false, false},
                 {"quality", quality, "name", JSON_STRING, true, false},

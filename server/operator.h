@@ -54,8 +54,8 @@ typedef struct kn_operator {
     // `now`: latest change that was ordered; `before`: the change before `now`; NULL: none; used by the worker thread
     // only.
     kn_scene_change *now, *before;
-    int64_t ordered;                 // number of the loop order with which a tick applies `now`
-    _Atomic(kn_scene_change *) told; // change whose scene the main thread publishes; NULL: none
+    int64_t ordered;                 // number of the order (kn_orders_give) with which a tick applies `now`
+    _Atomic(kn_scene_change *) told; // latest change whose scene the main thread has published; NULL: none
     int64_t served_ns;               // measured time of a tick of the served object, ns
     kn_settings settings;            // settings that override those of the scene served->base
     pthread_mutex_t setting;         // guards `settings`

@@ -5,12 +5,14 @@
 #include "server/snapshot_file.h"
 
 #define ORDER_BITS 8 // number of low bits in kn_orders.given that hold the kinds of orders
-// interval at which kn_orders_await looks, ns; it polls because the servo makes no system call to wake a thread
+// interval at which kn_orders_await checks whether a tick has taken the order, ns; the function polls, because the
+// servo makes no system call to wake a thread
 static const int64_t poll_ns = 500000;
 
 // --- from the operator's thread to the servo thread and back ---
 
-// The number of orders and their kinds share one word, so that no tick sees one without the other.
+// The number of orders and their kinds share one atomic word, so that a tick never takes a new number without the new
+// kind.
 int64_t kn_orders_give(kn_orders *orders, kn_order order, kn_quality quality)
 {
     if (order == KN_ORDER_QUALITY) atomic_store(&orders->quality, (int)quality);
@@ -59,7 +61,7 @@ int64_t kn_orders_take(kn_orders *orders, kn_tick_in *in)
     return given >> ORDER_BITS;
 }
 
-// After a long wait only the last KN_ORDERS_KEPT orders are kept.
+// If more than KN_ORDERS_KEPT orders came since the last tick, record this tick only for the latest KN_ORDERS_KEPT.
 void kn_orders_done(kn_orders *orders, int64_t taken, const kn_tick_in *in, const kn_tick_out *out)
 {
     if (in->restore || in->undo) atomic_store(&orders->restored, out->restored_hash);
@@ -71,7 +73,7 @@ void kn_orders_done(kn_orders *orders, int64_t taken, const kn_tick_in *in, cons
 
 // --- undo points ---
 
-// Return the number of points that fit into KN_UNDO_BYTES, 1 .. KN_UNDO_POINTS.
+// Return the number of undo points that fit into KN_UNDO_BYTES, 1 .. KN_UNDO_POINTS.
 static int room_of(const kn_model *model)
 {
     size_t room = KN_UNDO_BYTES / kn_state_kept(model);
@@ -83,7 +85,7 @@ size_t kn_undo_bytes(const kn_model *model) { return (size_t)room_of(model) * kn
 bool kn_undo_init(kn_undo *undo, const kn_model *model)
 {
     *undo = (kn_undo){.model = model, .room = room_of(model)};
-    // allocate all points now, since the servo saves them in its tick
+    // allocate all points now, because the servo saves them in its tick, where it must not allocate
     bool fits = true;
     for (int i = 0; i < undo->room; i++) fits &= (undo->point[i] = kn_state_keep(model)) != NULL;
     if (!fits) kn_undo_free(undo);
@@ -113,9 +115,9 @@ void kn_undo_keep(kn_undo *u, const kn_state *now)
 
 const kn_state *kn_undo_take(kn_undo *u)
 {
-    // if nothing touched the object since the newest point, that point equals the object: skip it
+    // if nothing touched the object since the newest point, that point equals the object, so skip the point
     if (u->count > 0 && !u->touched) u->count--;
-    u->touched = true; // the object now equals the point taken, so the remaining points differ from the object
+    u->touched = true; // the object now equals the point that was taken, and differs from the remaining points
     if (u->count == 0) return NULL;
     const kn_state *point = newest(u);
     u->count--;
@@ -176,7 +178,7 @@ static void replace(kn_tick *t)
     if (t->in->undo) undo(t);
 }
 
-// Continue the object in the model of a change.
+// Continue the object in the new model of a scene change.
 static void adopt_change(kn_tick *t)
 {
     kn_servo *servo = t->servo;
@@ -189,7 +191,7 @@ static void adopt_change(kn_tick *t)
     servo->backend = &c->backend;
     servo->settings = &c->settings;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
-    // undo points hold states of the old material, so drop them
+    // drop the undo points, because they hold states of the old material
     if (servo->undo) {
         servo->undo->count = 0;
         kn_undo_touched(servo->undo);
@@ -199,7 +201,7 @@ static void adopt_change(kn_tick *t)
     t->change = true;
     t->out->changed = c;
     t->hashed = false;
-    // send the hash in two halves, because a double holds only 53 bits
+    // send the hash of the scene's text in two halves, because a double holds only 53 bits
     kn_event *e = kn_tick_event(t, KNEAD_EVENT_T_KIND_SET, -1);
     e->arg[0] = (double)(c->scene->text_hash >> 32);
     e->arg[1] = (double)(c->scene->text_hash & UINT32_MAX);

@@ -31,7 +31,7 @@ typedef enum kn_order { // an operator's order to the next tick; several orders 
     KN_ORDER_RECOVER,
     KN_ORDER_ESTOP,   // emergency stop: forces fade and stay 0 until KN_ORDER_RECOVER
     KN_ORDER_RESTORE, // replace the object by kn_orders.restore
-    KN_ORDER_UNDO,    // return the object to its state before it was last kneaded, reset or restored
+    KN_ORDER_UNDO,    // return the object to its state before the last press, reset or restore
     KN_ORDER_CHANGE   // continue the object in the model of kn_orders.change
 } kn_order;
 
@@ -41,8 +41,8 @@ typedef struct kn_orders { // orders on their way from the operator's thread to 
     _Atomic int64_t given;
     atomic_int quality;             // quality that the latest KN_ORDER_QUALITY requests
     const struct kn_saved *restore; // argument of KN_ORDER_RESTORE; must stay valid until a tick has taken the order
-    // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change and no thread uses
-    // the earlier change any more.
+    // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change, and no thread uses
+    // this change any more.
     kn_scene_change *change;
     // State hash of the object after the latest restore or undo; 0: there was nothing to undo.
     _Atomic uint64_t restored;
@@ -65,25 +65,26 @@ int64_t kn_orders_give(kn_orders *orders, kn_order order, kn_quality quality);
 // Return whether a tick has taken the order with this number, and put that tick in *tick. Any thread may call this. The
 // answer is valid until ticks have taken KN_ORDERS_KEPT later orders.
 bool kn_orders_obeyed(const kn_orders *orders, int64_t number, int64_t *tick);
-// Wait until kn_orders_obeyed returns true, at most patience_ms. Return its last answer.
+// Wait until a tick has taken the order with this number, at most patience_ms. Return the last answer of
+// kn_orders_obeyed.
 bool kn_orders_await(const kn_orders *orders, int64_t number, int patience_ms, int64_t *tick);
 
 // --- for the servo thread; real-time safe ---
 
 // Take the orders that were given since the last tick. Return the total number of orders given so far.
 int64_t kn_orders_take(kn_orders *orders, kn_tick_in *in);
-// Apply the orders in kn_tick_in, except the order of a quality: reset, restore, undo and change, in this order, then
-// recover and emergency stop.
+// Apply the orders in kn_tick_in: reset, restore, undo and change, in this order, then recover and emergency stop.
+// (kn_orders_take_quality applies a change of quality.)
 void kn_orders_apply(kn_tick *t);
 // Change to the quality point `to`, and record the change as an event. If `to` is the present quality point, the event
 // records that no lower quality point exists.
 void kn_orders_take_quality(kn_tick *t, kn_quality to, bool commanded);
-// Tell the threads that gave orders that this tick has taken them. `taken`: answer of kn_orders_take.
+// Tell the threads that gave orders that this tick has taken them. `taken`: the number that kn_orders_take returned.
 void kn_orders_done(kn_orders *orders, int64_t taken, const kn_tick_in *in, const kn_tick_out *out);
 
 // --- undo points ---
 
-// Prepare for undo points of `model`, which must outlive `undo`; return false when memory is short.
+// Allocate the undo points for an object of `model`, which must outlive `undo`. Return false when memory is short.
 bool kn_undo_init(kn_undo *undo, const kn_model *model);
 void kn_undo_free(kn_undo *undo);            // a zeroed kn_undo is allowed
 size_t kn_undo_bytes(const kn_model *model); // return the memory that all undo points take, bytes

@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { WORDS_MAX = 200 }; // size of the words that describe a valid value
+enum { WORDS_MAX = 200 }; // largest length of the text that describes a valid value, bytes
 
-// Values of getopt_long: FIRST + i for row i. They are above all letters.
+// Values that getopt_long returns: FIRST + i for row i of the table. They are greater than any letter.
 enum { FIRST = 256, HELP = FIRST + KN_OPTIONS_MAX, VERSION };
 
 bool kn_quantity_read(const char *text, const char *unit_text, bool bare, double least, double most, double *value)
@@ -59,7 +59,7 @@ static bool take_integer(const kn_option *o, const char *text, int *value)
     return end != text && !*end && (double)number >= o->least && (double)number <= o->most;
 }
 
-// Append a text to a list of texts. Return false if the list is full, or if the text is bad.
+// Append a text to a list of texts. Return false if the list is full, or if the row's `map` refuses the text.
 static bool take_text(const kn_option *o, const char *text, void *field, int *count)
 {
     if (o->most > 0 && *count == (int)o->most) return false;
@@ -68,11 +68,11 @@ static bool take_text(const kn_option *o, const char *text, void *field, int *co
     return true;
 }
 
-// Store a value in the struct. Return false if it is bad.
+// Store the value `text` of an option in the struct. Return false if the value is invalid.
 static bool store(const kn_option *o, char *to, const char *text)
 {
     void *field = to + o->offset;
-    const bool positive = o->least == 0 && o->most == 0; // no range is given
+    const bool positive = o->least == 0 && o->most == 0; // no range is given: the number must be above 0
     const double least = positive ? KN_ABOVE_0 : o->least, most = positive ? DBL_MAX : o->most;
     int index = 0;
     switch (o->kind) {
@@ -95,7 +95,8 @@ static bool store(const kn_option *o, char *to, const char *text)
     }
 }
 
-// Return the words that describe a valid value: those of the row, or "a, b or c" of a choice, or "1 to 10" of a number.
+// Return the text that describes a valid value: `expected` of the row, or "a, b or c" for a choice, or "1 to 10" for a
+// number.
 static const char *expectation(const kn_option *o, char text[WORDS_MAX])
 {
     if (o->expected) return o->expected;
@@ -111,7 +112,7 @@ static const char *expectation(const kn_option *o, char text[WORDS_MAX])
     return text;
 }
 
-// Store the value of an option in the struct. Return NULL, or the words after "expected" if the value is bad.
+// Store the value of an option in the struct. Return NULL on success, or else the text after "expected" in the message.
 static const char *take(const kn_option *o, char *to, const char *text, char made[WORDS_MAX])
 {
     if (o->kind != KN_OPTION_SPECIAL) return store(o, to, text) ? NULL : expectation(o, made);
@@ -119,7 +120,8 @@ static const char *take(const kn_option *o, char *to, const char *text, char mad
     return expected && o->expected ? o->expected : expected;
 }
 
-// Do the same with a list of values, separated by commas.
+// Store a list of values, separated by commas, in the struct. Return NULL on success, or else the text after "expected"
+// in the message.
 static const char *take_items(const kn_option *o, char *to, const char *text, char made[WORDS_MAX])
 {
     kn_option item = *o;
@@ -153,8 +155,9 @@ static void describe(const kn_option_table *t, struct option *list, char *letter
     if (t->version) list[n++] = (struct option){"version", 0, NULL, VERSION};
 }
 
-// Return the argument at which getopt_long stopped. Inside a group of letters like "-xy", optind still points at the
-// group. After the last letter of a group optind is past it, and after an option with a separate value past both.
+// Return the argument at which getopt_long stopped. In a group of letters like "-xy", optind stays at the group until
+// its last letter has been read. Otherwise optind is behind the option, and behind its value if the value is an
+// argument of its own.
 static const char *stopped_at(int c, char *const *argv)
 {
     const char *last = argv[optind - 1];
@@ -176,7 +179,7 @@ static bool has_place(const char *text)
 
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args)
 {
-    char text[16384]; // room for a value as long as four paths
+    char text[16384]; // room for a value as long as four file paths
     vsnprintf(text, sizeof text, format, args);
     // Print a message that begins with a place in a file without a prefix, so that the place stays at the beginning of
     // the line.
@@ -211,7 +214,7 @@ int kn_options_read(const kn_option_table *t, void *to, int argc, char **argv)
     describe(t, list, letters);
     optind = 0; // restart getopt, because a process may read several command lines
     for (int c; (c = getopt_long(argc, argv, letters, list, NULL)) != -1;) {
-        // A letter stands for the row with this letter.
+        // Replace the letter of a short option by FIRST + i, where i is the row of the option in the table.
         for (int i = 0; i < t->options; i++)
             if (c == t->option[i].letter) c = FIRST + i;
         if (c == '?' && !t->unknown) return 2; // getopt_long has printed the reason
@@ -222,13 +225,13 @@ int kn_options_read(const kn_option_table *t, void *to, int argc, char **argv)
             continue;
         }
         const kn_option *o = c >= FIRST ? &t->option[c - FIRST] : NULL;
-        // An option of another experiment is unknown.
+        // If only other commands have this option (`belongs`), refuse it as unknown.
         if (!o || (o->belongs && !strchr(o->belongs, t->experiment)))
             return refuse(t, program, "%s: %s", stopped_at(c, argv), c == ':' ? "expected a value" : t->unknown);
         if (t->no_empty && optarg && !*optarg) return refuse(t, program, "--%s '': expected a value", o->name);
         if (o->given) *(bool *)((char *)to + o->given) = true;
         const char *expected = (o->items ? take_items : take)(o, to, optarg, made), *quote = t->quotes ? "'" : "";
-        if (expected && !*expected) return 2; // the message is printed
+        if (expected && !*expected) return 2; // the message has already been printed
         if (expected && t->value_first) return refuse(t, program, "%s: expected %s", optarg, expected);
         if (expected) return refuse(t, program, "--%s %s%s%s: expected %s", o->name, quote, optarg, quote, expected);
         if (o->kind == KN_OPTION_ANSWER) return 0;

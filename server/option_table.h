@@ -24,7 +24,7 @@
 #define KN_ABOVE_0 DBL_TRUE_MIN          // least value of a range that begins above 0
 #define KN_BELOW_1 (1 - DBL_EPSILON / 2) // largest value of a range that ends below 1
 
-typedef enum kn_option_kind { // type of the field, and values
+typedef enum kn_option_kind { // type of an option's field in the struct, and values that the option accepts
     KN_OPTION_FLAG,           // bool: true if the option is given; it has no value
     KN_OPTION_SET,            // int: becomes `least`; the option has no value
     KN_OPTION_CALL,           // no field: calls `call`; the option has no value
@@ -34,70 +34,82 @@ typedef enum kn_option_kind { // type of the field, and values
     KN_OPTION_REAL,           // double: a number that strtod accepts
     KN_OPTION_INTEGER,        // int: a decimal number, which may have a sign
     KN_OPTION_DIGITS,         // int: 1 to 7 decimal digits
-    KN_OPTION_QUANTITY,       // double: a quantity in the dimension of `unit`; without a unit for "s" and "1" only
-    KN_OPTION_CHOICE,         // int or enum: index of a word in the list `unit`, "a|b|c"
-    KN_OPTION_EITHER,         // bool: true for the second word of the list `unit`, "a|b"
-    KN_OPTION_LIST,           // const char *[most], or with most 0 a const char ** with enough room: every text given
-    KN_OPTION_SPECIAL         // any: `take` reads the value
+    // Double: a quantity in the dimension of `unit`; a number without a unit only if `unit` is "s" or "1".
+    KN_OPTION_QUANTITY,
+    KN_OPTION_CHOICE, // int or enum: index of a word in the list `unit`, "a|b|c"
+    KN_OPTION_EITHER, // bool: true for the second word of the list `unit`, "a|b"
+    // Array of `most` const char *; if `most` is 0, a const char ** with enough room: the text of each use of the
+    // option.
+    KN_OPTION_LIST,
+    KN_OPTION_SPECIAL // any: `take` reads the value
 } kn_option_kind;
 
 typedef struct kn_option {
     const char *name; // without "--"
     kn_option_kind kind;
-    size_t offset;        // offset of the field in the struct [bytes]
-    const char *expected; // words after "expected" if the value is bad; NULL: made from the row, or by `take`
+    size_t offset; // offset of the field in the struct, bytes
+    // Text after "expected" in the message on an invalid value; NULL: made from the row, or by `take`.
+    const char *expected;
     const char *unit;
-    // Range of a number, in SI units. Both 0: above 0; INTEGER and DIGITS need a range. SET: `least` is the value that is
-    // stored. LIST: `most` is the size of the list.
+    // Range of a number, in SI units. Both 0: the number must be above 0. INTEGER and DIGITS need a range. SET: `least`
+    // is the value that is stored. LIST: `most` is the size of the list.
     double least, most;
-    // SPECIAL: store the value. Return NULL, or the words after "expected" if the value is bad and the row has none.
+    // SPECIAL: store the value. Return NULL, or the text after "expected" if the value is invalid and the row has none.
     const char *(*take)(void *field, const char *text);
     void (*call)(void);
-    int items; // not 0: the value is a list of at most that many values of this kind, separated by commas. The field is
-               // an array of int for INTEGER and CHOICE, else of double
-    size_t count;                         // LIST, or with `items`: offset of an int with the number of values [bytes]
-    const char *(*map)(const char *text); // LIST: text that is stored instead; it returns NULL if the value is bad
-    size_t given;                         // offset of a bool that becomes true; 0: none
-    const char *belongs;                  // experiments that know the option, see kn_option_table; NULL: all
-    char letter;                          // short form of the option; 0: none
+    // Not 0: the option takes a list of at most `items` values, separated by commas. The field is then an array: of int
+    // for INTEGER and CHOICE, otherwise of double.
+    int items;
+    // LIST, or with `items`: offset of an int that receives the number of values, bytes.
+    size_t count;
+    // LIST: return the text to store instead of `text`, or NULL if `text` is invalid.
+    const char *(*map)(const char *text);
+    size_t given; // offset of a bool that becomes true if the option is given, bytes; 0: none
+    // Letters of the commands (kn_option_table.experiment) that have the option; NULL: all commands.
+    const char *belongs;
+    char letter; // short form of the option; 0: none
 } kn_option;
 
 typedef struct kn_option_table {
     const kn_option *option; // [options], see KN_OPTION_ROWS
     int options;
-    const char *program;      // name in messages; NULL: argv[0]
+    const char *program;      // name of the program in messages; NULL: argv[0]
     const char *help;         // answer to --help
     void (*print_help)(void); // prints the answer to --help; NULL: `help` is printed
     const char *version;      // answer to --version; NULL: no such option
     const char *unknown;      // message on an unknown option; NULL: getopt_long prints its own messages
-    char experiment;          // letter of this command in `belongs`; options of others are unknown
-    bool short_help;          // -h means --help
-    bool help_last;           // --help is answered at the end of the line, so that a mistake behind it is found
-    bool options_first;       // options end at the first argument that is none
-    bool quotes;              // messages quote the bad value
-    bool value_first;         // messages begin with the bad value and do not name the option; `expected` does
-    bool always_named;        // messages begin with the program even if they contain a place, see kn_message_print
-    bool no_empty;            // no option takes an empty text
+    // Letter of this command in kn_option.belongs; options that only other commands have are unknown.
+    char experiment;
+    bool short_help; // true: -h means --help
+    // True: --help is answered after the whole line was read, so that a mistake after --help is found.
+    bool help_last;
+    bool options_first; // true: options end at the first argument that is not an option
+    bool quotes;        // true: messages quote the invalid value
+    bool value_first;   // true: messages begin with the invalid value; `expected` names the option
+    // True: messages begin with the program's name even if they name a place in a file (kn_message_print).
+    bool always_named;
+    bool no_empty; // true: no option accepts an empty text
 } kn_option_table;
 
 #define KN_OPTION_ROWS(rows) .option = rows, .options = (int)(sizeof(rows) / sizeof *(rows))
-#define KN_OPTIONS_MAX 32 // options of a table
-#define KN_OPTION_TOLD "" // result of `take`: the value is bad, and the message is printed already
+#define KN_OPTIONS_MAX 32 // largest number of options in a table
+#define KN_OPTION_TOLD "" // result of `take`: the value is invalid, and `take` has printed the message
 
 enum { KN_OPTIONS_READ = -1 };
 
-// Read a command line into the struct at `to`, which holds the defaults. Return KN_OPTIONS_READ, with optind at the
-// arguments that are no options. Otherwise the command is over, and the result is its exit code: 0 after --help and
-// other answers, 2 after a mistake, which is printed.
+// Read a command line into the struct at `to`, which holds the defaults. On success return KN_OPTIONS_READ, and set
+// optind to the first argument that is not an option. Otherwise the program must end with the returned exit code: 0
+// after --help and other answers, 2 after a mistake, whose message has been printed.
 int kn_options_read(const kn_option_table *table, void *to, int argc, char **argv);
 
-// Print a message on stderr: "knead check: what is wrong, what was expected". Unless always_named is set, a message that
-// names a place in a file, "scene.yaml:14:9: ...", gets no prefix, because editors jump to a place at the beginning of
-// a line.
+// Print a message on stderr: "knead check: what is wrong, what was expected". Unless always_named is set, a message
+// that names a place in a file, "scene.yaml:14:9: ...", gets no prefix, because editors jump to a place at the
+// beginning of a line.
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args);
 
-// Read a quantity, in the SI unit `unit`, into *value. Return false unless it has the dimension of `unit` and is in
-// least..most. bare: a number without a unit has this unit. If `unit` is "", no unit may be written.
+// Read a quantity such as "3 kPa" into *value, converted to `unit`. Return false unless the quantity has the dimension
+// of `unit` and lies in least..most. `bare`: accept a number without a unit, and take it in `unit`. If `unit` is "",
+// the text must be a number without a unit.
 bool kn_quantity_read(const char *text, const char *unit, bool bare, double least, double most, double *value);
 
 // Parse `text` into *value: a number without a unit, written as in a scene: "2", "-0.5", "1e-3". Return false if `text`

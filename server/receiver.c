@@ -7,11 +7,11 @@
 
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
-// limit of | |q| - 1 |; the rounding of a device that sends floats is smaller; a larger value means that q is no
-// rotation
+// largest accepted | |q| - 1 | of an orientation quaternion q; float rounding in a device gives less; above this limit
+// q is no rotation
 #define QUATERNION_BOUND 1e-3
 #define WORKSPACE_M 1.0 // largest distance of a valid pose from the origin, m; no haptic device reaches further
-// largest speed of a valid pose, m/s; no hand on a device is faster; above 1.2 m/s the servo only damps
+// largest speed of a valid pose, m/s; no hand on a device is faster; above the scene's brake speed the servo only damps
 #define SPEED_MAX_M_S 5.0
 #define SPEED_WINDOW_US                                                                                                \
     1000 // us, one tick: the servo reads one pose per ms, so a distance below 5 mm is no jump, whatever the stamps
@@ -61,8 +61,8 @@ static bool known(const kn_receiver *r, struct in_addr from)
     return r->peers == 0 || i < r->peers;
 }
 
-// Check that the tag is right, and that the message is of this life and recent. The sender of a hello message does not
-// know the life yet, so only the tag of a hello is checked.
+// Check that the tag of a message is right, and that the message is recent and was made for the present life (run) of
+// kneadd. The sender of a hello message does not know the life yet, so only the tag of a hello is checked.
 static kn_pose_verdict authenticate(const kn_receiver *r, const kn_packet *packet, int64_t now_ns)
 {
     kn_auth_stamp stamp;
@@ -118,7 +118,7 @@ static double length(const double *value, int count)
     return sqrt(sum); // the sum of huge values overflows to infinity, which exceeds every bound
 }
 
-// Check the values that can be judged without knowing the session.
+// Check those values of a pose that can be judged without the earlier poses of its session.
 static kn_pose_verdict check_fields(const knead_probe_pose_t *m)
 {
     if (m->frame != KNEAD_PROBE_POSE_T_FRAME_SCENE) return KN_REJECT_FRAME;
@@ -131,21 +131,21 @@ static kn_pose_verdict check_fields(const knead_probe_pose_t *m)
     return KN_ACCEPTED;
 }
 
-// Check a pose against the earlier poses of its session. A rejected jump does not become the new reference. The time
-// since the old reference grows, however. So a tool that really is elsewhere is accepted after the time in which it
-// could have moved there.
+// Check a pose against the earlier poses of its session. A pose that jumps is rejected, and the next pose is still
+// compared with the old reference pose. The time since the old reference grows, so a tool that really moved is accepted
+// after the time that the move takes at the largest speed.
 static kn_pose_verdict check_motion(const kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     bool goes_on = source->last.session != 0;
     const kn_pose *last = &source->last;
     if (goes_on && (m->seq <= last->seq || last->buttons & KN_BUTTON_LEAVING)) return KN_REJECT_STALE;
-    // refuse a last pose of a session that does not own the probe: this session has already ended
+    // refuse a leaving pose (KN_BUTTON_LEAVING) while nobody owns the probe: the session of the pose has already ended
     if (!goes_on && m->buttons & KN_BUTTON_LEAVING) return KN_REJECT_STALE;
     if (length(m->velocity_m_s, 3) > SPEED_MAX_M_S) return KN_REJECT_JUMP;
     if (!goes_on) return KN_ACCEPTED;
     if (m->utime < source->last.utime) return KN_REJECT_CLOCK;
 
-    // speed since the reference pose, over at least SPEED_WINDOW_US
+    // check the mean speed since the reference pose, over a time of at least SPEED_WINDOW_US
     double way_m[3];
     for (int i = 0; i < 3; i++) way_m[i] = m->position_m[i] - source->reference.position_m[i];
     // unsigned, because the difference of two stamps may overflow an int64_t
@@ -170,7 +170,7 @@ static bool expired(const kn_pose_sender *source, int64_t now_ns)
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
 
-// --- lost, late and reordered poses by seq: `seen` covers seqs up to the last, `refused` later ones ------------------
+// --- lost, late and reordered poses, told by seq: `seen` has bits up to the last seq, `refused` for later ones -------
 
 // Count the bits that are set.
 static int ones(uint64_t bits)
@@ -180,13 +180,13 @@ static int ones(uint64_t bits)
     return count;
 }
 
-// Count a pose that is not newer than the last one: a duplicate, or a pose that arrived after a later one.
+// Count a pose that is not newer than the last one: as a duplicate if it has arrived before, otherwise as reordered.
 static void count_stale(kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     // a newer pose of a session that has left is neither a duplicate nor reordered
     if (m->session != source->last.session || m->seq > source->last.seq) return;
     kn_packets *n = &source->packets;
-    // `seen` covers the last 64 numbers; an older pose counts as a duplicate
+    // `seen` has bits for the last 64 numbers; an older pose counts as a duplicate
     uint64_t behind = (uint64_t)source->last.seq - (uint64_t)m->seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
     if (bit == 0 || source->seen & bit) {
         n->duplicate++;
@@ -206,13 +206,14 @@ static void count_refused(kn_pose_sender *source, const knead_probe_pose_t *m)
         source->refused |= UINT64_C(1) << ahead;
 }
 
-// Count an accepted pose, just before it becomes the last one. The session of the pose continues or begins.
+// Count an accepted pose, before it becomes source->last. The pose may continue a session or begin one.
 static void count_new(kn_pose_sender *source, const knead_probe_pose_t *m, int64_t now_ns)
 {
     const kn_pose *last = &source->last;
     kn_packets *n = &source->packets;
     n->accepted++;
-    uint64_t between = (uint64_t)m->seq - (uint64_t)last->seq - 1; // number of poses left out
+    // Number of poses missing between the last pose and this one.
+    uint64_t between = (uint64_t)m->seq - (uint64_t)last->seq - 1;
     if (last->session == 0 || between > (uint64_t)(64 + (now_ns - source->heard_ns) / COST_NS)) {
         // a new session, or a gap larger than the rate limit allows: the sender has restarted its numbers
         source->seen = 1;
@@ -222,10 +223,10 @@ static void count_new(kn_pose_sender *source, const knead_probe_pose_t *m, int64
         int64_t lost = (int64_t)between - ones(come);
         n->lost += lost;
         if (lost > n->lost_in_a_row_max) n->lost_in_a_row_max = lost;
-        // late pose: the time between the two arrivals exceeds the time between the two sendings
+        // late pose: the time between the two arrivals exceeds the time between the two sendings by LATE_NS or more
         double sent_ns = 1e3 * (double)((uint64_t)m->utime - (uint64_t)last->utime);
         n->late += (double)(now_ns - source->heard_ns) - sent_ns >= LATE_NS;
-        // shift the window to the new pose, and mark the refused poses in it
+        // shift the bits of `seen` to the new pose, and set the bits of the refused poses
         source->seen = between < 63 ? source->seen << (between + 1) | 1 : 1;
         for (uint64_t i = 0; i < between && i < 64; i++)
             if (come >> i & 1 && between - i < 64) source->seen |= UINT64_C(1) << (between - i);
@@ -255,7 +256,8 @@ static kn_pose_verdict admit(kn_pose_sender *source, const knead_probe_pose_t *m
     else if (verdict != KN_ACCEPTED) count_refused(source, m);
     if (verdict != KN_ACCEPTED) return verdict;
 
-    // change the reference for speeds only after a whole window, so that many small steps count together
+    // replace the reference pose, from which speeds are measured, only after SPEED_WINDOW_US, so that many small steps
+    // count together
     count_new(source, m, now_ns);
     *pose = pose_of(m);
     if (source->last.session == 0 || (uint64_t)m->utime - (uint64_t)source->reference.utime >= SPEED_WINDOW_US)

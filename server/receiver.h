@@ -29,29 +29,29 @@
 // Reasons of rejection, in the order of status_t.rejected and of the table in proto/README.md. Append only: logs hold
 // the indices.
 #define KN_REJECTS(X)                                                                                                  \
-    X(INTERFACE, "interface", "did not arrive over lo, or --lan's interface")                                          \
-    X(RUNT, "runt", "shorter than an LCM header")                                                                      \
+    X(INTERFACE, "interface", "arrived over neither the loopback interface nor the interface of --lan")                \
+    X(RUNT, "runt", "the datagram is shorter than an LCM header")                                                      \
     X(MAGIC, "magic", "neither LC02 nor LC03")                                                                         \
-    X(FRAGMENT, "fragment", "LC03: part of a larger message")                                                          \
-    X(CHANNEL_END, "channel_end", "channel name without its NUL within 64 bytes")                                      \
-    X(CHANNEL, "channel", "not a pose: kneadd's own forces, or other traffic")                                         \
-    X(PROBE, "probe", "KNEAD_POSE_ of a probe the scene does not have")                                                \
-    X(LENGTH, "length", "not the length of probe_pose_t")                                                              \
-    X(TYPE, "type", "the type hash of another message")                                                                \
-    X(FRAME, "frame", "a frame other than the scene's")                                                                \
-    X(NONFINITE, "nonfinite", "a NaN or an infinity")                                                                  \
-    X(QUATERNION, "quaternion", "orientation not of length 1 +- 0.001")                                                \
-    X(WORKSPACE, "workspace", "further than 1 m from the origin")                                                      \
-    X(SESSION_ZERO, "session_zero", "session 0, which means none")                                                     \
-    X(SESSION, "session", "another session owns the probe: a second publisher")                                        \
-    X(STALE, "stale", "seq not above the last one: late, repeated or played again")                                    \
-    X(CLOCK, "clock", "utime before that of the last pose")                                                            \
-    X(JUMP, "jump", "faster than 5 m/s, by its velocity or by its distance from the last pose")                        \
-    X(RATE, "rate", "more than 5 000 per second")                                                                      \
-    X(PEER, "peer", "from an address that --peer does not name")                                                       \
-    X(MAC, "mac", "without the key's authentication code, or with a wrong one")                                        \
-    X(REPLAYED, "replayed", "authentic, but for another run of kneadd, or from another time")                          \
-    X(HELLO, "hello", "not a pose: a listener asks for the number of this run, and gets an answer")
+    X(FRAGMENT, "fragment", "an LC03 datagram: one part of a larger message")                                          \
+    X(CHANNEL_END, "channel_end", "no NUL ends the channel name within 64 bytes")                                      \
+    X(CHANNEL, "channel", "not the channel of a pose: kneadd's own messages, or other traffic")                        \
+    X(PROBE, "probe", "KNEAD_POSE_<probe> of a probe that the scene does not have")                                    \
+    X(LENGTH, "length", "the payload does not have the length of probe_pose_t")                                        \
+    X(TYPE, "type", "the type hash is not that of probe_pose_t")                                                       \
+    X(FRAME, "frame", "the frame is not FRAME_SCENE")                                                                  \
+    X(NONFINITE, "nonfinite", "a value is NaN or infinite")                                                            \
+    X(QUATERNION, "quaternion", "the orientation quaternion does not have length 1 +- 0.001")                          \
+    X(WORKSPACE, "workspace", "the position is further than 1 m from the origin")                                      \
+    X(SESSION_ZERO, "session_zero", "the session is 0, which means no session")                                        \
+    X(SESSION, "session", "another session owns the probe")                                                            \
+    X(STALE, "stale", "seq is not above that of the last pose: late, repeated or played again")                        \
+    X(CLOCK, "clock", "utime is before that of the last pose")                                                         \
+    X(JUMP, "jump", "the tool is faster than 5 m/s, by its velocity or by its distance from an earlier pose")          \
+    X(RATE, "rate", "more than 5 000 poses per second")                                                                \
+    X(PEER, "peer", "the sender's address is not named by --peer")                                                     \
+    X(MAC, "mac", "the authentication tag of the key is missing or wrong")                                             \
+    X(REPLAYED, "replayed", "authentic, but made for another run of kneadd, or not recent")                            \
+    X(HELLO, "hello", "not a pose: a listener asks for the life (run) of kneadd, and gets an answer")
 
 typedef enum kn_pose_verdict {
 #define KN_REJECT(name, text, meaning) KN_REJECT_##name,
@@ -72,12 +72,12 @@ typedef struct kn_packets { // link counters of one probe, over all its sessions
     int64_t accepted, lost, late, duplicate, reordered, lost_in_a_row_max;
 } kn_packets;
 
-typedef struct kn_pose_sender { // the sender that moves one probe
+typedef struct kn_pose_sender { // state of the sender that moves one probe
     kn_pose last;               // last accepted pose; session 0: nobody owns the probe
     // Accepted pose from which speeds are measured; replaced by `last` when `last` is at least 1 ms newer.
     kn_pose reference;
     int64_t heard_ns; // time at which `last` was accepted
-    // Sessions that sent their last pose; their further poses are rejected as stale until until_ns.
+    // Sessions that sent their last pose; their further poses are rejected as stale until the time until_ns.
     struct kn_ended {
         int64_t session, until_ns;
     } ended[KN_ENDED_MAX];
@@ -109,13 +109,13 @@ kn_pose_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, i
                                   kn_pose *pose);
 
 // Judge a datagram by its bytes alone, without the checks of session, motion and rate. Return KN_ACCEPTED if it is a
-// pose, and set *probe and *pose. Counts nothing.
+// pose, and set *probe and *pose. The datagram is not counted.
 kn_pose_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
 
 // End sessions that have been silent for 1 s. Return a bit per probe whose session this call has ended.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);
 
-// End a session that has left (kn_force.left). Return whether it owned the probe until now.
+// End a session that has left (kn_force.left). Return whether the session owned the probe until now.
 bool kn_receiver_leave(kn_receiver *r, int probe, int64_t session);
 
 #endif

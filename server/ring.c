@@ -20,7 +20,7 @@ void kn_ring_free(kn_ring *ring)
     ring->records = NULL;
 }
 
-// Return the address of record number n. The capacity is a power of two, so the counts may wrap.
+// Return the address of record number n. The capacity is a power of two, so the record numbers may wrap around.
 static char *record_at(const kn_ring *ring, size_t n)
 {
     return ring->records + (n & (ring->capacity - 1)) * ring->size;

@@ -23,8 +23,8 @@ void kn_ring_free(kn_ring *ring);
 
 // Append a record; return false if the ring is full, and then nothing was written.
 bool kn_ring_push(kn_ring *ring, const void *record);
-// Append a record, but copy only its first `bytes` bytes, because the reader reads no more. The rest of the record
-// keeps old content.
+// Append a record, but copy only its first `bytes` bytes, because the reader reads no more. The rest of the record in
+// the ring keeps old content.
 bool kn_ring_push_start(kn_ring *ring, const void *record, size_t bytes);
 const void *kn_ring_front(kn_ring *ring); // return the oldest record, valid until kn_ring_pop; NULL: the ring is empty
 void kn_ring_pop(kn_ring *ring);          // remove the oldest record; call only after kn_ring_front returned a record

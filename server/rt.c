@@ -18,7 +18,7 @@
 
 bool kn_rt_files(char *error, size_t error_size)
 {
-    // number of descriptors that must be free; kneadd with every option opens about 20, and a web page needs about 30
+    // number of descriptors that must be free; kneadd with every option opens about 20, knead web about 30
     enum { FILES = 56 };
     // open as many descriptors as will be needed, then close them again
     int fd[FILES], count = 0;
@@ -80,7 +80,7 @@ static void touch_stack(void)
     for (size_t i = 0; i < sizeof page; i += 4096) page[i] = 0;
 }
 
-// Body of every thread: prepare its stack, then run the caller's function.
+// Body of every thread: touch the thread's stack, then run the caller's function.
 static void *thread_main(void *memory)
 {
     thread_start start = *(thread_start *)memory;
@@ -89,7 +89,8 @@ static void *thread_main(void *memory)
     return start.run(start.arg);
 }
 
-// Pin a thread to the last processor that the process may use. Most interrupts and kernel work run on the first one.
+// Pin a thread to the last processor that the process may use, because most interrupts and kernel work run on the
+// first.
 static void pin(pthread_attr_t *attr)
 {
     cpu_set_t may, last;

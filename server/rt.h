@@ -38,22 +38,23 @@ typedef struct kn_rt {
 // hang or abort when they cannot open a file. On failure return false and put one line in error.
 bool kn_rt_files(char *error, size_t error_size);
 
-// Return a clock of the kernel, ns; CLOCK_THREAD_CPUTIME_ID: processor time of the calling thread.
+// Return the time of a kernel clock, ns. CLOCK_THREAD_CPUTIME_ID gives the processor time of the calling thread.
 int64_t kn_rt_clock_ns(clockid_t clock);
 
-// Move the calling thread to KN_RT_MAIN if priorities up to KN_RT_SERVO are granted. Call it before creating threads.
+// Give the calling thread the real-time priority KN_RT_MAIN, if the machine grants priorities up to KN_RT_SERVO. Call
+// this function before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
 void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended
 
-// Create a thread with a small stack, touched before `run` is called, and with all signals blocked. `pinned`: run the
-// thread on the last processor that the process may use. `name`: shown by ps and top -H, <= 15 bytes. Return
+// Create a thread with all signals blocked and a small stack, whose pages are mapped before `run` is called. `pinned`:
+// run the thread on the last processor that the process may use. `name`: shown by ps and top -H, <= 15 bytes. Return
 // pthread_create's error.
 int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
                  void *arg);
 
-// Lock all memory that is mapped now. If RLIMIT_MEMLOCK is unlimited, also lock memory that is mapped later. With a
-// limit, this would make every later mmap liable to fail. Sanitizer builds never lock, since their shadow memory is
-// terabytes. Call this function after all allocations and thread creations.
+// Lock all memory that is mapped now. If RLIMIT_MEMLOCK is unlimited, also lock memory that is mapped later; under a
+// limit, every later mmap could then fail. Sanitizer builds never lock, since their shadow memory is terabytes. Call
+// this function after all allocations and thread creations.
 void kn_rt_lock_memory(kn_rt *rt);
 // Lock memory allocated after kn_rt_lock_memory, if memory is locked; any thread may call this.
 void kn_rt_lock_more(const kn_rt *rt);

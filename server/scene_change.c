@@ -10,7 +10,7 @@
 int kn_settings_list(const kn_settings *settings, char room[KN_SETTINGS_BYTES], const char *list[KN_SETTINGS_MAX])
 {
     int count = 0;
-    // cut the copy into strings at its newlines
+    // cut the copy of the text into strings at its newlines
     memcpy(room, settings->text, KN_SETTINGS_BYTES);
     room[KN_SETTINGS_BYTES - 1] = '\0';
     for (char *line = room, *end; count < KN_SETTINGS_MAX && (end = strchr(line, '\n')); line = end + 1) {
@@ -40,7 +40,7 @@ bool kn_settings_add(kn_settings *settings, const char *set, char *error, int er
         snprintf(error, (size_t)error_size, "set '%.100s': expected KEY=VALUE", set);
         return false;
     }
-    // copy all settings of other keys, then append the new one
+    // copy the settings of all other keys, then append the new setting
     int count = kn_settings_list(settings, room, list), kept = 0;
     for (int i = 0; i < count; i++) {
         if (strncmp(list[i], set, key) == 0) continue;
@@ -68,8 +68,8 @@ kn_scene *kn_settings_parse(const kn_settings *settings, const kn_scene *base, c
 
 // --- the change ---
 
-// Compare the parts of the two scenes that threads other than the servo keep using. Return the difference, or NULL if
-// the parts are equal.
+// Compare those parts of the new scene and of the scene being served that threads other than the servo keep using.
+// Return the difference, or NULL if the parts are equal.
 static const char *misfit(const kn_scene *scene, const kn_scene *now)
 {
     const kn_model_def *d = &scene->model, *e = &now->model;
@@ -78,7 +78,7 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     if (!same) return "another lattice"; // refuse another lattice early, before anything is built
     bool points = scene->quality == now->quality;
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
-    if (!points) return "other points of quality";
+    if (!points) return "other quality points";
     if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
     if (scene->mesh_measures != now->mesh_measures) return "other mesh.measures";
     return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
@@ -92,7 +92,7 @@ static const char *build(kn_scene_change *c, const kn_scene *now, const kn_model
     if (wrong) return wrong;
     c->model = kn_model_build(&c->scene->model, why, why_size);
     if (!c->model) return why;
-    // Check that the state can be carried over.
+    // Check that the state can be carried over to the new model.
     wrong = kn_carry_misfit(model, c->model);
     if (wrong) return wrong;
     kn_coupling coupling = {c->scene->device.coupling_n_m, c->scene->device.coupling_n_s_m};
@@ -119,8 +119,8 @@ kn_scene_change *kn_scene_change_create(kn_scene *scene, const kn_scene *now, co
     } else {
         kn_scene_destroy(scene);
     }
-    snprintf(error, error_size, "%s: expected a change that keeps the object's state; a restart of kneadd allows any",
-             wrong);
+    snprintf(error, error_size,
+             "%s: expected a change that keeps the object's state; a restart of kneadd allows any change", wrong);
     return NULL;
 }
 

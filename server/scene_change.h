@@ -30,8 +30,8 @@ bool kn_settings_add(kn_settings *settings, const char *set, char *error, int er
 // number of settings.
 int kn_settings_list(const kn_settings *settings, char room[KN_SETTINGS_BYTES], const char *list[KN_SETTINGS_MAX]);
 
-// Parse the text of `base` again, overridden by the settings. `path`: scene file, beside which other files are found.
-// On failure return NULL and put one line in error.
+// Parse the text of `base` again, overridden by the settings. `path`: scene file, in whose folder the scene's other
+// files are found. On failure return NULL and put one line in error.
 kn_scene *kn_settings_parse(const kn_settings *settings, const kn_scene *base, const char *path, char *error,
                             size_t error_size);
 
@@ -43,7 +43,8 @@ typedef struct kn_scene_change {
     // Number of units of work that a step may take in the new model (kn_served_object_deadline); 0: unchanged.
     int64_t deadline;
     kn_settings settings; // run-time settings that turn the scene of the server's start into `scene`
-    kn_state *carried;    // the object's state in the new model, as of the tick that adopted the change; no scratch
+    // The object's state in the new model, as of the tick that adopted the change; without solver scratch.
+    kn_state *carried;
 } kn_scene_change;
 
 // Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are the scene and the

@@ -25,14 +25,15 @@ static size_t memory_available(void)
     return kib ? (size_t)kib * 1024 : SIZE_MAX;
 }
 
-// Refuse an object that does not fit into memory. Linux grants more memory than it has, and kills a process that then
-// uses it. Locked memory is used at once.
+// Refuse an object that does not fit into memory. Linux grants more memory than the machine has, and kills a process
+// that then uses it. Locked memory is used at once.
 static bool check_memory(size_t bytes, const char *what, const char *path, char *error, size_t error_size)
 {
     size_t available = memory_available();
     if (bytes <= available) return true;
-    return kn_refuse(error, error_size, "%s: %s needs %zu MiB and %zu MiB of memory are free, expected fewer nodes",
-                     path, what, (bytes >> 20) + 1, available >> 20);
+    return kn_refuse(error, error_size,
+                     "%s: %s needs %zu MiB, but only %zu MiB of memory are free; expected fewer nodes", path, what,
+                     (bytes >> 20) + 1, available >> 20);
 }
 
 // Return a lower bound of the object's bytes before the model is built: each node has a mass in the model, and position
@@ -52,12 +53,12 @@ static kn_scene *with_settings(const kn_served_object *s, const kn_served_object
     kn_scene *scene = kn_settings_parse(&s->settings, s->base, def->scene_path, why, why_size);
     const char *raised = scene ? kn_safety_raised(&scene->limits, &s->base->limits) : NULL;
     if (!raised) return scene;
-    snprintf(why, why_size, "%s relaxes a limit for the hand beyond the scene", raised);
+    snprintf(why, why_size, "%s relaxes a safety limit of the hand beyond the scene's value", raised);
     kn_scene_destroy(scene);
     return NULL;
 }
 
-// Remove the settings of the device from the list.
+// Remove all settings whose key begins with "device" from the list.
 static void without_device(kn_settings *settings)
 {
     char room[KN_SETTINGS_BYTES], error[200];
@@ -118,14 +119,14 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
     if (!s->model)
         return kn_refuse(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line,
                          s->scene->solver_col, why);
-    // check the state, and its copies for undo, snapshots and mesh
+    // check that the state, and its copies for undo, snapshots and mesh, fit into memory
     size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
                    kn_skin_bytes(s->scene, s->model);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
-    // a circuit's queue of ticks may use the remaining memory
+    // a circuit's queue of ticks may use the rest of the memory
     const size_t free_bytes = memory_available();
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
-    // build the audit, and prepare local contact models; only the implicit solver has them
+    // build the energy audit, and prepare local contact models; only the implicit solver supports both
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT)
         return kn_refuse(error, error_size, "%s: not enough memory for the object's audit", def->scene_path);
@@ -159,7 +160,8 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
     return kn_rt_clock_ns(clock) - from_ns;
 }
 
-// Take the shortest of a few ticks, because delays by other processes say nothing about the scene. Stop after 20 ms.
+// Measure a few ticks and take the shortest, because delays by other processes say nothing about the scene. Stop after
+// 20 ms.
 int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
@@ -177,8 +179,8 @@ int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
     return best_ns;
 }
 
-// Number of ticks of a simulated impact (all tools hit the object); number of repetitions of the impact; deadline of a
-// step during the measurement, in units of work (core/solve/step_effort.h).
+// Simulated impact (all tools hit the object): number of its ticks; number of its repetitions; largest number of units
+// of work (core/solve/step_effort.h) per step while the deadline is measured.
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
 // Measure the time and the units of work of each tick of a simulated impact. Repeat the impact, and keep the shortest

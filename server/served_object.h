@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_SERVED_OBJECT_H
 #define KN_SERVER_SERVED_OBJECT_H
-// The served object: a scene, its model, and the backend that steps the model. They are built from a scene file and
-// from the settings in force when the object was last saved. An operator makes these settings at run time. An object
-// that does not fit into memory is refused. Not real-time.
+// The served object: a scene, its model, and the backend that steps the model. All three are built from a scene file
+// and from the settings in force when the object was last saved. An operator makes these settings at run time. An
+// object that does not fit into memory is refused. Not real-time.
 #include "core/lattice/measure.h"
 #include "server/servo.h"
 
@@ -14,7 +14,7 @@ typedef struct kn_served_object_def {
     const char *name, *text;
     const char *state_dir; // directory of snapshots; NULL: nothing is saved or restored
     const char *device;    // URI of a circuit that steps the object; NULL: this processor steps the object
-    bool local_model;      // identify local contact models and publish them as KNEAD_CONTACT
+    bool local_model;      // true: identify local contact models and publish them as KNEAD_CONTACT
 } kn_served_object_def;
 
 typedef struct kn_served_object {
@@ -35,10 +35,10 @@ int kn_served_object_load(kn_served_object *served, const kn_served_object_def *
 // measured in processor time, which other processes do not lengthen. A step on a circuit is measured until the answer
 // arrives. The object is reset afterwards.
 int64_t kn_served_object_measure(kn_backend *backend, const kn_model *pressed);
-// Return the deadline of a step, in units of work (core/solve/step_effort.h), such that a step ends within KN_STEP_SHARE of
-// `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object at 5 cm/s, on
-// one thread of this processor. `model` must be the model that the backend steps. The deadline is never below the units
-// of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.
+// Return the deadline of a step, in units of work (core/solve/step_effort.h), such that a step ends within
+// KN_STEP_SHARE of `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object
+// at 5 cm/s, on one thread of this processor. `model` must be the model that the backend steps. The deadline is never
+// below the units of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.
 int64_t kn_served_object_deadline(kn_backend *backend, const kn_model *model, double budget_s);
 // Return the duration of the longest tick while all tools of `model` hit the object at 5 cm/s, ns. `deadline`: largest
 // number of units of work per step; 0: no deadline.

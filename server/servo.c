@@ -7,9 +7,11 @@
 #include <string.h>
 
 #define SAME_FLAG(name)                                                                                                \
-    static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name, "flags of core and of the wire")
+    static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name,                                                 \
+                  "core and contact_force_t number this flag alike")
 #define SAME_FAULT(name)                                                                                               \
-    static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name, "faults of core and of the wire")
+    static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name,                                          \
+                  "core and contact_force_t number this fault alike")
 SAME_FLAG(ENGAGED);
 SAME_FLAG(RAMPING);
 SAME_FLAG(LATCHED);
@@ -27,7 +29,7 @@ SAME_FAULT(NONFINITE);
 SAME_FAULT(ESTOP);
 SAME_FAULT(STOPPING);
 SAME_FAULT(OVERLOAD);
-static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "every event of a tick has room");
+static_assert(KN_EVENTS_PER_TICK >= 5 * KN_PROBES_MAX + 12, "the array has room for all events of a tick");
 
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend)
 {

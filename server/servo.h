@@ -25,7 +25,8 @@
 #include "server/scene_change.h"
 #include <stdint.h>
 
-typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the workspace, newer than the last one
+// A validated pose: finite, unit quaternion, in the workspace, newer than the session's previous pose.
+typedef struct kn_pose {
     int64_t session, seq, sent_ns, utime;
     double position_m[3], orientation_wxyz[4], velocity_m_s[3];
     int32_t buttons;
@@ -36,9 +37,9 @@ typedef struct kn_pose { // a validated pose: finite, unit quaternion, in the wo
 #define KN_BUTTON_GRIP 2            // the object sticks to the tool, up to the probe's grip force
 #define KN_BUTTON_LEAVING (1 << 30) // not a button: this pose is the session's last
 
-// The clutch of a probe lets a device reach a scene that is larger than the device's workspace. While the clutch is held,
-// the hand moves and the tool stays. Afterwards the tool is offset from the device by the hand's motion. The force on the
-// hand fades while the clutch is held (core/safety.h).
+// The clutch of a probe lets a device reach a scene that is larger than the device's workspace. While the clutch is
+// held, the hand moves and the tool stays. Afterwards the tool is offset from the device by the hand's motion. The
+// force on the hand fades while the clutch is held (core/safety.h).
 typedef struct kn_clutch {
     bool held;
     double offset_m[3], turn_wxyz[4]; // offset and rotation from the device's pose to the tool's pose
@@ -51,11 +52,12 @@ typedef struct kn_clutch {
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)
 
-// Fraction of the scene's budget_s for a step; the rest is for work that the units of a deadline (core/solve/step_effort.h) do not
-// count, and for delays by a busy hyperthread.
+// Fraction of the scene's time budget (budget_s) that a step may take. The rest is for work that the units of a
+// deadline (core/solve/step_effort.h) do not count, and for delays by a busy hyperthread.
 #define KN_STEP_SHARE 0.7
 
-typedef enum kn_quality_cause { // reason why a tick changes to another quality point (a solver effort that the scene names)
+// Reason why a tick changes to another quality point (a solver effort that the scene names).
+typedef enum kn_quality_cause {
     KN_QUALITY_CAUSE_NONE,
     KN_QUALITY_CAUSE_COMMAND, // an operator chose the quality point; kn_servo.asked is set to it as well
     KN_QUALITY_CAUSE_BUDGET   // in a replay: the recorded server exceeded its time budget and chose this quality point
@@ -65,13 +67,13 @@ typedef enum kn_quality_cause { // reason why a tick changes to another quality 
 typedef struct kn_tick_in {
     int64_t tick;   // number of the tick on the 1 ms grid
     int32_t missed; // number of 1 ms cycles skipped just before this tick
-    bool stop;      // the server is shutting down: fade every force to zero
-    bool reset;     // return the object to its initial state and detach the probes
+    bool stop;      // true: fade every force to zero, because the server is shutting down
+    bool reset;     // true: return the object to its initial state and detach the probes
     // State that replaces the object; the probes are detached; NULL: no replacement.
     const kn_state *restore;
     // Generation and tick of the snapshot that holds `restore`; recorded in the event.
     int64_t restored_generation, restored_tick;
-    bool undo;               // replace the object by the newest undo point (servo->undo), if there is one
+    bool undo;               // true: replace the object by the newest undo point (servo->undo), if there is one
     kn_scene_change *change; // change of the scene; the object continues in the change's model; NULL: no change
     bool recover, estop;     // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
     // Largest number of units of work (core/solve/step_effort.h) per step, from this tick on; 0: unchanged.
@@ -84,7 +86,8 @@ typedef struct kn_tick_in {
     // time.
     int64_t execution_ns;
     int64_t (*now_ns)(void); // CLOCK_MONOTONIC, for time stamps in kn_tick_out; NULL: no clock
-    // Time (CLOCK_MONOTONIC) by which the backend must answer; a later backend repeats its last answer; 0: no limit.
+    // Time (CLOCK_MONOTONIC) by which the backend must answer, ns. If the backend is late, the answer of the last tick
+    // is used. 0: no limit.
     int64_t deadline_ns;
     // Latest pose of each probe; NULL: no session (none yet, left, or silent for 1 s).
     const kn_pose *pose[KN_PROBES_MAX];
@@ -92,8 +95,9 @@ typedef struct kn_tick_in {
 } kn_tick_in;
 
 typedef struct kn_force { // answer to one probe: all fields of the message contact_force_t except its times
-    bool live;            // the probe has a session
-    // True: end the session, because it has sent its last pose, the force is 0 and the tool is out of the model.
+    bool live;            // true: the probe has a session
+    // True: end the session, because it has sent its last pose, the force is 0 and the tool no longer acts on the
+    // object.
     bool left;
     int64_t session, seq, sent_ns;
     double contact_force_n[3], contact_torque_n_m[3];
@@ -118,14 +122,14 @@ typedef struct kn_tick_out {
     int32_t missed;
     int probes;
     kn_force force[KN_PROBES_MAX];
-    bool local; // the backend identifies local contact models: `contact` is set for each probe with a session
+    bool local; // true: the backend identifies local contact models, and sets `contact` for each probe with a session
     int event_count;
     kn_event event[KN_EVENTS_PER_TICK];
     int64_t stepped_ns; // time at which the backend answered (CLOCK_MONOTONIC, ns); 0: no clock
     int64_t units;      // number of units of work (core/solve/step_effort.h) that the step took
     // True if the solver stopped at its iteration cap or its deadline, before it met its tolerance.
     bool capped;
-    bool replaced;            // a reset, restore or undo replaced the object
+    bool replaced;            // true: a reset, restore or undo replaced the object
     kn_scene_change *changed; // change of the scene that this tick applied; NULL: none
     uint64_t restored_hash;   // hash of the object's state after a restore or an undo; 0: this tick did neither
     bool stopped;             // true if the server is stopping and every gain is zero, so the loop may end
@@ -148,8 +152,8 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     int64_t deadline; // number of units of work that a step may take; 0: no deadline
     int64_t slow_ns;  // total duration of the latest run of consecutive ticks longer than 1 ms, ns
     int slow;         // number of ticks summed in slow_ns, counted up to KN_OVER_TICKS
-    bool overloaded;  // true after slow_ns reached KN_OVERLOAD_NS; the tools are then out of the model
-    // Number of ticks since kn_servo_init; the next three fields count since kn_servo_init as well.
+    bool overloaded;  // true after slow_ns reached KN_OVERLOAD_NS; no tool acts on the object during an overload
+    // Number of ticks since kn_servo_init. The fields capped, late and diverged count since kn_servo_init as well.
     int64_t ticks;
     int64_t capped;     // number of steps that stopped at the solver's iteration cap or its deadline
     int64_t late;       // number of ticks in which the backend missed its deadline
@@ -160,7 +164,7 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     int over;       // number of consecutive ticks above the time budget, counted up to KN_OVER_TICKS
     bool exhausted; // true if no lower quality point exists and an event has recorded this
     bool stopping;
-    bool estopped; // an operator's emergency stop is in force; stored for other modules only
+    bool estopped; // true: an operator's emergency stop is in force; kept here for other modules to read
 } kn_servo;
 
 // Working data of one tick. kn_servo_tick creates it; the orders (operator_orders.h) act on it.
@@ -173,8 +177,8 @@ typedef struct kn_tick {
     kn_output output;
     kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
     bool stepped, diverged;
-    bool shadowed; // the circuit was late or not in step, and its twin's result is used
-    bool change;   // the solver effort or the material changes in this tick, so forces fade to 0 and return
+    bool shadowed; // true: the circuit was late or not in step, and its twin's result is used
+    bool change;   // true: the solver effort or the material changes in this tick, so forces fade to 0 and return
     bool hashed;
     uint64_t hash; // state hash before the step, taken when the first event needs it
 } kn_tick;

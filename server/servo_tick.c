@@ -8,9 +8,9 @@
 #include <stddef.h>
 #include <string.h>
 
-// A tool counts as lifted when its distance from the object exceeds this, m. When the poses of a plate stop, the servo
-// moves the plate on for 3 ms. Dough stays where the plate pushed it. The dough is then slightly away from a tool that
-// the hand never moved, and this gap must not count as lifting.
+// Distance from the object above which a tool counts as lifted, m. When the poses of a plate stop, the servo moves the
+// plate on for 3 ms, and the dough stays where the plate pushed it. So there is a small gap between the dough and a
+// tool that the hand never moved. This gap must not count as lifting.
 #define LIFTED_M 5e-4
 
 // Read the pose and session of a probe, and fill the input of its safety watch.
@@ -84,8 +84,8 @@ static void judge_time(kn_tick *t)
 }
 
 // Begin an overload after KN_OVER_TICKS or more slow ticks in a row that together took KN_OVERLOAD_NS. End the overload
-// with the first tick in time. During an overload no tool acts on the object, so ticks are in time unless the object
-// alone takes too long.
+// with the first tick that is not slow. During an overload no tool acts on the object, so ticks are fast unless the
+// object alone takes too long.
 static void judge_overload(kn_tick *t)
 {
     kn_servo *servo = t->servo;
@@ -138,7 +138,7 @@ static void tell_checkpoint(kn_tick *t, bool untold)
 static void read_all(kn_tick *t)
 {
     kn_servo *servo = t->servo;
-    int64_t before = t->in->tick - 1 - t->in->missed; // number of the last tick
+    int64_t before = t->in->tick - 1 - t->in->missed; // number of the previous tick
     if (servo->ticks == 0) kn_tick_event(t, KNEAD_EVENT_T_KIND_START, -1);
     kn_orders_apply(t);
     if (t->in->stop && !servo->stopping) kn_tick_event(t, KNEAD_EVENT_T_KIND_STOP, -1);
@@ -234,7 +234,7 @@ static bool at_rest(const kn_safety *s)
 
 static bool finite3(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// Filter a probe's contact force through the output stage, and fill the probe's answer.
+// Filter a probe's contact force through the output stage, and fill in the answer to the probe.
 static void guard_probe(kn_tick *t, int p)
 {
     static const double none[3] = {0};
@@ -249,7 +249,7 @@ static void guard_probe(kn_tick *t, int p)
     const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
     if (latched(s) && latched(s) != t->fault[p]) kn_tick_event(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
-    // echo the pose that the tick used; a session that left may end once its force is 0
+    // Echo session and number of the pose that the tick used. A session that left may end once its force is 0.
     f->live = t->watch[p].live;
     f->left = t->watch[p].leaving && !s->attached && at_rest(s);
     f->session = last->session;
@@ -257,7 +257,7 @@ static void guard_probe(kn_tick *t, int p)
     f->sent_ns = last->sent_ns;
     f->gain = s->gain;
     f->fault = (int32_t)s->fault;
-    // a detached probe has no proxy, so report the position of its tool
+    // a detached probe has no proxy, so report the tool's position instead
     memcpy(f->proxy_position_m, tool->position_m, sizeof f->proxy_position_m);
     kn_turn_unit(tool->orientation_wxyz, f->proxy_orientation_wxyz);
     if (s->attached && sane) {
@@ -297,7 +297,7 @@ static void tell_contact(kn_tick *t, int p)
 
 void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
 {
-    memset(out, 0, offsetof(kn_tick_out, contact)); // contacts are large, so they are set only where used
+    memset(out, 0, offsetof(kn_tick_out, contact)); // contacts are large, so tell_contact() sets only those in use
     out->tick = in->tick;
     out->missed = in->missed;
     out->probes = servo->model->def.probe_count;
@@ -307,7 +307,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     read_all(&t);
     bool pressed = any_attached(&t);
     for (int p = 0; p < out->probes; p++) watch_probe(&t, p);
-    // save an undo point in the tick in which the first tool enters the model
+    // save an undo point in the tick in which the first tool begins to act on the object
     if (servo->undo && !pressed && any_attached(&t))
         kn_undo_keep(servo->undo, servo->backend->state(servo->backend->self));
     step(&t);

@@ -24,8 +24,8 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-// If the scene asks for measures, count one state per mailbox slot, the gauge, and two measures for each node and
-// vertex.
+// If the scene asks for measures (stress, residual strain), count one state per mailbox slot, the gauge, and two
+// measures for each node and vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
@@ -87,7 +87,7 @@ bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const k
     *skin = (kn_skin){.model = model, .measures = scene->mesh_measures};
     skin->period_ticks = (int)(1000.0 / scene->mesh_hz + 0.5);
     skin->surface = kn_surface_create(model);
-    // allocate everything before any thread runs: the servo copies into this memory
+    // allocate everything before any thread runs, because the servo copies into this memory and must not allocate
     bool fits = skin->surface && open_frames(skin) && open_measures(skin) && open_topology(skin, scene->text_hash);
     if (fits) skin->lcm = lcm_create(url);
     if (skin->lcm) return true;
@@ -142,7 +142,7 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
 {
     kn_skin_gauge *g = &skin->measured;
     if (!frame->state) return false;
-    // a gauge belongs to one model, so create a new gauge after a change
+    // kn_gauge computes the measures for one model, so create a new one after a change of the scene
     if (g->model != frame->model) {
         kn_gauge_destroy(g->gauge);
         g->gauge = kn_gauge_create(frame->model);
@@ -161,7 +161,8 @@ static bool measure(kn_skin *skin, const kn_skin_frame *frame)
     return finite;
 }
 
-// Encode at most `size` vertices, from chunk * size on. Return the size of the message, bytes.
+// Encode chunk number `chunk`: at most `size` vertices, from vertex chunk * size on. Return the size of the message,
+// bytes.
 static int encode_chunk(kn_skin *skin, const kn_skin_frame *frame, int64_t utime, int chunk, int size, bool measured)
 {
     int vertices = skin->surface->vertex_count, first = chunk * size;

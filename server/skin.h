@@ -22,14 +22,14 @@
 typedef struct kn_skin_frame { // copy of the object's skin that the servo hands to the mesh thread
     int64_t tick;
     int32_t generation;
-    const kn_model *model; // model of the state
+    const kn_model *model; // model to which `state` belongs
     kn_state *state;       // state of the object; NULL: nothing is measured
     float xyz_m[];         // [vertex_count][3] positions of the vertices, m
 } kn_skin_frame;
 
 typedef struct kn_skin_gauge { // measures (stress, residual strain) of the latest frame, for the mesh thread
     kn_gauge *gauge;
-    const kn_model *model; // model that the gauge was made for
+    const kn_model *model; // model for which the gauge was created
     // [node_count] value of each measure at each node; NULL: the scene does not ask for the measure.
     double *node_value[KN_MEASURES];
     float *vertex_value[KN_MEASURES]; // [vertex_count] value of each measure at each vertex
@@ -45,7 +45,7 @@ typedef struct kn_skin {
     int64_t next_tick; // tick of the next frame; used by the servo thread
     kn_mailbox frames;
     void *memory;
-    int measures;                   // set of measures that the scene asks for (mesh.measures)
+    int measures;                   // KN_MESH_* bits of the measures that the scene asks for (mesh.measures)
     kn_skin_gauge measured;         // used by the mesh thread only
     _Atomic(const kn_model *) told; // model of the frame that the mesh thread took last; read by other threads
     lcm_t *lcm;                     // transmits only: such an lcm_t has no thread and receives nothing
@@ -64,8 +64,8 @@ void kn_skin_close(kn_skin *skin);
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model);
 
 // Copy a frame if one is due. Called by the servo thread in every tick. `model`: the model being served, which has the
-// same lattice as the first one. `generation`: kn_servo.generation, by which a viewer distinguishes the skins before
-// and after a reset. Real-time safe.
+// same lattice as the model at the start. `generation`: kn_servo.generation, by which a viewer distinguishes the skins
+// before and after a reset. Real-time safe.
 void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state, int64_t tick, int32_t generation);
 
 // Return true if the mesh thread no longer uses any model earlier than `model`. If the scene asks for measures, the

@@ -14,11 +14,11 @@ static const uint8_t magic[8] = {0x89, 'K', 'N', 'E', 'A', 'D', '\r', '\n'};
 
 // --- plain part of the servo -----------------------------------------------------------------------------------------
 
-// A new field of these structs must be saved as well, and FORMAT must change. Otherwise a replay that continues from a
-// snapshot does not give the same bits. Counters that affect nothing (slewed and the fields after it) need not be
-// saved.
+// A new field of kn_safety, kn_pose or kn_clutch must be saved as well, and FORMAT must change. Otherwise a replay that
+// continues from a snapshot does not give the same bits. Counters that affect nothing (slewed and the fields after it)
+// need not be saved.
 static_assert(offsetof(kn_safety, slewed) == 312 && sizeof(kn_pose) == 120 && sizeof(kn_clutch) == 120,
-              "all of it is below");
+              "the functions below save all fields");
 
 // Each put_ function measures, writes or reads, depending on the codec. So one description of the layout serves all
 // three purposes.
@@ -71,7 +71,8 @@ static void put_clutch(kn_codec *c, kn_clutch *l)
     kn_codec_f64(c, l->stays_wxyz, 4);
 }
 
-// The plain part of the servo. Pointers, deadline, overload and `estopped` are not saved.
+// Measure, write or read the plain part of the servo. Pointers, deadline, overload and `estopped` are not part of a
+// snapshot.
 static void put_servo(kn_codec *c, kn_servo *s)
 {
     int32_t quality = (int32_t)s->quality, asked = (int32_t)s->asked;
@@ -98,7 +99,7 @@ static void put_servo(kn_codec *c, kn_servo *s)
 void kn_saved_resume(const kn_saved *saved, kn_servo *servo)
 {
     const kn_servo *from = &saved->servo;
-    // poses and clutches of the sessions that were open
+    // take over the poses and clutches of the sessions that were open
     memcpy(servo->last, from->last, sizeof servo->last);
     memcpy(servo->tool, from->tool, sizeof servo->tool);
     memcpy(servo->clutch, from->clutch, sizeof servo->clutch);
@@ -136,7 +137,7 @@ static void digest(const uint8_t *bytes, size_t size, uint8_t out[DIGEST])
     else crypto_generichash(out, DIGEST, bytes, size, NULL, 0);
 }
 
-// The head of the file: identity, settings and time, before any field that depends on the model.
+// Measure, write or read the head of the file: identity, settings and time. No field of the head depends on the model.
 static void put_head(kn_codec *c, kn_saved *s)
 {
     kn_codec_bytes(c, (uint8_t *)s->version, sizeof s->version);
@@ -172,7 +173,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     saved->text_hash = scene->text_hash;
     saved->settings = saved->servo.settings ? *saved->servo.settings : (kn_settings){0};
     saved->state_hash = kn_state_hash(model, saved->state);
-    // the parts of the file in order; the total size is not known yet
+    // write the parts of the file in order, with 0 as total size, which is not known yet
     memcpy(start, magic, sizeof start);
     kn_codec_bytes(&c, start, sizeof start);
     kn_codec_u64(&c, &format);
@@ -183,7 +184,7 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     c.at += kn_snapshot_write(model, saved->state, bytes + c.at, lattice);
     put_servo(&c, &saved->servo);
     if (c.ended || DIGEST > size - c.at) return 0;
-    // put the total size into its place in the head, then the checksum over all
+    // put the total size into its place in the head, then append the checksum over everything before it
     whole = c.at + DIGEST;
     kn_codec again = {.to = bytes + HEAD - 8, .size = 8};
     kn_codec_u64(&again, &whole);
@@ -191,8 +192,8 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     return whole;
 }
 
-// Check magic, size and checksum. Return NULL if the bytes are as they were written, or else the reason. Needs no
-// scene.
+// Check magic, size and checksum; this needs no scene. Return NULL if the bytes are as they were written, or else the
+// reason why not.
 static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, char *text, size_t text_size)
 {
     uint64_t whole = 0;
@@ -211,7 +212,7 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     return memcmp(found, bytes + size - DIGEST, DIGEST) == 0 ? NULL : "checksum: damaged since it was written";
 }
 
-// Check a text that messages may show: it has a NUL, and no control characters but the newlines of `lines`.
+// Check a text that messages may show: it has a NUL, and no control characters, except newlines if `lines` is true.
 static bool legible(const char *text, size_t size, bool lines)
 {
     size_t n = strnlen(text, size);

@@ -23,15 +23,15 @@ typedef struct kn_saved {
     kn_settings settings; // run-time settings that turn the scene of the server's start into the scene that was saved
     int64_t generation;   // generation, that is, number of the snapshot file: 1, 2, ...
     int64_t tick;         // last tick executed before the state was saved
-    int64_t utime;        // time of that tick, us since 1970
+    int64_t utime;        // time of the tick `tick`, us since 1970
     kn_state *state;      // state of the object, without solver scratch (kn_state_keep); owned by the caller
-    kn_servo servo;       // plain part of the servo: safety, poses, clutches, quality, counters
+    kn_servo servo;       // the servo without its pointers: safety, poses, clutches, quality, counters
 } kn_saved;
 
 size_t kn_saved_size_max(const kn_model *model); // return the largest size of a snapshot file of this model, bytes
 
-// Encode a snapshot. The caller sets state, servo (with its settings), generation, tick and utime of `saved`; this function
-// sets the rest. Return the number of bytes written, or 0 if `size` bytes are not enough.
+// Encode a snapshot. The caller sets state, servo (with its settings), generation, tick and utime of `saved`; this
+// function sets the rest. Return the number of bytes written, or 0 if `size` bytes are not enough.
 size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *saved, uint8_t *bytes, size_t size);
 
 // Decode a snapshot into `saved`. saved->state must be a state of this model, and kn_servo_init must have initialised
@@ -44,8 +44,8 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
 // another version, or of a scene with another name.
 bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_settings *settings);
 
-// Copy the saved plain part into `servo`, which then continues as the saved servo did. The caller restores the lattice
-// of the backend.
+// Copy safety, poses, clutches, quality and counters of the saved servo into `servo`, which then continues as the saved
+// servo did. The caller restores the lattice of the backend.
 void kn_saved_resume(const kn_saved *saved, kn_servo *servo);
 
 #endif

@@ -45,7 +45,7 @@ static void series_of(const kn_scene *scene, const kn_model *model, char *series
     snprintf(series, size, "%s.%08" PRIx32, name, (uint32_t)(hash ^ hash >> 32));
 }
 
-// Put a placeholder of the same length in `series`, to find files of the scene with any hash.
+// Put the scene's name and a placeholder for the hash in `series`, to find the scene's files with any hash.
 static void any_series_of(const kn_scene *scene, char *series, size_t size)
 {
     char name[sizeof scene->name];
@@ -62,7 +62,7 @@ static void file_name(const char *series, int64_t generation, char name[256])
 // of the scene. Return 0 for other files.
 static int64_t generation_of(const kn_store *s, const char *name, bool any_series)
 {
-    // if any series is accepted, the last eight characters (the hash) need not agree
+    // if any series is accepted, the last eight characters of the series (the hash) need not agree
     size_t same = strlen(s->series) - (any_series ? 8 : 0), at = strlen(s->series);
     char *end;
     if (strncmp(name, s->series, same) != 0 || strlen(name) < at + 2 || name[at] != '.' ||
@@ -124,7 +124,8 @@ static int open_directory(kn_store *s, char *error, size_t size)
     struct stat what;
     s->dir = open(s->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (s->dir < 0) return refuse(2, error, size, s->path, strerror(errno), "a directory");
-    if (fstat(s->dir, &what) != 0) return refuse(3, error, size, s->path, strerror(errno), "one that can be examined");
+    if (fstat(s->dir, &what) != 0)
+        return refuse(3, error, size, s->path, strerror(errno), "a directory that can be examined");
     if (what.st_uid != geteuid())
         return refuse(2, error, size, s->path, "owned by another user", "a directory of this user");
     if (faccessat(s->dir, ".", W_OK | X_OK, AT_EACCESS) != 0)
@@ -148,7 +149,8 @@ void kn_store_pin(kn_store *store, int64_t generation)
     atomic_store(&store->pin[atomic_fetch_add(&store->pins, 1) % KN_STORE_PINS], generation);
 }
 
-// Add a generation to the kept files. Remove the oldest one that is not pinned if there is no room.
+// Add the file of a generation to the list of kept files. If the list is full, remove the oldest file that is not
+// pinned.
 static void keep(kn_store *s, int64_t generation)
 {
     char name[256];
@@ -166,7 +168,7 @@ static void keep(kn_store *s, int64_t generation)
     memcpy(kept[s->kept_count++].series, s->series, sizeof s->series);
 }
 
-// Return whether a file is read-only, and so must not be removed here.
+// Return whether a file is read-only. The store must not remove a read-only file.
 static bool stays(const kn_store *s, const char *name)
 {
     struct stat what;
@@ -254,7 +256,8 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     kn_store *s = store;
     char name[256];
     if (stays && count_staying(s) >= KN_STORE_STAY)
-        return kn_refuse(why, why_size, "%d snapshots that stay exist, expected some of them removed", KN_STORE_STAY);
+        return kn_refuse(why, why_size, "%d read-only snapshots exist, expected some of them to be removed",
+                         KN_STORE_STAY);
     // a setting may have changed the scene, so determine the series again
     s->scene = saved->servo.scene;
     s->model = saved->servo.model;

@@ -20,7 +20,7 @@
 
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
-// Largest number of snapshots of a scene that an operator has kept (read-only files). At this number, an operator's new
+// Largest number of read-only snapshot files of a scene, which operators have saved. At this number, an operator's new
 // snapshot is refused until the owner of the directory deletes an old one.
 #define KN_STORE_STAY 100
 
@@ -53,7 +53,8 @@ typedef struct kn_store {
     int dir;            // descriptor of the directory, locked; -1: not open
     char series[96];    // first part of the file names, for example "dough.1f0c9a7e"
     int64_t generation; // highest generation of all files of the scene, in any series; 0: no file
-    // The latest files, oldest first; the oldest is removed first; a change of settings may begin another series.
+    // Latest files that may be removed, oldest first. They may belong to several series, because a change of settings
+    // may begin another series.
     kn_kept_file kept[KN_STORE_KEPT];
     int kept_count;
     // Latest restored generations; their files are kept so that a replay can use them.
@@ -72,8 +73,8 @@ int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, cons
 void kn_store_close(kn_store *store); // a store that was never opened is allowed if its dir is -1
 
 // Read the settings of the newest whole snapshot of this scene; the snapshot may have any lattice. The settings are
-// empty if there is no snapshot. Call this before kn_store_open, with the same path. A bad directory is reported only
-// by kn_store_open.
+// empty if there is no snapshot. Call this function before kn_store_open, with the same path. kn_store_open reports a
+// bad directory; this function does not.
 void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *settings);
 
 // Save a snapshot as the next generation. `saved`: filled in as for kn_saved_encode, but without the generation. Scene

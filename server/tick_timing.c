@@ -5,7 +5,8 @@
 // --- phase lock ---
 
 static const double period_ns = KN_PERIOD_NS;
-static const double outlier_ns = 100000; // limit of the difference from the centre that one pose contributes, ns
+// Largest distance from the centre, ns, with which a pose counts when the centre is updated.
+static const double outlier_ns = 100000;
 // the margin is adapted only while centre and margin differ by less than this, ns
 static const double settled_ns = 20000;
 // a tick that wakes later than this is not used to learn the arrival of poses, ns
@@ -18,8 +19,9 @@ static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)
 // Reduce a time modulo one period to the range -period/2 .. period/2.
 static double wrap(double ns) { return ns - period_ns * rint(ns / period_ns); }
 
-// Choose the driver. Keep the present driver while it is engaged, or while no probe is engaged and it is live.
-// Otherwise take the first engaged probe, else the first live one.
+// Choose the driver, that is, the probe whose poses the grid follows. Keep the present driver while it is engaged, or
+// while no probe is engaged and it has a session. Otherwise take the first engaged probe, else the first probe with a
+// session.
 static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
 {
     int live = -1, engaged = -1;
@@ -77,7 +79,8 @@ static void take_wait(kn_phase *phase, int64_t ns)
     judge_margin(phase, wait_ns);
 }
 
-// Return the move of the grid that brings the centre to the margin, and watch for a session that runs away.
+// Return the shift of the grid that brings the centre to the margin, at most KN_PHASE_SLEW_NS. Also watch for a session
+// that runs away.
 static int64_t move_grid(kn_phase *phase)
 {
     int64_t move_ns = llrint(clamp(wrap(phase->margin_ns - phase->centre_ns), KN_PHASE_SLEW_NS));
@@ -156,14 +159,15 @@ void *kn_sentinel_run(void *sentinel)
     return NULL;
 }
 
-// Move the reported stalls into the ring of recent ones.
+// Move the stalls that the sentinel has reported into the array of recent stalls.
 static void take_stalls(kn_sentinel *s)
 {
     for (const kn_stall *stall; (stall = kn_ring_front(&s->stalls)); kn_ring_pop(&s->stalls))
         s->recent[s->recent_count++ % KN_SENTINEL_RECENT] = *stall;
 }
 
-// Return whether a recent stall is close enough to a late wake to explain it. An overrun is kneadd's own fault.
+// Return whether a recent stall is close enough to a late wake to explain it. A wake after an overrun is never
+// explained, because an overrun is kneadd's own fault.
 static bool explained(const kn_sentinel *s, const kn_wake *wake)
 {
     if (wake->overrun) return false;

@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_TICK_TIMING_H
 #define KN_SERVER_TICK_TIMING_H
-// The timing of the servo's ticks. The phase lock decides when a tick comes. The sentinel finds out whether the machine or
-// kneadd caused a late tick.
+// The timing of the servo's ticks. The phase lock decides when a tick comes. The sentinel finds out whether the machine
+// or kneadd caused a late tick.
 #include "server/clock.h"
 #include "server/ring.h"
 
@@ -60,7 +60,7 @@
 #define KN_PHASE_MARGIN_MIN 10000
 // Largest margin, ns; a larger margin would delay all poses more than it helps the late poses.
 #define KN_PHASE_MARGIN_MAX 200000
-// Poses have a rhythm once their mean distance from the centre (spread) falls below KN_PHASE_LOCK_NS, and until it
+// Poses count as rhythmic once their spread (mean distance from the centre) falls below KN_PHASE_LOCK_NS, and until it
 // exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
 #define KN_PHASE_LOCK_NS 100000
 #define KN_PHASE_LOSE_NS 150000
@@ -69,7 +69,7 @@ typedef struct kn_arrival { // arrival times of the latest poses of one probe, a
     int64_t session;        // 0: the probe has no session
     int64_t arrived_ns;     // time at which the latest pose arrived
     int64_t earlier_ns;     // time at which the pose before the latest one arrived
-    bool fresh;             // no earlier tick has used the latest pose
+    bool fresh;             // true: no earlier tick has used the latest pose
     bool engaged;           // true while the probe acts on the object
 } kn_arrival;
 
@@ -81,7 +81,7 @@ typedef struct kn_phase {
     int steady;        // score of how steadily poses arrive, 0 .. KN_PHASE_STEADY_MAX
     int64_t before_ns; // time at which the previous tick woke if that tick had no new pose; otherwise 0
     int64_t run_ns;    // sum of the shifts of the tick grid over the last `run` poses, ns
-    int run;           // number of poses counted towards KN_PHASE_RUN_TICKS, 0 .. KN_PHASE_RUN_TICKS
+    int run;           // number of shifts summed in run_ns, 0 .. KN_PHASE_RUN_TICKS
     // True if the tick grid no longer follows this session, because the session moved the grid too far.
     bool lost;
     // Numbers of ticks: with a driver; with a driver and a locked grid; delayed to wait for a pose.
@@ -115,13 +115,13 @@ int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, co
 #define KN_SENTINEL_STALL_NS 100000
 // Largest time between a stall and a missed cycle that the stall still explains, ns.
 #define KN_SENTINEL_MARGIN_NS 2000000
-// Lateness from which the sentinel's wakes are counted and the servo's wakes are judged, ns.
+// Lateness from which wakes of the servo and of the sentinel count as late, ns.
 #define KN_SENTINEL_LATE_NS 500000
 // Number of stalls that are remembered; also the number of late wakes that are remembered.
 #define KN_SENTINEL_RECENT 64
 
 typedef struct kn_stall {
-    int64_t from_ns, to_ns; // `from_ns`: the sentinel's deadline; `to_ns`: its wake
+    int64_t from_ns, to_ns; // `from_ns`: deadline of the sentinel's wake; `to_ns`: time of the wake
 } kn_stall;
 
 // `count`: number of late wakes of the servo; `explained`: number of them that a stall explains.
@@ -131,8 +131,9 @@ typedef struct kn_lates {
 
 typedef struct kn_sentinel {
     kn_clock clock;
-    const _Atomic int64_t *beside; // time of tick 0 on the servo's grid, which may move; NULL: the grid does not move
-    const kn_busy *busy;           // times at which the servo was busy; NULL: the servo counts as never busy
+    // Time of tick 0 on the servo's grid, which the sentinel follows; NULL: the sentinel's grid does not move.
+    const _Atomic int64_t *beside;
+    const kn_busy *busy; // times at which the servo was busy; NULL: the servo counts as never busy
     // Numbers of wakes of the sentinel: `wakes`: all; `late`: late by KN_SENTINEL_LATE_NS or more; `later`: late by a
     // period or more. Time in which the servo was busy does not count as lateness.
     _Atomic int64_t wakes, late, later;
@@ -158,10 +159,10 @@ void *kn_sentinel_run(void *sentinel);
 int64_t kn_sentinel_stalled_ns(const kn_sentinel *s, const kn_wake *wake);
 
 // Keep a wake of the servo that was late or missed cycles, until the sentinel has had time to report a stall. Other
-// wakes are ignored. Call this and kn_sentinel_judge in one thread.
+// wakes are ignored. Call kn_sentinel_hear and kn_sentinel_judge in one thread.
 void kn_sentinel_hear(kn_sentinel *s, const kn_wake *wake);
-// Judge the wakes that are older than the margin. Return the number of missed cycles that stalls have explained since
-// the start.
+// Judge the late wakes of the servo that happened more than KN_SENTINEL_MARGIN_NS ago. Return the number of missed
+// cycles that stalls have explained since the start.
 int64_t kn_sentinel_judge(kn_sentinel *s, int64_t now_ns);
 
 #endif

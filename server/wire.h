@@ -25,7 +25,7 @@ void kn_wire_pose(knead_probe_pose_t *message, const kn_pose *pose);
 // `initial_hash`: state hash of the object before anything touched it.
 void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initial_hash, int64_t utime);
 
-// Convert a contact model message back to a contact unit, for a client. Any content is accepted, because the local
+// Convert a contact_model_t message back to a contact unit, for a client. Any content is accepted, because the local
 // contact model checks the content.
 void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 
@@ -36,9 +36,9 @@ bool kn_wire_scene_fits(const void *data, size_t size);
 // Return whether all numbers are finite.
 bool kn_wire_finite(const double *value, int count);
 
-// Sign an encoded message with the key `auth`, unless it is NULL, and send it. `signed_us`: age stamp of the sender's last
-// signed message (kn_auth_now). `bytes` has room for KN_AUTH_TRAILER more bytes. Return false if `size` is not positive,
-// because encoding has failed, or if LCM refuses the message.
+// Sign an encoded message with the key `auth`, unless it is NULL, and send it. `signed_us`: age stamp of the sender's
+// last signed message (kn_auth_now). `bytes` has room for KN_AUTH_TRAILER more bytes. Return false if `size` is not
+// positive, because encoding has failed, or if LCM refuses the message.
 bool kn_wire_send(lcm_t *lcm, const kn_auth *auth, int64_t *signed_us, const char *channel, uint8_t *bytes, int size);
 
 #endif

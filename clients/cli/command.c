@@ -28,7 +28,7 @@ static void handle(void (*handler)(int))
     static const int deadly[] = {SIGINT, SIGTERM, SIGHUP};
     struct sigaction before;
     for (int i = 0; i < 3; i++) {
-        // Under nohup the hang-up is ignored. Leave it so.
+        // If SIGHUP (hang-up) is ignored, as in a program started by nohup, keep ignoring it.
         if (deadly[i] == SIGHUP && sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler == SIG_IGN) continue;
         sigaction(deadly[i], &(struct sigaction){.sa_handler = handler}, NULL);
     }
@@ -79,7 +79,7 @@ void kn_progress_step(kn_progress *p, double done)
     if (!p->terminal || (p->shown_ns > 0 && now - p->shown_ns < PERIOD_NS)) return;
     char line[KN_PROGRESS_LINE];
     p->shown_ns = now;
-    // The time left is extrapolated from the speed so far.
+    // Estimate the remaining time from the average speed so far.
     kn_progress_line(p, done, (double)(now - p->began_ns) * 1e-9, line);
     fprintf(stderr, "\r%-70s", line);
 }

@@ -1,31 +1,32 @@
 #ifndef KN_CLIENTS_COMMAND_H
 #define KN_CLIENTS_COMMAND_H
-// What every command needs: exit codes, error messages, Ctrl-C, a progress bar.
+// Functions that every subcommand needs: exit codes, error messages, handling of Ctrl-C, a progress bar.
 #include "server/option_table.h"
 #include <stdbool.h>
 #include <stdint.h>
 
 enum { // exit codes of all programs of this project
     KN_EXIT_OK = 0,
-    KN_EXIT_FAILED = 1,   // a requested check failed, e.g. that of --verify or of a latency contract
+    KN_EXIT_FAILED = 1,   // a check that the user asked for has failed, e.g. --verify or a latency contract
     KN_EXIT_USAGE = 2,    // bad input: a wrong option, scene file or log
     KN_EXIT_DEVICE = 3,   // a device, the message bus or the operating system failed
     KN_EXIT_INTERNAL = 70 // error in the program itself
 };
 
-// Print one line on stderr in the form "knead check: what is wrong, what was expected", with the name of `subcommand`.
-// A message that names a place in a file, "scene.yaml:14:9: ...", gets no prefix, because editors jump to a place at
-// the beginning of a line. Return `code`, an exit code KN_EXIT_*, unchanged.
+// Print an error message as one line on stderr, such as "knead check: what is wrong, what was expected" for the
+// subcommand "check". A message that begins with a place in a file, such as "scene.yaml:14:9: ...", is printed without
+// "knead check: ", because editors can jump to a place only at the beginning of a line. Return `code`, an exit code
+// KN_EXIT_*, unchanged.
 __attribute__((format(printf, 3, 4))) int kn_complain(const char *subcommand, int code, const char *format, ...);
 
-// Handling of Ctrl-C, hang-up and SIGTERM in a program that has something to clean up. Call kn_interrupt_watch before
-// creating the first file or process that needs to be cleaned up. After the clean-up call kn_interrupt_die, which ends
-// the process by the signal, so that the parent process sees which signal ended it.
-// sig_atomic_t, without <signal.h> and what it drags along.
+// Handling of the signals SIGINT (Ctrl-C), SIGHUP (hang-up) and SIGTERM in a program that has something to clean up.
+// Call kn_interrupt_watch before creating the first file or process that needs to be cleaned up. After the clean-up
+// call kn_interrupt_die. It ends the process by the received signal, so that the parent process sees which signal ended
+// it. kn_interrupted is an int, not a sig_atomic_t, so that this header does not have to include <signal.h>.
 extern volatile int kn_interrupted; // number of the signal that this process received; 0: none
 
 void kn_interrupt_watch(void);
-// Let these signals end the process again, once there is nothing to clean up.
+// Let SIGINT, SIGHUP and SIGTERM end the process again. Call this function when there is nothing left to clean up.
 void kn_interrupt_unwatch(void);
 // End this process by the signal that it received. Return normally if no signal was received.
 void kn_interrupt_die(void);

@@ -55,7 +55,7 @@ void kn_table_text(const char *text, FILE *f)
     const bool quoted = text[strcspn(text, ",\"\r\n")];
     if (quoted) putc('"', f);
     for (const char *c = text; *c; c++) {
-        // A quote inside quotes is doubled.
+        // Inside a quoted cell, write each quote twice (RFC 4180).
         if (*c == '"') putc('"', f);
         putc(*c, f);
     }
@@ -88,14 +88,14 @@ static void write_data(FILE *f, const kn_table *t, int series)
 // Sizes of the parts of the picture, pixels.
 enum { PANEL = 600, HEIGHT = 460, HEAD = 44, FOOT = 56, LEFT = 98, RIGHT = 26 };
 
-// Return true if a curve is drawn dashed: a second curve, or the second series of a pair.
+// Return true if a curve is drawn dashed: the second curve of a plot, or the second series of a pair.
 static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
 {
     return (a->y2 && y == a->y2) || (t->pairs && series % 2);
 }
 
-// Return the line type of a curve. A series and its second curve or partner share a colour. If there is only one
-// series, its two curves have a colour each.
+// Return the line type of a curve. The two curves of a series have the same colour, and so have the two series of a
+// pair. If there is only one series, each of its two curves has its own colour.
 static int hue(const kn_table *t, const kn_axes *a, int series, int y)
 {
     if (t->series == 1) return 1 + (a->y2 && y == a->y2);

@@ -1,9 +1,9 @@
 #include "clients/cli/output.h"
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,7 +16,7 @@ int kn_output_try(const char *subcommand, const char *path)
     // Do not open a pipe, because open() would wait for its reader. A terminal or /dev/null accepts any output.
     if (stat(path, &there) == 0 && !S_ISREG(there.st_mode) && !S_ISDIR(there.st_mode) && access(path, W_OK) == 0)
         return KN_EXIT_OK;
-    // lstat, not stat: a dangling link exists and must not be removed below.
+    // Use lstat instead of stat: a dangling symbolic link exists, so it must not be removed below.
     bool known = lstat(path, &there) == 0;
     int file = open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
     if (file < 0)
@@ -27,8 +27,8 @@ int kn_output_try(const char *subcommand, const char *path)
     return KN_EXIT_OK;
 }
 
-// Write the path without links and without a trailing slash to `to`. A path whose folder does not exist is copied as
-// written.
+// Copy the path to `to`, with symbolic links resolved and without a trailing slash. If the folder of the path does not
+// exist, copy the path unchanged.
 static void resolve(const char *path, char to[2 * PATH_MAX])
 {
     char folder[PATH_MAX], known[PATH_MAX];
@@ -37,7 +37,7 @@ static void resolve(const char *path, char to[2 * PATH_MAX])
     while (n > 1 && path[n - 1] == '/') n--;
     snprintf(folder, sizeof folder, "%.*s", (int)n, path);
     snprintf(to, 2 * PATH_MAX, "%s", folder);
-    // An existing path is resolved as a whole.
+    // If the path exists, resolve the whole path.
     if (realpath(folder, known)) {
         snprintf(to, 2 * PATH_MAX, "%s", known);
         return;
@@ -54,7 +54,7 @@ bool kn_output_holds(const char *a, const char *b)
     char outer[2 * PATH_MAX], inner[2 * PATH_MAX];
     resolve(a, outer);
     resolve(b, inner);
-    // Path b lies inside path a if a is a prefix of b and ends at the end of b or before a slash of b.
+    // Path b lies inside path a if b begins with a, and b either ends there or continues with a slash.
     const size_t n = strlen(outer);
     return kn_output_same(a, b) || (strncmp(outer, inner, n) == 0 && (!inner[n] || inner[n] == '/'));
 }
@@ -83,4 +83,78 @@ int kn_output_close(kn_beside *out, const char *subcommand)
     char error[PATH_MAX];
     if (kn_beside_keep(out, error, sizeof error)) return KN_EXIT_OK;
     return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", out->path);
+}
+
+// ---- a folder that appears under its name only when it is complete
+
+static bool fail(const char *path, const char *why, char *error, size_t size)
+{
+    snprintf(error, size, "%.300s: %s", path, why);
+    return false;
+}
+
+// Return 1 if nothing exists at `path`, or if it is an empty folder. Return 0 if it is a folder with files, and -1 if
+// it is not a folder.
+static int empty(const char *path)
+{
+    struct stat there;
+    if (lstat(path, &there) != 0) return 1;
+    DIR *stream = S_ISDIR(there.st_mode) ? opendir(path) : NULL;
+    if (!stream) return -1;
+    int names = 0;
+    for (struct dirent *e; (e = readdir(stream));) names += strcmp(e->d_name, ".") && strcmp(e->d_name, "..");
+    closedir(stream);
+    return names == 0;
+}
+
+bool kn_output_folder_open(kn_output_folder *b, const char *path, bool *taken, char *error, size_t size)
+{
+    *b = (kn_output_folder){0};
+    *taken = empty(path) != 1;
+    if (*taken)
+        return fail(path,
+                    empty(path) < 0 ? "is not a folder, expected a new folder" : "is not empty, expected a new folder",
+                    error, size);
+    // Create the temporary folder in the parent folder of the final path, so that a rename can move it to the final
+    // path.
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--; // ignore slashes at the end of the path
+    if (length == 0 || length + 8 > sizeof b->folder)
+        return fail(path, "expected a path of 1 to 3800 bytes", error, size);
+    snprintf(b->path, sizeof b->path, "%.*s", (int)length, path);
+    snprintf(b->folder, sizeof b->folder, "%.*s.XXXXXX", (int)length, path);
+    if (!mkdtemp(b->folder)) {
+        b->folder[0] = 0;
+        return fail(path, strerror(errno), error, size);
+    }
+    mode_t mask = umask(0);
+    umask(mask);
+    // mkdtemp gives the folder the permissions 0700. Give it the permissions of an ordinary new folder instead.
+    chmod(b->folder, 0777 & ~mask);
+    return true;
+}
+
+bool kn_output_folder_keep(kn_output_folder *b, char *error, size_t size)
+{
+    if (!b->folder[0]) return true;
+    // rename also succeeds if an empty folder exists at the final path: it replaces that folder.
+    if (rename(b->folder, b->path) == 0) {
+        b->folder[0] = 0;
+        return true;
+    }
+    fail(b->path, strerror(errno), error, size);
+    kn_output_folder_drop(b);
+    return false;
+}
+
+void kn_output_folder_drop(kn_output_folder *b)
+{
+    DIR *stream = b->folder[0] ? opendir(b->folder) : NULL;
+    if (!stream) return;
+    // The folder contains plain files only, so no recursion into subfolders is needed.
+    for (struct dirent *e; (e = readdir(stream));)
+        if (strcmp(e->d_name, ".") && strcmp(e->d_name, "..")) unlinkat(dirfd(stream), e->d_name, 0);
+    closedir(stream);
+    rmdir(b->folder);
+    b->folder[0] = 0;
 }

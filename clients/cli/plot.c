@@ -38,7 +38,7 @@ int kn_plot_try(const char *subcommand, const char *path)
 FILE *kn_plot_open(const char *subcommand, const char *path, int wide, int high, int *code)
 {
     if ((*code = find_gnuplot(subcommand, path)) != KN_EXIT_OK) return NULL;
-    // gnuplot's output must not mix with text that is still buffered here.
+    // Flush stdout before gnuplot starts, so that gnuplot's output does not mix with buffered text.
     fflush(stdout);
     if ((*code = kn_output_try(subcommand, path)) != KN_EXIT_OK) return NULL;
     *code = KN_EXIT_DEVICE;
@@ -86,7 +86,7 @@ static bool deliver(const char *path, char *error, size_t error_size)
 {
     kn_beside out;
     const size_t size = (size_t)lseek(drawn, 0, SEEK_END);
-    errno = ENODATA; // if gnuplot drew nothing
+    errno = ENODATA; // reason to report if gnuplot drew nothing
     void *image = size > 0 ? mmap(NULL, size, PROT_READ, MAP_SHARED, drawn, 0) : MAP_FAILED;
     const bool ready = image != MAP_FAILED && kn_beside_write(&out, path);
     if (ready) fwrite(image, 1, size, out.file);

@@ -20,11 +20,13 @@ int kn_plot_close(FILE *f, const char *subcommand, const char *path);
 // Write text as a gnuplot string in single quotes. gnuplot takes every character in single quotes literally, except the
 // quote itself, which is replaced by a prime.
 void kn_plot_quote(FILE *f, const char *text);
-void kn_plot_label(FILE *f, const char *what, const char *text); // set a "title", "xlabel" ...; text NULL: empty
-void kn_plot_panels(FILE *f, const char *title);                 // begin several panels below a common title
+// Write a label of the plot. what: "title", "xlabel" ...; text NULL: an empty label.
+void kn_plot_label(FILE *f, const char *what, const char *text);
+void kn_plot_panels(FILE *f, const char *title); // begin several panels below a common title
 
-// Begin a legend below the panels of a plot that is `high` pixels high: the key of an additional plot without axes, with
-// `rows` rows of KN_PLOT_ROW pixels. The caller adds the entries. objects: whether the panels have objects.
+// Begin a legend below the panels of a plot that is `high` pixels high. The legend is the key of an additional plot
+// without axes. It has `rows` rows of KN_PLOT_ROW pixels, and the caller adds its entries. objects: true if the panels
+// contain gnuplot objects (rectangles, for example), which must not be drawn again in the legend.
 #define KN_PLOT_ROW 22
 void kn_plot_legend(FILE *f, bool objects, int rows, int high);
 

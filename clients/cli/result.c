@@ -26,7 +26,7 @@ json_t *kn_result(void) { return root; }
 json_t *kn_result_add(const char *list)
 {
     json_t *all = json_object_get(root, list), *one = root ? json_object() : NULL;
-    // The first object of a name creates the list.
+    // The first object that is added to a list creates the list.
     if (root && !all && json_object_set_new(root, list, all = json_array()) != 0) all = NULL;
     return json_array_append_new(all, one) == 0 ? one : NULL;
 }
@@ -46,7 +46,8 @@ void kn_result_bool(json_t *to, const char *name, bool value)
     if (to) json_object_set_new(to, name, json_boolean(value));
 }
 
-// Set a text. In a text that is not UTF-8, such as a file name, every byte above 127 becomes '?', up to 255 characters.
+// Set a member to a text. If the text is not UTF-8, as a file name may be, keep at most 255 characters and replace
+// every byte above 127 by '?'.
 void kn_result_text(json_t *to, const char *name, const char *value)
 {
     if (!to || json_object_set_new(to, name, json_string(value)) == 0) return;

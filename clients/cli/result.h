@@ -23,7 +23,8 @@ void kn_result_number(json_t *to, const char *name, double value);
 void kn_result_integer(json_t *to, const char *name, int64_t value);
 void kn_result_bool(json_t *to, const char *name, bool value);
 void kn_result_text(json_t *to, const char *name, const char *value);
-// Append each row of a table to a list, as an object with the columns and `series` as names.
+// Append each row of a table to a list. A row becomes an object with one number per column, under the column's name,
+// and with the label of the row's series under the name `series`.
 void kn_result_table(const char *list, const kn_table *table);
 
 // Restore stdout. If `code` is KN_EXIT_OK or KN_EXIT_FAILED, print the JSON object with the results. With any other

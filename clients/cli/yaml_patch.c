@@ -27,7 +27,8 @@ static bool walk(yaml_parser_t *parser, const char *key, place *p)
         if (depth == 0 && e.type == YAML_MAPPING_START_EVENT)
             p->braces = e.data.mapping_start.style == YAML_FLOW_MAPPING_STYLE;
         if (ends) depth--;
-        // At depth 1, an event that opens nothing completes either a key or a value.
+        // At depth 1 of the YAML text, an event that does not begin a mapping or a sequence completes either a key or a
+        // value.
         if (depth == 1 && !begins) {
             if (is_key && e.type == YAML_SCALAR_EVENT && !strcmp((const char *)e.data.scalar.value, key)) {
                 inside = true;

@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <time.h>
 
-enum { HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200 }; // own watchdog; a session ends after 1 s without poses
+enum { HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200 }; // times of the own watchdog, see below
 
 static knead_contact_force_t force; // newest force message
 static int force_age_ms;            // age of the newest force, ms
@@ -19,7 +19,7 @@ static int force_age_ms;            // age of the newest force, ms
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *msg, void *session)
 {
     (void)buf, (void)channel;
-    int again = msg->session == force.session && msg->tick <= force.tick; // repeated: does not reset the age
+    int again = msg->session == force.session && msg->tick <= force.tick; // a repeated force does not reset the age
     if (msg->session != *(int64_t *)session || again) return;             // other session: another client has the tool
     force = *msg;
     force_age_ms = 0;
@@ -48,9 +48,9 @@ int main(int argc, char **argv)
         tick_ns += 1000000; // absolute 1 kHz grid: no drift
         struct timespec t = {tick_ns / 1000000000, tick_ns % 1000000000};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
-        if (now_ns(CLOCK_MONOTONIC) - tick_ns > 1000000) tick_ns = now_ns(CLOCK_MONOTONIC); // late: do not catch up
+        if (now_ns(CLOCK_MONOTONIC) - tick_ns > 1000000) tick_ns = now_ns(CLOCK_MONOTONIC); // if late, do not catch up
 
-        // (2) read your device here: m and m/s, z up, origin under the object's centre. Here: poke, 60 to 37 mm in 4 s
+        // (2) read your device here: m and m/s, z up, origin under the object's centre. Example: z swings 60 to 37 mm
         double w = 2 * M_PI / 4, phase = w * 1e-3 * (double)n;
         pose.position_m[2] = 0.0485 + 0.0115 * cos(phase);
         pose.velocity_m_s[2] = -0.0115 * w * sin(phase);
@@ -63,7 +63,7 @@ int main(int argc, char **argv)
         }
         force_age_ms++;
         while (lcm_handle_timeout(lcm, 0) > 0) continue; // read all waiting messages; the newest stays
-        // Own watchdog: hold the force 3 ms, fade it to 0 N by 20 ms, send no poses for 1.2 s, begin a new session
+        // Own watchdog: hold the force 3 ms, fade it to 0 N by 20 ms, send no poses for 1.2 s (kneadd ends the session)
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
         double factor = tripped ? 0 : fmin(1, fmax(0, (double)(ZERO_MS - force_age_ms) / (ZERO_MS - HOLD_MS)));

@@ -11,12 +11,12 @@
 #include <string.h>
 #include <unistd.h>
 
-// Largest number of channels that one join can listen to.
+// Largest number of channels to which one connection can listen.
 #define HEARD_MAX 16
 #define DATAGRAM_MAX 65536     // largest size of a datagram, bytes; limit of UDP
 #define BUFFER_BYTES (4 << 20) // size of the receive buffer, bytes; holds the mesh messages of 1 s
 #define HELLO_NS 50000000      // interval of hello messages while the life (present run) of kneadd is not known, ns
-// After this time without an authentic and fresh message, a hello asks for the life of kneadd again, ns.
+// Time without an authentic and fresh message after which a hello message asks again for the life of kneadd, ns.
 #define SILENCE_NS 250000000
 #define NONCE_NS 1000000000 // longest wait for the answer to a hello, ns; after that a new nonce is used
 #define LAG_US 200          // largest amount by which one message reduces the estimated age of kneadd, us
@@ -26,7 +26,7 @@
 // Beginning of the names of channels whose messages are signed by a client and not by kneadd.
 #define POSES "KNEAD_POSE_"
 
-// A channel that this join listens to.
+// A channel to which a connection listens.
 typedef struct heard {
     char channel[KN_CHANNEL_MAX];
     size_t prefix;  // length of the channel name before '*'; 0: the name has no '*'
@@ -37,15 +37,15 @@ typedef struct heard {
 
 struct kn_bus_client {
     kn_bus bus;
-    lcm_t *lcm;  // LCM instance that sends messages; at KN_MEMORY_URL it also receives them
-    int fd;      // descriptor of the receiving socket; -1 at KN_MEMORY_URL
-    bool trusts; // true: messages of this join are neither signed nor checked
-    bool hails;  // true: this join sends hello messages, because kneadd listens to its bus
+    lcm_t *lcm;  // LCM instance that sends messages; with KN_MEMORY_URL it also receives them
+    int fd;      // descriptor of the receiving socket; -1 with KN_MEMORY_URL
+    bool trusts; // true: messages of this connection are neither signed nor checked
+    bool hails;  // true: this connection sends hello messages, because kneadd listens to its bus
     heard heard[HEARD_MAX];
     int count, handed;
-    kn_auth_stamp last; // stamp of the newest message of kneadd that was accepted on this join
-    int64_t last_us;    // utime of the newest accepted message, used by a listener that sends nothing
-    struct {            // message in parts that is being assembled
+    kn_auth_stamp last; // stamp of the newest message of kneadd that was accepted on this connection
+    int64_t last_us;    // utime (wall clock) of the newest accepted message, used only with KNEAD_MUTE
+    struct {            // message that is being assembled from its parts
         char channel[KN_CHANNEL_MAX];
         uint32_t sequence, whole, got, room;
         uint16_t part;
@@ -54,7 +54,8 @@ struct kn_bus_client {
     unsigned char datagram[DATAGRAM_MAX];
 };
 
-// State that all joins of this process share: the key, and the life (present run) of the kneadd that uses the same key.
+// State that all connections of this process share: the key, and the life (present run) of the kneadd that uses this
+// key.
 static struct {
     kn_auth auth;
     bool keyed, mute;
@@ -200,11 +201,11 @@ bool kn_bus_client_speaks(char *error, size_t error_size)
 
 void kn_bus_client_trust(kn_bus_client *j) { j->trusts = true; }
 
-// --- belief ---------------------------------------------------------------------------------------------------------
+// --- signatures and freshness of messages ---------------------------------------------------------------------------
 
 static int64_t now_us(void) { return kn_now_ns() / 1000; }
 
-// Return true if messages of this join are signed and checked.
+// Return true if the messages of this connection are signed and checked.
 static bool signs(const kn_bus_client *j) { return own.keyed && !j->trusts; }
 
 // Send a hello message if one is due. kneadd answers a hello with the number of its life, which all its later messages
@@ -213,12 +214,13 @@ static void say_hello(kn_bus_client *j)
 {
     uint8_t bytes[KN_AUTH_NONCE + KN_AUTH_TRAILER];
     int64_t now_ns = kn_now_ns(), life = atomic_load(&own.life), said_ns = atomic_load(&own.said_ns);
-    // While the life of kneadd is not known, send a hello often. Once it is known, send a hello only after a silence.
+    // While the life of kneadd is not known, send a hello every HELLO_NS. Once the life is known, send a hello only
+    // when no message has come for SILENCE_NS.
     bool due = life ? now_ns - atomic_load(&own.believed_ns) >= SILENCE_NS && now_ns - said_ns >= SILENCE_NS
                     : now_ns - said_ns >= HELLO_NS || said_ns == 0;
     if (!signs(j) || own.mute || !j->hails || !due) return;
     int64_t nonce = atomic_load(&own.nonce);
-    // Create a new nonce only if the old one was answered or an answer can no longer come.
+    // Create a new nonce only if the old nonce was answered, or if no answer has come for NONCE_NS.
     if (nonce == 0 || now_ns - atomic_load(&own.asked_ns) > NONCE_NS) {
         nonce = kn_auth_random();
         atomic_store(&own.asked_ns, now_ns);
@@ -230,8 +232,8 @@ static void say_hello(kn_bus_client *j)
     lcm_publish(j->lcm, KN_HELLO_CHANNEL, bytes, (unsigned)size);
 }
 
-// Update the estimate of kneadd's age. A message that has waited in a buffer gives an age that is too low, so the
-// estimate falls slowly.
+// Update the estimate of kneadd's age (time since its start) from the age in a message. A message that has waited in a
+// buffer gives too low an age, so the estimate may fall only slowly.
 static void note_age(int64_t age_us, bool answer)
 {
     int64_t ahead_us = age_us - now_us(), before_us = atomic_load(&own.ahead_us) - LAG_US;
@@ -239,7 +241,7 @@ static void note_age(int64_t age_us, bool answer)
     atomic_store(&own.believed_ns, kn_now_ns());
 }
 
-// Handle the answer of kneadd to the hello of this process. Each nonce is accepted only once.
+// Handle the answer of kneadd to a hello of this process. An answer to each nonce is accepted only once.
 static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp stamp)
 {
     int64_t nonce;
@@ -253,14 +255,14 @@ static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp sta
     atomic_store(&own.life, stamp.life);
 }
 
-// Return true if a message is fresh by the wall clock, for a listener that sends no hello. Every message type of this
-// project begins with its hash and utime.
+// Return true if a message is fresh by the wall clock. This check is for a process that sends no hello (KNEAD_MUTE).
+// Every message type of this project begins with its hash and utime, 8 bytes each.
 static bool is_recent(kn_bus_client *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
     if (size < 16) return false;
     int64_t utime = kn_bytes_64(payload + 8), apart_us = (int64_t)((uint64_t)utime - (uint64_t)kn_wall_us());
-    // Each message must be newer than the last accepted one. Compare their ages within one life of kneadd, and their
-    // utimes across two lives.
+    // Each message must be newer than the last accepted one. If both belong to one life of kneadd, compare the ages in
+    // their stamps, otherwise their utimes.
     bool newer = stamp.life == j->last.life ? stamp.age_us > j->last.age_us : utime > j->last_us;
     if (!newer || apart_us < -APART_US || apart_us > APART_US) return false;
     j->last = stamp;
@@ -274,12 +276,13 @@ static bool is_fresh(kn_bus_client *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);
     if (stamp.life != life || life == 0) return false;
-    // Pose messages come from a client, so the order of their stamps is independent of that of kneadd's stamps.
+    // A pose message comes from another client, so its stamp is not compared with those of kneadd's messages. Its age
+    // must agree with the estimated age of kneadd.
     if (!strncmp(channel, POSES, strlen(POSES))) {
         int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;
     }
-    // The first message of a life on this join must be newer than the answer to the hello, and at most
+    // The first message of a new life on this connection must be newer than the answer to the hello, and at most
     // KN_AUTH_BEHIND_US old.
     if (j->last.life != life) {
         int64_t floor_us = atomic_load(&own.floor_us),
@@ -298,7 +301,7 @@ static bool believe(kn_bus_client *j, const char *channel, const unsigned char *
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
-    // Check the tag before reading anything of the message.
+    // Check the tag before reading any other part of the message.
     if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp))
         return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
@@ -332,7 +335,7 @@ static bool matches(const heard *h, const char *channel)
     return *name && !name[strspn(name, letters)];
 }
 
-// Return true if any handler accepts a message of this size on this channel.
+// Return true if a handler is registered for this channel and accepts a message of this size.
 static bool wanted(const kn_bus_client *j, const char *channel, size_t size)
 {
     bool any = signs(j) && !strcmp(channel, KN_LIFE_CHANNEL) && size == KN_AUTH_NONCE + KN_AUTH_TRAILER;

@@ -11,15 +11,15 @@
 // (server/auth.h).
 //
 // A message in parts (LC03) is assembled if its parts come in order. One message is assembled at a time, of at most
-// KN_BUS_CLIENT_LARGEST bytes, and only on the channels of scenes and topologies. A join must be used by one thread
-// only. All joins of a process share the key and the life of kneadd.
+// KN_BUS_CLIENT_LARGEST bytes, and only on the channels of scenes and topologies. A connection must be used by one
+// thread only. All connections of a process share the key and the life of kneadd.
 #include <lcm/lcm.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
-// URL of a queue in memory in place of a bus, for tests that move the messages themselves (tests/rig.h).
+// URL of a queue in memory that replaces the bus, for tests that pass the messages on by themselves (tests/rig.h).
 #define KN_MEMORY_URL "memq://"
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 // Largest size of a message that is sent in parts, bytes. A mesh of 2^20 triangles needs 12 MiB.
@@ -55,7 +55,7 @@ bool kn_bus_client_hear(kn_bus_client *join, const char *channel, lcm_msg_handle
 // hello message when one is due. It allocates memory only for messages in parts.
 int kn_bus_client_handle(kn_bus_client *join, int timeout_ms);
 
-// Process one datagram as if it had been received from the bus. Return the number of handlers called.
+// Process a datagram that the caller provides, as if it had come from the bus. Return the number of handlers called.
 int kn_bus_client_take(kn_bus_client *join, const void *datagram, size_t size);
 
 // Return a descriptor that is readable when datagrams are waiting.
@@ -68,14 +68,14 @@ void kn_bus_client_send(kn_bus_client *join, const char *channel, uint8_t *bytes
 // Return the reason why no message has been believed recently, or `otherwise` if no reason is known.
 const char *kn_bus_client_why(const char *otherwise);
 
-// Return the in-memory message queue of a join that was opened with KN_MEMORY_URL.
+// Return the message queue in memory of a connection that was opened with KN_MEMORY_URL.
 lcm_t *kn_bus_client_memory(kn_bus_client *join);
 
 // Return true if this process may send messages. Otherwise (KNEAD_MUTE) return false with one line in error.
 bool kn_bus_client_speaks(char *error, size_t error_size);
 
-// Stop signing and checking the messages of this join. Use this function only for messages that never reach kneadd (the
-// echo of knead latency).
+// Stop signing and checking the messages of this connection. Use this function only for messages that never reach
+// kneadd, such as the echo of knead latency.
 void kn_bus_client_trust(kn_bus_client *join);
 
 // Set the scheduling of the calling thread: SCHED_FIFO with the given priority, or SCHED_OTHER for priority 0. Return

@@ -4,10 +4,10 @@
 
 static const double period_s = 1e-3; // sampling period, s, as in haptic_loop.c
 static const double lean_n = 1.0;    // constant downward load on a device that nobody holds, N
-// Number of direction reversals of the force in a second above which the loop buzzes: 10 Hz.
+// The loop buzzes if the force reverses its direction more often than this in a second; 20 reversals are 10 Hz.
 static const int buzz_turns = 20;
 
-// Reset the monitoring of the closed loop at the start of an attempt.
+// Reset the monitoring of the closed loop at the start of an attempt to play the path.
 static void judge_afresh(kn_closed_loop_hand *g)
 {
     const kn_device_def *d = &g->def.render.device;
@@ -53,8 +53,8 @@ static const kn_hand_force *carry(kn_closed_loop_hand *g, const kn_hand_force *f
     return g->came[out] ? &g->way[out] : NULL;
 }
 
-// Evaluate the force of a full second. The loop buzzes only after two consecutive seconds with too many reversals,
-// because a single one may be a knock whose oscillation decays.
+// Evaluate the force of a full second. The loop buzzes only after two consecutive seconds with too many reversals of
+// the force, because too many reversals in one second may be a knock whose oscillation decays.
 static void close_second(kn_closed_loop_hand *g)
 {
     g->news.loudest_n = fmax(g->news.loudest_n, kn_buzz_rms(&g->buzz));
@@ -86,16 +86,16 @@ static void take_up(kn_closed_loop_hand *g, const kn_tool_path_point *point)
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
     if (arm.grip == KN_GRIP_NONE) arm.axes = 1; // a device that nobody holds would move away sideways
-    // The hand holds the device until the first touch, see let_go.
+    // With grip NONE, a normal grip holds the device until the tool first touches the object (function let_go).
     if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL;
     kn_held_device_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);
     g->holding = true;
 }
 
-// With grip NONE the hand releases the device at the first touch, and a load of 1 N acts on the device. The hand grips
-// the device again when the path is above the height of release. Before the release and after the second grip, a normal
-// grip moves the device to the object and away from it.
+// With grip NONE, a hand with a normal grip moves the device to the object. When the tool first touches the object, the
+// hand releases the device, and a load of 1 N acts on the device. When the path is above the height of the release, the
+// hand grips the device again and moves it away.
 static void let_go(kn_closed_loop_hand *g, const kn_tool_path_point *intended)
 {
     const kn_hand *h = &g->player->hand;
@@ -116,9 +116,10 @@ static void let_go(kn_closed_loop_hand *g, const kn_tool_path_point *intended)
     if (g->alone) memset(g->arm.hand_m_s, 0, sizeof g->arm.hand_m_s);
 }
 
-// Render one millisecond: pass the arrived force on and compute the force of the device for this pose. The device sends
-// one pose per millisecond. Thus the round trip in milliseconds is the number of the newest pose minus the number of
-// the pose that a force is the first to answer.
+// Run the output stage for one millisecond: give it the force message that has arrived, and compute the force of the
+// motors for this pose. The device sends one pose per millisecond, so the round trip in ms is a difference of pose
+// numbers. It is taken from the first force that answers a pose: number of the newest pose minus number of the answered
+// pose.
 static void render(kn_closed_loop_hand *g, const kn_hand_force *force, const kn_hand_out *out)
 {
     kn_haptic_render *r = &g->render;
@@ -131,7 +132,7 @@ static void render(kn_closed_loop_hand *g, const kn_hand_force *force, const kn_
     }
     kn_haptic_render_turn(r, out->point.orientation_wxyz);
     kn_haptic_render_pose(r, out->seq, g->arm.position_m, g->arm.velocity_m_s);
-    // Use a force message only if it belongs to this session and its tick is newer.
+    // Use a force message only if it belongs to this session and its tick is newer than that of the last one.
     if (force && force->session == out->session && force->tick > g->tick) {
         g->tick = force->tick;
         bool first = force->seq > g->answered;

@@ -11,7 +11,7 @@
 // The device's time advances by one millisecond per pose. If this process stalls, the path takes longer in real time.
 // The force is monitored for buzzing while the path is played. The closed loop buzzes if the force reverses its
 // direction more than 20 times a second (10 Hz) in two consecutive seconds. Reversals that the encoder's steps can
-// cause are not counted. A single such second may be a knock whose oscillation decays.
+// cause are not counted. Too many reversals in a single second may be a knock whose oscillation decays.
 #include "clients/hand/haptic_loop.h"
 #include "clients/hand/haptic_render.h"
 #include "clients/hand/virtual_hand.h"
@@ -25,7 +25,7 @@ typedef struct kn_closed_loop_hand_def {
     kn_grip grip;
     int axes;     // number of axes along which the device moves freely, 1 or 3 (haptic_loop.h)
     int delay_ms; // delay of the simulated link, added to the round trip, 0 .. KN_CLOSED_LOOP_HAND_WAY - 1
-    double loss;  // share of the poses and of the forces that the link loses, 0 .. 1
+    double loss;  // share of the messages that the link loses in each direction, 0 .. 1
 } kn_closed_loop_hand_def;
 
 // Net energy given to the hand above which the closed loop counts as driving the hand, J. The net energy of a stable
@@ -61,13 +61,13 @@ typedef struct kn_closed_loop_hand {
     kn_buzz buzz;
     kn_turns turns;
     int second_ms;
-    bool busy; // true: in the second before, the force already reversed too often
+    bool busy; // true: in the previous second, the force reversed its direction too often
     kn_closed_loop_hand_news news;
 } kn_closed_loop_hand;
 
-void kn_closed_loop_hand_init(kn_closed_loop_hand *grasp, const kn_closed_loop_hand_def *def,
-                              kn_hand_player *player); // `player` must outlive `grasp`
-// Play 1 ms; has the type kn_virtual_device_hand (virtual_hand.h).
+// Initialise the virtual hand `grasp`, which plays the path of `player`. `player` must outlive `grasp`.
+void kn_closed_loop_hand_init(kn_closed_loop_hand *grasp, const kn_closed_loop_hand_def *def, kn_hand_player *player);
+// Play one millisecond of the hand. The function has the type kn_virtual_device_hand (virtual_hand.h).
 kn_hand_out kn_closed_loop_hand_tick(void *grasp, const kn_hand_force *force, int elapsed_ms);
 
 #endif

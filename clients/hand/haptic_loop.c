@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Integration steps per period. With a period of 1 ms a step is 50 us. That is 1/90 of sqrt(m / k), where m is the mass
-// of the lightest device and k the stiffness of the firmest grip.
+// Number of integration steps per period. With a period of 1 ms, a step takes 50 us. This is 1/90 of sqrt(m / k), where
+// m is the mass of the lightest device and k the stiffness of the firmest grip.
 #define SUBSTEPS 20
 #define TAU 6.283185307179586
 
@@ -174,13 +174,13 @@ double kn_turns_hysteresis_n(double resolution_n) { return 2.0 * (1.5 * resoluti
 
 void kn_turns_add(kn_turns *t, double value)
 {
-    // `gone` is the distance of the signal from its extreme value since the last turn. If the signal moves on in the
-    // same direction, the extreme value is updated.
+    // `gone` is the distance of the signal from its extreme value since the last reversal. If the signal moves on in
+    // its direction, update the extreme value.
     double gone = value - t->extreme;
     if (t->up * gone > 0.0 || (t->up == 0 && t->hysteresis > fabs(gone))) {
         if (t->up) t->extreme = value;
-        // If the signal moves back from the extreme value by more than the hysteresis, this is a turn. The first motion
-        // only sets the direction and is not counted.
+        // If the signal has moved back from the extreme value by more than the hysteresis, count a reversal. The first
+        // motion only sets the direction.
     } else if (fabs(gone) > t->hysteresis) {
         t->count += t->up != 0;
         t->up = gone > 0.0 ? 1 : -1;
@@ -190,7 +190,7 @@ void kn_turns_add(kn_turns *t, double value)
 
 // The values of dough are those of a lattice edge in the project's first paper, for an area of 1 cm^2. The values of
 // clay and jelly are chosen relative to dough.
-// name, k1, c1, c2 at from_n and at to_n, from_n, to_n
+// Columns: name, k1, c1, c2 at the force from_n, c2 at the force to_n, from_n, to_n.
 const kn_lumped_object_def kn_lumped_objects[KN_LUMPED_OBJECTS] = {
     {"wall", 0, 0, 0, 0, 0, 0},
     {"dough", 188.0, 1000.0, 15700.0, 48.0, 0.044, 0.39},
@@ -204,7 +204,7 @@ void kn_lumped_object_init(kn_lumped_object *pad, const kn_lumped_object_def *de
     *pad = (kn_lumped_object){.def = *def};
 }
 
-// Return the damping c2 at a force. c2 falls exponentially from c2_n_s_m at from_n to c2_least_n_s_m at to_n.
+// Return the damping c2 at this force. c2 falls exponentially from c2_n_s_m at from_n to c2_least_n_s_m at to_n.
 static double c2_of(const kn_lumped_object_def *d, double force_n)
 {
     if (d->c2_n_s_m == 0.0) return INFINITY;
@@ -266,8 +266,8 @@ double kn_lumped_object_touch(void *contact, const double position_m[3], const d
     return kn_lumped_object_stored_j(&c->pad);
 }
 
-// Find the first tool of the scene that can be coupled to a device. A plate cannot be coupled. Return NULL if the scene
-// has no such tool.
+// Return the first tool that can be coupled to a device, or the tool `name` if a name is given. A plate cannot be
+// coupled. Return NULL if no tool fits.
 static const kn_probe_def *find_tool(const kn_model_def *def, const char *name)
 {
     for (int i = 0; i < def->probe_count; i++) {
@@ -304,7 +304,7 @@ bool kn_lattice_object_open(kn_lattice_object *slab, const kn_scene *scene, cons
                  tool ? tool : "");
         return false;
     }
-    // The model gets this tool alone, with the coupling under test.
+    // The model gets only this tool, with the coupling that the caller tests.
     def.probe[0] = *probe;
     def.probe[0].coupling_n_m = coupling->stiffness_n_m;
     def.probe[0].coupling_n_s_m = coupling->damping_n_s_m;
@@ -336,7 +336,7 @@ double kn_lattice_object_touch(void *self, const double position_m[3], const dou
     kn_probe_input *in = &slab->input.probe[0];
     memcpy(in->position_m, position_m, sizeof in->position_m);
     memcpy(in->velocity_m_s, velocity_m_s, sizeof in->velocity_m_s);
-    // z = 0 of the rig is the height of first contact.
+    // In the simulated loop, the tool first touches the object at z = 0. In the scene, this height is touch_m.
     in->position_m[2] += slab->touch_m;
     slab->diverged |= kn_step(slab->model, slab->state, &slab->input, &slab->output) != KN_OK;
     memcpy(force_n, slab->output.probe[0].force_n, sizeof slab->output.probe[0].force_n);
@@ -353,7 +353,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
     char profile[128], error[512] = "out of memory";
     const char **all = calloc((size_t)set_count + 1, sizeof *all);
     kn_scene *scene = NULL;
-    // The profile becomes the first set of the small scene, and the user's sets follow.
+    // The name of the profile becomes the first --set of the small scene, and the user's texts of --set follow.
     snprintf(profile, sizeof profile, "device=%s", name);
     if (all) {
         all[0] = profile;
@@ -361,7 +361,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
         scene = kn_scene_parse("device", scene_text, sizeof scene_text - 1, all, set_count + 1, error, sizeof error);
     }
     free(all);
-    // The user did not write the first set, so the prefix that names this set is cut from the error message.
+    // The user did not write the first --set, so cut its name from the error message.
     const char *own = "--set device: ";
     bool ours = strncmp(error, own, strlen(own)) == 0;
     if (!scene) return kn_complain(subcommand, KN_EXIT_USAGE, "%s", error + (ours ? strlen(own) : 0));
@@ -374,7 +374,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-static const double unseen_m = 2e-6; // margin in the bound on the position, m (haptic_loop.h)
+static const double unseen_m = 2e-6; // rms position that does not count as a buzz even with an exact encoder, m
 
 // Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
 // go force / stiffness deeper than the wall.
@@ -422,7 +422,7 @@ static void path_at(const kn_haptic_loop_def *def, double t_s, double path_m[3],
     }
 }
 
-// Set up device, hand and link at rest at the begin of the motion.
+// Set up device, hand and link, at rest at the beginning of the motion.
 static void start(loop *l, const kn_haptic_loop_def *def)
 {
     kn_held_device_def arm = def->arm;
@@ -448,8 +448,8 @@ static void start(loop *l, const kn_haptic_loop_def *def)
     l->air = true;
 }
 
-// Update the results after one period. A stroke lasts from one time in the air to the next. The energy that a stroke
-// gave to the hand is the increase of the hand's energy during the stroke.
+// Update the results after one period. A stroke lasts from one period in the air (without force) to the next. The
+// energy given in a stroke is the increase of the total energy given to the hand.
 static void account(loop *l)
 {
     double size = fabs(l->arm.force_n[2]), given_j = l->passivity.given_j;
@@ -471,10 +471,10 @@ static bool tick(loop *l, int n, kn_haptic_loop_object *object, void *self)
 {
     const kn_haptic_loop_def *def = l->def;
     double path_m[3], path_m_s[3], out_n[3];
-    // The object writes the newest force; the oldest force of the ring arrives at the device.
+    // The object writes its force into the ring buffer, and the oldest force in the buffer arrives at the device.
     double *slot = l->way_n[n % (def->trip_ms + 1)], *wanted_n = l->way_n[(n + 1) % (def->trip_ms + 1)];
     double stored_j = object(self, l->arm.position_m, l->arm.velocity_m_s, slot);
-    // The controller always observes. Its output is used only if def->passivity is set.
+    // The passivity controller always computes its force, which is used only if def->passivity is set.
     kn_passivity_filter(&l->passivity, l->arm.position_m, l->arm.velocity_m_s, stored_j, wanted_n, out_n);
     path_at(def, n * period_s, path_m, path_m_s);
     kn_held_device_tick(&l->arm, def->passivity ? out_n : wanted_n, path_m, path_m_s);
@@ -483,7 +483,7 @@ static bool tick(loop *l, int n, kn_haptic_loop_object *object, void *self)
     return isfinite(l->arm.x_m[2]) && fabs(l->arm.x_m[2]) < 1.0;
 }
 
-// Reset all measures, so that only the motion from now on is judged.
+// Reset the filters and counters, so that only the motion from now on is judged.
 static void judge_from_here(loop *l)
 {
     kn_buzz_reset(&l->force);

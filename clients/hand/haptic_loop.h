@@ -37,8 +37,8 @@
 typedef enum kn_grip { KN_GRIP_NONE, KN_GRIP_LIGHT, KN_GRIP_NORMAL, KN_GRIP_FIRM } kn_grip;
 #define KN_GRIPS 4
 
-typedef struct
-    kn_held_device_def {  // definition of a simulated device; a field that is 0 takes its default, if it has one
+// Definition of a simulated device and of the hand that holds it. A field that is 0 takes its default, if it has one.
+typedef struct kn_held_device_def {
     double mass_kg;       // mass of the device, as felt at its tip
     double damping_n_s_m; // viscous friction of the device
     double coulomb_n;     // Coulomb (dry) friction of the device
@@ -71,14 +71,15 @@ void kn_held_device_init(kn_held_device *arm, const kn_held_device_def *def, con
 
 // Advance the simulation of device and hand by one sampling period. `force_n` is the force on the device, computed from
 // arm->position_m and held over the period. `path_m` and `path_m_s` are position and velocity of the intended path at
-// the beginning of the period. Without a hand the path affects only the axes that cannot move. Afterwards
-// arm->position_m is the next encoder reading. The work done on the device is the scalar product of force_n and the
-// change of position_m.
+// the beginning of the period. If no hand holds the device, the path sets only x and y of a device with one free axis.
+// Afterwards arm->position_m is the next encoder reading. The work done on the device is the scalar product of force_n
+// and the change of position_m.
 void kn_held_device_tick(kn_held_device *arm, const double force_n[3], const double path_m[3],
                          const double path_m_s[3]);
 
-// Return the resolution of a force behind a virtual coupling: its change if a position is read one encoder step
-// further, N. It is the step times the stiffness, plus the velocity measured from the step times the damping.
+// Return the resolution of the force of a virtual coupling, N: the change of the force when the encoder reading changes
+// by one step. It is this step times the stiffness, plus the velocity that is measured from the step, times the
+// damping.
 double kn_held_device_resolution_n(const kn_held_device *arm, const kn_coupling *coupling);
 
 const char *kn_grip_name(kn_grip grip); // name of the grip: "none", "light", "normal" or "firm"
@@ -109,18 +110,19 @@ void kn_buzz_reset(kn_buzz *buzz);
 // Return the root mean square of the filtered signal since the last reset, or 0 if no value was added.
 double kn_buzz_rms(const kn_buzz *buzz);
 
-// Number of times that a signal turns round by more than a hysteresis. A step or a stroke gives one or two turns; a
-// buzz gives many. A signal that turns 20 times a second oscillates at 10 Hz.
+// Counter of the reversals (turns) of a signal. A reversal counts if the signal goes back by more than a hysteresis. A
+// step or a stroke gives one or two reversals; a buzz gives many. A signal that reverses 20 times a second oscillates
+// at 10 Hz.
 typedef struct kn_turns {
-    double hysteresis, extreme; // hysteresis, > 0; extreme value of the signal since the last turn
+    double hysteresis, extreme; // hysteresis, > 0; extreme value of the signal since the last reversal
     int up;                     // direction in which the signal moves, 1 or -1; 0: not known yet
     int count;
 } kn_turns;
 void kn_turns_add(kn_turns *turns, double value);
-// Return the hysteresis for a force of this resolution, N: twice the bound of its buzz (kn_haptic_loop_run).
+// Return the hysteresis for reversals of a force with this resolution, N: twice the rms force that counts as a buzz.
 double kn_turns_hysteresis_n(double resolution_n);
 
-// Pad: a lumped model of an object under a tool. One three-element edge along z stands for the whole contact: a Voigt
+// Pad: a lumped model of an object under a tool. One edge with three elements along z stands for the contact: a Voigt
 // element (spring k1 parallel to damper c1) in series with the force-dependent damper c2(F). A virtual coupling (spring
 // k_vc, damper b_vc) connects the device to a proxy on the surface of the pad. Simulated haptic loops use a pad,
 // because a lattice would take a thousand times as long.
@@ -138,7 +140,7 @@ double kn_turns_hysteresis_n(double resolution_n);
 
 typedef struct kn_lumped_object_def {
     const char *name;
-    // Stiffness k1 and damping c1 of the Voigt element. If both are 0, the pad is a wall: its surface never moves.
+    // Stiffness k1 and damping c1 of the Voigt element. If both are 0, the object is a wall: its surface never moves.
     double k1_n_m, c1_n_s_m;
     // Damping of the damper c2 at the force from_n (c2_n_s_m) and at the force to_n (c2_least_n_s_m). Between the two
     // forces the damping falls exponentially. If c2_n_s_m is 0, there is no damper c2.
@@ -151,47 +153,49 @@ typedef struct kn_lumped_object_def {
 #define KN_LUMPED_OBJECTS 5
 extern const kn_lumped_object_def kn_lumped_objects[KN_LUMPED_OBJECTS];
 
-typedef struct kn_lumped_object { // state of a pad; read-only for the caller
+typedef struct kn_lumped_object { // state of a pad (lumped object); the caller only reads it
     kn_lumped_object_def def;
-    // Displacement of the Voigt element (voigt_m) and of the damper c2 (flow_m). The depth of the pad's surface is
-    // voigt_m + flow_m.
+    // Displacement of the Voigt element (voigt_m) and of the damper c2 (flow_m). The depth of the surface is voigt_m +
+    // flow_m.
     double voigt_m, flow_m;
     double force_n;
     bool touching;
 } kn_lumped_object;
 
-// Reset the pad: undeformed and untouched.
+// Initialise a pad (lumped object): undeformed, and not touched by a tool.
 void kn_lumped_object_init(kn_lumped_object *pad, const kn_lumped_object_def *def);
 
-// Advance the pad by one step of dt_s. depth_m: depth of the device below the undeformed surface, negative above it.
-// speed_m_s: rate of change of depth_m. Return the contact force F, N.
+// Advance a pad by one step of dt_s. depth_m: depth of the device below the undeformed surface, negative if the device
+// is above the surface. speed_m_s: rate of change of depth_m. Return the contact force F, N.
 double kn_lumped_object_tick(kn_lumped_object *pad, const kn_coupling *coupling, double dt_s, double depth_m,
                              double speed_m_s);
 
 // Return the energy stored in the spring k1 of the pad [J].
 double kn_lumped_object_stored_j(const kn_lumped_object *pad);
 
-// A pad together with its virtual coupling, for use as the object of a rig. The undeformed surface is at z = 0.
+// A pad (lumped object) with its virtual coupling, for use as the object of a simulated loop (kn_haptic_loop_run). The
+// undeformed surface is at z = 0.
 typedef struct kn_lumped_object_contact {
     kn_lumped_object pad;
     kn_coupling coupling;
 } kn_lumped_object_contact;
 
-// Step the pad by 1 ms under a device at `position_m` and write the force on the device to `force_n`; only its z
-// component can differ from 0. Return the stored energy, J. The function has the type kn_haptic_loop_object. contact: a
+// Step a pad by 1 ms under a device at `position_m`, and write the force on the device to `force_n`. The force acts
+// along z only. Return the energy stored in the pad, J. The function has the type kn_haptic_loop_object. contact: a
 // kn_lumped_object_contact.
 double kn_lumped_object_touch(void *contact, const double position_m[3], const double velocity_m_s[3],
                               double force_n[3]);
 
-// Slab: the object of a scene under one of the scene's tools, for use as the object of a rig. The whole lattice
-// is stepped. A pad, in contrast, is one lumped element.
+// Slab: the lattice of a scene under one of the scene's tools, for use as the object of a simulated loop
+// (kn_haptic_loop_run). A slab steps the whole lattice, whereas a pad is one lumped element.
 
 typedef struct kn_lattice_object {
     kn_model *model;
     kn_state *state;
     kn_input input;
     kn_output output;
-    double touch_m; // height [m] in the scene at which the tool just touches the middle of the object; the rig's z = 0
+    // Height [m] in the scene at which the tool just touches the middle of the object; z = 0 of the simulated loop.
+    double touch_m;
     bool diverged;
 } kn_lattice_object;
 
@@ -209,14 +213,15 @@ double kn_lattice_object_touch(void *slab, const double position_m[3], const dou
 // Reader of a device profile without a scene. Sets (`device.KEY=VALUE` texts of --set) can override the profile's
 // values.
 
-// Load a profile, apply the sets and write the result to `device`. name: name of a profile, or path of its file. Return
-// 0, or print an error message that begins with the name of the subcommand and return an exit code.
+// Load a device profile, apply the texts of --set in `sets`, and write the result to `device`. name: name of the
+// profile, or path of its file. Return 0, or print an error message that begins with the name of the subcommand and
+// return an exit code.
 int kn_device_profile_load(kn_device_def *device, const char *subcommand, const char *name, const char *const *sets,
                            int set_count);
 
-// Rig: a haptic loop in simulated time. It consists of device and hand, the link in both directions, an object,
-// and the client's passivity controller. The result states whether the loop buzzes (vibrates audibly or palpably) and
-// whether the loop gives energy to the hand.
+// Haptic loop in simulated time. The loop consists of device and hand, the link in both directions, an object, and the
+// client's passivity controller. The result states whether the loop buzzes (vibrates audibly or palpably), and how much
+// energy it gives to the hand.
 //
 //     +--> position, velocity --> object --> force --> round trip --> passivity --> saturation --+
 //     |                                                                                          |
@@ -230,11 +235,11 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 //
 // Tap: the loop buzzes if the force reverses its direction of change more than KN_HAPTIC_LOOP_TURNS times per stroke.
 // Slide: the loop buzzes if the force along z or x reverses more than 20 times in the last second (10 Hz).
-// A reversal (a turn) counts only if it is larger than twice the force bound above. Taps and slides are judged by
-// turns, because cells or a ridge shake a sliding tool, and a light hand swings by itself on soft objects. The position
-// alone would not show a chatter of 500 Hz.
+// A reversal (turn) counts only if it is larger than twice the bound on the force of a press. Taps and slides are
+// judged by reversals, because cells or a ridge shake a sliding tool, and a light hand swings by itself on soft
+// objects. The position alone would not show a chatter of 500 Hz.
 
-// Number of reversals of the force per stroke of a tap above which the loop counts as buzzing.
+// A tap counts as a buzz if the force reverses its direction more often than this per stroke.
 #define KN_HAPTIC_LOOP_TURNS 10.0
 #define KN_HAPTIC_LOOP_TRIP_MAX_MS 64
 
@@ -254,13 +259,13 @@ typedef enum kn_haptic_loop_motion {
 } kn_haptic_loop_motion;
 
 typedef struct kn_haptic_loop_def {
-    kn_held_device_def
-        arm; // device and hand. The grip NONE is allowed with LEAN only. The motion sets the field bias_n.
-    // Virtual coupling as felt at the hand. It sets the force resolution, and the energy reservoir of the passivity
-    // controller.
+    // Device and hand. The grip NONE is allowed only with the motion LEAN. The motion sets the field bias_n.
+    kn_held_device_def arm;
+    // Virtual coupling as felt at the hand. The resolution of the force and the energy reservoir of the passivity
+    // controller are computed from it.
     kn_coupling coupling;
-    // Round trip from a pose to its force, 0 .. KN_HAPTIC_LOOP_TRIP_MAX_MS [ms]. 0: the force arrives in the period of
-    // its pose. 1: the force arrives in the next period, as from a server.
+    // Round trip from a pose to the force that answers it, 0 .. KN_HAPTIC_LOOP_TRIP_MAX_MS [ms]. 0: the force arrives
+    // in the period of its pose. 1: the force arrives one period later, as from a server on the same machine.
     int trip_ms;
     bool passivity; // true: the passivity controller acts on the force; false: it only observes
     kn_haptic_loop_motion motion;
@@ -269,7 +274,7 @@ typedef struct kn_haptic_loop_def {
 typedef struct kn_haptic_loop_result {
     // Root mean square of force and position above 10 Hz in the last second; for a tap, in the whole run.
     double force_rms_n, position_rms_m;
-    double resolution_n; // change of the force by one encoder step, k_vc q + b_vc q a / T
+    double resolution_n; // change of the force when the encoder reading changes by one step
     // Number of reversals of the force: per stroke of a tap, or in the last second of a slide.
     double turns;
     // Largest energy that one stroke gave to the hand, >= 0. A stroke lasts from one time in the air to the next.

@@ -3,19 +3,19 @@
 #include <math.h>
 #include <string.h>
 
-// Smallest coupling stiffness assumed for the energy reservoir of the passivity controller.
+// Smallest stiffness of the coupling from which the energy reservoir of the passivity controller is computed, N/m.
 static const double lightest_n_m = 100.0;
 static const double fade_s = 0.017; // time in which the force fades to 0 after a stop of the rendering
-// Time that a force is held if no new force arrives; corresponds to 3 ticks of 1 ms of the watchdogs.
+// Time since the last new force after which a watchdog fades the force: the watchdogs hold it for 3 ticks of 1 ms.
 static const double hold_s = 3.5e-3;
-// Largest slope of the force while a watchdog fades the force. If a fade from the force limit is steeper, the slope of
-// this fade is allowed instead; see core/safety.h.
+// Largest change of the force per ms while a watchdog fades the force. If the fade from the force limit is steeper,
+// this steeper change is allowed; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
 static const double smoothing = 0.01; // weight of a newly measured round trip in the smoothed round trip
-// Longest time between two calls that is taken into account; the force of the local model has faded by then.
+// Longest time between two calls that counts. After a longer time, the force of the local model has faded anyway.
 static const double longest_s = 0.05;
 static const double step_s = 0.01; // longest time step of the local model
-// Force limit of the local model, so high that the impulse guard still sees a wild force.
+// Force limit of the local model, N. It is so high that a wild force reaches the impulse guard, which then trips.
 static const double any_n = 1e3;
 
 static double norm(const double v[3]) { return sqrt(kn_dot(v, v)); }
@@ -86,7 +86,7 @@ void kn_haptic_render_pose(kn_haptic_render *r, int64_t seq, const double positi
     kn_contact_model_pose(&r->model, seq, x, v);
 }
 
-// Stop giving force, and remember the first reason of a stop.
+// Stop giving force. Keep the reason of the first stop.
 static void stop(kn_haptic_render *r, kn_haptic_render_stop why)
 {
     if (r->stop) return;
@@ -140,17 +140,17 @@ static void fade(kn_haptic_render *r, double dt_s, const double wanted_n[3])
     for (int i = 0; i < 3; i++) r->guarded_n[i] += share * step_n[i];
 }
 
-// Pass wanted_n through the impulse guard, whatever the rate of calls. The allowed change grows with time, up to the
-// change of one ms. When messages are missing, it grows up to the change of that many ms, 3 at most, because a force
-// may be held that long.
+// Pass wanted_n through the impulse guard. The function may be called at any rate, because the allowed change of the
+// force grows with the time since the last call. It grows up to the change that is allowed in 1 ms. If no force has
+// come for n ms, it grows up to the change of n ms, n = 3 at most, because a force may be held for 3 ms.
 static void guard(kn_haptic_render *r, double dt_s, const double wanted_n[3], bool news)
 {
     r->gap_s = fmin(r->gap_s + dt_s, longest_s);
     r->tick_s = fmin(r->tick_s + dt_s, longest_s);
-    // The guard counts whole ms.
+    // The impulse guard counts whole milliseconds.
     kn_guard_age(&r->guard, (int)(r->tick_s * 1e3));
     r->tick_s = fmod(r->tick_s, 1e-3);
-    // Compute the change of the force that this call allows.
+    // Compute the change of the force that is allowed in this call.
     double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
     r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
     if (r->stop) return; // the last good force is kept and fades
@@ -176,7 +176,7 @@ void kn_haptic_render_give(kn_haptic_render *r, double dt_s, const double positi
     const double limit_n = r->def.device.force_limit_n;
     // A device without mass has no passivity controller. The local model gives a new force at every call.
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
-    // kneadd does not send the energy stored in its object, so the controller uses its limit for the unknown case (-1).
+    // kneadd does not send the energy stored in its object. The value -1 tells the controller that it is not known.
     double wanted_n[3], stored_j = -1.0;
     dt_s = fmax(dt_s, 0.0);
     if (r->def.local) stored_j = replay(r, dt_s, position_m, velocity_m_s, wanted_n);

@@ -29,11 +29,11 @@
 #include "core/safety.h"
 
 #define KN_HAPTIC_RENDER_FAR_S 5e-3 // longest smoothed round trip [s] at which kneadd's forces are given to the motors
-#define KN_HAPTIC_RENDER_NEAR_S                                                                                        \
-    4e-3 // a link stopped for its long round trip counts as fast again below this round trip [s]
-// Times of the watchdog over kneadd's messages when the local model is rendered, ms of silence: the force is held until
-// HOLD, then faded, and zero from ZERO on. The watchdog can wait this long, because without messages the force of the
-// local model decays by itself.
+// Smoothed round trip [s] below which a link that was stopped for its long round trip counts as fast again.
+#define KN_HAPTIC_RENDER_NEAR_S 4e-3
+// Times of the watchdog with the local model, ms since kneadd's last message. The force is kept until HOLD, then it
+// fades, and from ZERO on it is zero. The watchdog may wait this long, because the force of the local model decays by
+// itself when messages are missing.
 #define KN_HAPTIC_RENDER_LOCAL_HOLD_MS 250
 #define KN_HAPTIC_RENDER_LOCAL_ZERO_MS 300
 
@@ -44,16 +44,16 @@ typedef enum kn_haptic_render_stop {
 } kn_haptic_render_stop;
 
 typedef struct kn_haptic_render_def { // a field of 0 selects its default, if it has one
-    // Properties and mounting of the device; force_limit_n > 0. If its mass is 0, there is no passivity controller.
+    // Properties and mounting of the device. force_limit_n must be > 0. If mass_kg is 0, no passivity controller runs.
     kn_device_def device;
     // Virtual coupling (stiffness, damping) of the tool in the scene; default: that of the device.
     double coupling_n_m, coupling_n_s_m;
     double radius_m;       // radius of the tool, used by the local model
     bool level;            // true: the tool never rotates, as a plate
     double guard_n_per_ms; // largest change of the force per ms that the impulse guard passes; default 4
-    double velocity_hz;    // cut-off frequency of the velocity filter, default 100
+    double velocity_hz;    // cut-off frequency of the velocity filter of the passivity controller, default 100
     bool local;            // true: compute the force from KNEAD_CONTACT; false: from KNEAD_FORCE
-    // True: use a KNEAD_FORCE of any age (no stop FAR). Unsafe, for demonstrations only.
+    // True: use KNEAD_FORCE whatever the round trip is (no stop FAR). Unsafe, for demonstrations only.
     bool held;
 } kn_haptic_render_def;
 
@@ -72,7 +72,7 @@ typedef struct kn_haptic_render { // state of the output stage; read-only for th
     int64_t guards, reflexes, refusals;
     kn_passivity passivity;
     kn_contact_model model;
-    // private
+    // The fields below are used by haptic_render.c only.
     kn_guard guard;
     // heard_n: newest force received; guarded_n: last force that passed the impulse guard.
     double heard_n[3], guarded_n[3];
@@ -84,7 +84,7 @@ typedef struct kn_haptic_render { // state of the output stage; read-only for th
 
 // Initialise the output stage `r`, without a session.
 void kn_haptic_render_init(kn_haptic_render *r, const kn_haptic_render_def *def);
-// Begin a new session from zero force, without a stop.
+// Begin a new session. The force starts at zero, and the rendering runs again if it was stopped.
 void kn_haptic_render_begin(kn_haptic_render *r, int64_t session);
 
 // Set the orientation of the device, in the scene's axes. Call this before kn_haptic_render_pose of the same pose. Only
@@ -96,11 +96,11 @@ void kn_haptic_render_pose(kn_haptic_render *r, int64_t seq, const double positi
 // Take a KNEAD_FORCE of this session. age_s: if the force is the first answer to its pose, time since that pose was
 // sent; otherwise any value below 0. If the force is not finite, ignore it and return false.
 bool kn_haptic_render_force(kn_haptic_render *r, const double scene_n[3], double age_s);
-// Take a KNEAD_CONTACT of any session. Return the local model's decision about it.
+// Take a KNEAD_CONTACT message of any session. Return whether the local model uses it, or why not.
 kn_contact_take kn_haptic_render_contact(kn_haptic_render *r, const kn_contact_unit *unit);
 
 // Compute r->given_n, the force for the motors, at this position and velocity of the device. dt_s: time since the last
-// call. share: factor of the watchdogs on the force, 0 .. 1.
+// call. share: factor by which the watchdogs reduce the force, 0 .. 1.
 void kn_haptic_render_give(kn_haptic_render *r, double dt_s, const double position_m[3], const double velocity_m_s[3],
                            double share);
 

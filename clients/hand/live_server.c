@@ -64,7 +64,7 @@ static kn_live_server_probe *slot(kn_live_server *live, const char *name)
     return p;
 }
 
-// Handle a force message. It shows that the server knows the probe, and it has the pose of the probe's tool.
+// Handle a force message, which contains the pose of the tool. The first force message adds the probe to the list.
 static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_live_server *live = user;
@@ -80,7 +80,7 @@ static void on_force(const lcm_recv_buf_t *buffer, const char *channel, void *us
     p->heard_ms = kn_live_server_now_ms();
 }
 
-// Handle a pose message, which has the pose of the hand that holds a tool.
+// Handle a pose message, which contains the pose of the hand that holds a tool.
 static void on_pose(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     knead_probe_pose_t pose;
@@ -130,7 +130,7 @@ bool kn_live_server_open(kn_live_server *live, const char *url, const char *mesh
 void kn_live_server_listen(kn_live_server *live, int timeout_ms)
 {
     int64_t end_ms = kn_live_server_now_ms() + timeout_ms, left_ms = timeout_ms;
-    // Handle the waiting messages of both buses. Sleep only while no message is waiting on either bus.
+    // Handle the waiting messages of both buses. Sleep only while neither bus has a waiting message.
     while (kn_bus_client_handle(live->bus, 0) + kn_bus_client_handle(live->mesh_bus, 0) == 0 && left_ms > 0) {
         struct pollfd wait[2] = {{.fd = kn_bus_client_fd(live->bus), .events = POLLIN},
                                  {.fd = kn_bus_client_fd(live->mesh_bus), .events = POLLIN}};
@@ -188,7 +188,7 @@ static bool send_line(int fd, const json_t *request, int flags)
 {
     char *text = json_dumps(request, JSON_COMPACT);
     size_t size = text ? strlen(text) : 0;
-    if (text) text[size++] = '\n'; // replace the terminating NUL
+    if (text) text[size++] = '\n'; // the newline replaces the NUL at the end of the text
     bool sent = text && send(fd, text, size, MSG_NOSIGNAL | flags) == (ssize_t)size;
     free(text);
     return sent;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_LIVE_SERVER_H
 #define KN_CLIENTS_LIVE_SERVER_H
 // The object that kneadd serves, as an observer needs it: the scene, the newest complete mesh, the probes and the
-// forces on the hands that hold the probes. The size of every message is checked first.
+// forces on the hands that hold the probes. The size of every message is checked before the message is decoded.
 //
 //     open -> listen, as often as there is time -> read the fields -> close
 #include "clients/hand/bus_client.h"

@@ -17,11 +17,12 @@ static const double object_m_s2 = 0.2;
 static const double flushing_m_s = 5e-4;
 // Braking distance and deceleration of a flat tool above the object; the last millimetre takes one second.
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3;
-// clear_m: tolerance of the hover height. there_m: distance within which the tool counts as above its goal.
+// clear_m: largest distance below the hover height at which the tool counts as lifted. there_m: largest sideways
+// distance from the goal at which the tool counts as above its goal.
 static const double clear_m = 1e-3, there_m = 2e-4;
 // Time that kneadd gets to clear a fault after the tool is lifted: 200 ms of poses and a margin.
 static const int clear_ms = 300;
-static const int leaving_ms = 100; // time in which the force fades and kneadd frees the tool
+static const int leaving_ms = 100; // time without poses in which the force fades and kneadd frees the tool
 
 void kn_pointer_hand_init(kn_pointer_hand *p, kn_probe_shape shape, int64_t session)
 {
@@ -57,7 +58,7 @@ static void feel(kn_pointer_hand *p, const kn_hand_force *force, int elapsed_ms)
     if (fresh) p->force = *force;
     // The watchdog fades the force while no new force arrives.
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
-    // A force that echoes pose asked_seq or a later one answers the wish sent with that pose.
+    // A force that answers pose asked_seq, or a later pose, also answers the wish that was sent with pose asked_seq.
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {
         n->event = p->asked_event;
         n->tick = force->tick;
@@ -73,7 +74,7 @@ static void feel(kn_pointer_hand *p, const kn_hand_force *force, int elapsed_ms)
 // Return true if the tool is at its hover height.
 static bool lifted(const kn_pointer_hand *p) { return p->point.position_m[2] >= p->wish.hover_z_m - clear_m; }
 
-// Run the state machine of pointer_hand.h.
+// Change the mode of the hand if necessary. pointer_hand.h has a drawing of the modes.
 static void decide(kn_pointer_hand *p)
 {
     bool trouble = p->watchdog.tripped || (p->force.flags & KN_FLAG_LATCHED);
@@ -88,7 +89,7 @@ static void decide(kn_pointer_hand *p)
         if (trouble) p->barred = p->wish.pressed, enter(p, KN_POINTER_HAND_LET_GO);
         else if (!p->wish.held && lifted(p)) enter(p, KN_POINTER_HAND_ABSENT);
         break;
-    // Wait until the tool is lifted, then until the fault clears. If it does not clear within clear_ms, leave.
+    // Wait until the tool is lifted, then until kneadd clears the fault. After clear_ms, end the session instead.
     case KN_POINTER_HAND_LET_GO:
         if (!lifted(p)) p->mode_ms = 0;
         else if (!trouble) enter(p, KN_POINTER_HAND_FOLLOW);
@@ -110,7 +111,7 @@ static double braking(double way_m, double a_m_s2, double end_m_s)
     return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
 }
 
-// Return `speed`, changed towards `wanted` by at most `most`.
+// Return a speed that is closer to `wanted` than `speed` is, but differs from `speed` by at most `most`.
 static double toward(double speed, double wanted, double most)
 {
     return speed + fmin(fmax(wanted - speed, -most), most);
@@ -153,7 +154,8 @@ static void move_up(kn_pointer_hand *p, double goal_m, double dt_s)
     *z += *v * dt_s;
 }
 
-// Move towards at_m. The tool moves only when it is lifted, or strokes when it is down in a press.
+// Move the tool sideways towards at_m. The tool moves sideways only when it is lifted, or in a press when it is below
+// the surface (a stroke).
 static void move_sideways(kn_pointer_hand *p, bool press, double dt_s)
 {
     double way[2], far_m, *v = p->point.velocity_m_s;
@@ -162,7 +164,7 @@ static void move_sideways(kn_pointer_hand *p, bool press, double dt_s)
     bool down = press && p->point.position_m[2] < p->wish.touch_z_m, free = !down && !p->news.contact;
     bool moves = down || lifted(p);
     double a_m_s2 = free ? sideways_m_s2 : object_m_s2, most_m_s = free ? sideways_m_s : stroke_m_s[p->flat];
-    // Half of the acceleration, so that the tool can keep up with the planned speed.
+    // Plan with half of the acceleration, so that the tool can keep up with the planned speed.
     double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0;
     for (int i = 0; i < 2; i++) {
         v[i] = toward(v[i], far_m > 0.0 ? speed * way[i] / far_m : 0.0, a_m_s2 * dt_s);
@@ -215,7 +217,7 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish 
 static const double hover_m = 0.004; // height of the hovering tool above the highest point of the object
 // Largest distance from the object's edge at which the tool may be beside the object.
 static const double beside_m = 0.02;
-static const double uneven_m = 2e-3; // largest dent that a flat tool sinks into before it presses
+static const double uneven_m = 2e-3; // largest unevenness of the top that a flat tool levels slowly before it presses
 // Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.
 static const double thinnest = 0.5;
 

@@ -44,7 +44,7 @@ typedef struct kn_pointer_hand_news { // state of the hand after one millisecond
     // force_n: magnitude of the force on the hand. depth_m: depth of the tool below touch_z_m; 0 if the tool does not
     // press.
     double force_n, depth_m;
-    // Flags and fault in the newest force message; 0 if there is no message or the newest is too old.
+    // Flags and fault in the newest force message; 0 if no force message has come for 20 ms.
     int32_t flags, fault;
     bool contact;
     bool heard;    // true: kneadd answers the poses of this hand
@@ -80,27 +80,27 @@ void kn_pointer_hand_init(kn_pointer_hand *pointer, kn_probe_shape shape, int64_
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms);
 
-// Translation of a pointer's place in a picture into a wish for a tool: the place and height at which the
-// tool hovers, the height at which it would touch the object, and the largest depth of a press.
+// Reach: the translation of a pointer's place in a picture into a wish for a tool. It gives the place and the height at
+// which the tool hovers, the height at which the tool would touch the object, and the largest depth of a press.
 
 typedef struct kn_pointer_hand_reach {
-    const kn_model_def *def; // model of the scene; def and tool must outlive the reach
+    const kn_model_def *def; // model of the scene; def and tool must outlive this struct
     const kn_probe_def *tool;
-    uint8_t *top;       // marks the vertices of the top face, see kn_tool_height_top
+    uint8_t *top;       // [vertices] 1: the vertex belongs to the top face (kn_tool_height_top)
     int vertices;       // number of vertices of the scene's mesh
     double extent_m[3]; // size of the undeformed object along x, y, z
     kn_camera camera;   // camera that draws the picture in which the user points
 } kn_pointer_hand_reach;
 
-// Prepare a reach for one tool and the camera of one picture. Return false when memory is short.
+// Prepare the translation for one tool and for the camera of one picture. Return false when memory is short.
 bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *reach, const kn_model_def *def, const kn_probe_def *tool,
                                 const kn_camera_view *view);
 // Change the camera of the picture in which the user points.
 void kn_pointer_hand_reach_look(kn_pointer_hand_reach *reach, const kn_camera_view *view);
 void kn_pointer_hand_reach_close(kn_pointer_hand_reach *reach);
 
-// Return true if the mesh is complete and belongs to the reach's scene. The functions below may only be called with
-// such a mesh.
+// Return true if the mesh is complete and belongs to the scene of `reach`. The functions below accept only a mesh for
+// which this function returns true.
 bool kn_pointer_hand_reach_fits(const kn_pointer_hand_reach *reach, const kn_mesh *mesh);
 // Set wish->hover_z_m above the highest point of the mesh.
 void kn_pointer_hand_reach_hover(const kn_pointer_hand_reach *reach, const kn_mesh *mesh, kn_pointer_hand_wish *wish);

@@ -120,11 +120,11 @@ bool kn_session_record_scene(kn_session_record *r, int timeout_ms)
     return r->scene_text && r->scene_name && r->scene_bytes;
 }
 
-// The thread of the record.
+// Main function of the thread that receives the messages.
 static void *run(void *self)
 {
     kn_session_record *r = self;
-    kn_bus_client_priority(reader_priority); // if refused, the receive buffer must be large enough
+    kn_bus_client_priority(reader_priority); // if the priority is refused, the receive buffer has to cover delays
     while (!atomic_load(&r->stop)) kn_bus_client_handle(r->bus, 20);
     // Take the messages that are still on their way, for a fixed time. kneadd keeps answering the last pose, so waiting
     // for silence would not end.
@@ -155,7 +155,7 @@ bool kn_session_record_stop(kn_session_record *r, char *error, size_t error_size
         r->started = false;
     }
     if (!r->log) return true;
-    // Data in the buffer of the stream may fail to reach the disk only now.
+    // Write the rest of the stream's buffer now, because this may fail.
     if (fflush(r->log->f) != 0 && !*r->log_error) snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
     lcm_eventlog_destroy(r->log);
     r->log = NULL;
@@ -178,27 +178,26 @@ void kn_session_record_destroy(kn_session_record *r)
     free(r);
 }
 
-// Return the try (one run of the path) to whose pose this force belongs, or NULL.
+// Return the attempt to play the path whose pose this force answers, or NULL.
 static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_force_t *f)
 {
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
         if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1)
-            // The last pose of a try has the number sent + 1. It only announces that the hand leaves, and belongs to no
-            // path.
+            // The last pose of an attempt has the number sent + 1. It only says that the hand leaves the tool.
             return t;
     }
     return NULL;
 }
 
-// Return the time along the path of the pose that the force echoes, s. The path begins with play_seq and has 1 ms per
-// pose.
+// Return the time on the path of the pose that this force answers, s. The path begins with pose number play_seq and
+// advances by 1 ms per pose.
 static double path_time(const kn_attempt *t, const knead_contact_force_t *f)
 {
     return 1e-3 * (double)(f->seq - t->play_seq);
 }
 
-// Add one force of the last try to the table. Forces from before and after the path are left out.
+// Add one force of the last attempt to the report. Leave out forces that answer a pose before or after the path.
 static void add_to_table(kn_session_report *r, const kn_hand *hand, const kn_attempt *t, const knead_contact_force_t *f)
 {
     double s = path_time(t, f), contact_n = sqrt(kn_dot(f->contact_force_n, f->contact_force_n));
@@ -206,10 +205,10 @@ static void add_to_table(kn_session_report *r, const kn_hand *hand, const kn_att
     if (!t->play_seq || s < 0.0 || after) return;
     r->gain_min = fmin(r->gain_min, f->gain);
     r->given_peak_n = fmax(r->given_peak_n, sqrt(kn_dot(f->force_n, f->force_n)));
-    // The value at the end of the hold is that of the last force up to then.
+    // Keep the last force up to the end of the hold.
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
     if (!f->contacts) return;
-    // Contact lasts from the first tick with a loaded contact to the last one.
+    // The contact lasts from the first to the last tick in which a contact carries load.
     if (r->contact_s == 0.0) r->contact_from_s = s;
     r->contact_s = s - r->contact_from_s + 1e-3;
     if (contact_n > r->peak_n) r->peak_n = contact_n, r->peak_s = s;
@@ -230,12 +229,12 @@ void kn_session_report_make(kn_session_report *r, const kn_hand *hand, const kn_
         r->matched += t != NULL;
         r->strange += t == NULL;
         r->missed += f->missed_cycles;
-        // If the tick is smaller than the last one, kneadd was restarted.
+        // If the tick number has not increased, kneadd was restarted, so count no losses.
         bool goes_on = before && before->session == f->session && f->tick > before->tick;
         if (goes_on) r->lost += f->tick - before->tick - 1 - f->missed_cycles;
         if (!t) continue;
-        // A stale force counts only if a newer pose had been sent. Round trips are taken from forces that are not
-        // stale.
+        // Count a stale force (one that answers a pose again) only if the hand had sent a newer pose. Take round trips
+        // from forces that are not stale.
         if (f->flags & KN_FLAG_STALE) r->stale += f->seq < t->sent;
         else if (trip_ns) trip_ns[trips++] = record->force[i].arrived_ns - f->sent_ns;
         if (t == last) add_to_table(r, hand, t, f);
@@ -267,7 +266,7 @@ void kn_session_report_print(FILE *out, const kn_session_report *r, const kn_han
         fprintf(out, "  poses were late: the force on the hand faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
-    fprintf(out, "  echoes matched  %8lld      %lld of them an older pose again, %lld forces answer another hand\n",
+    fprintf(out, "  echoes matched  %8lld      %lld answer an older pose again; %lld forces answer another hand\n",
             (long long)r->matched, (long long)r->stale, (long long)r->strange);
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
 }
@@ -283,12 +282,12 @@ static int by_number(const void *a, const void *b)
 void kn_session_report_csv(FILE *out, const kn_hand *hand, const kn_session_record *record, const char *probe)
 {
     kn_rows_head(out);
-    // Poses come in order within a try, but tries are not in order of their session numbers.
+    // Sort the poses for the search below. Within an attempt they come in order, but sessions may not.
     qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
     int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
     for (int i = 0; i < record->force_count; i++) {
         const knead_contact_force_t *f = &record->force[i].force;
-        // Find the pose that the force echoes.
+        // Find the pose that this force answers.
         knead_probe_pose_t key = {.session = f->session, .seq = f->seq};
         const knead_probe_pose_t *pose =
             bsearch(&key, record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);

@@ -23,7 +23,7 @@ typedef struct kn_heard_force {
 
 typedef struct kn_session_record {
     char *scene_name, *scene_text; // name and text of the scene; set by kn_session_record_scene
-    // Valid after kn_session_record_stop, in order of arrival:
+    // Forces and poses in order of arrival; valid after kn_session_record_stop.
     kn_heard_force *force;
     knead_probe_pose_t *pose;
     int force_count, pose_count;
@@ -33,7 +33,7 @@ typedef struct kn_session_record {
     bool log_only;
     _Atomic(int64_t) logged; // number of bytes of messages written to the log so far
     atomic_bool felt;        // true: the log contains at least one force on the probe
-    // private
+    // The fields below are used by session_record.c only.
     kn_bus_client *bus;
     struct _lcm_eventlog_t *log;
     // Path of the log. The text belongs to the caller and must outlive the record.
@@ -63,12 +63,13 @@ bool kn_session_record_stop(kn_session_record *record, char *error, size_t error
 // Stop the thread of a record, if it runs, and free the record. NULL is allowed.
 void kn_session_record_destroy(kn_session_record *record);
 
-// Summary of a session of `knead probe`: the table of forces, the counts of echoes and the CSV file. A force echoes the
-// session and number of the pose that it answers. The functions depend only on the hand and the record of its messages.
+// Report of a session of `knead probe`: the printed table of results and the CSV file of all forces. A force echoes
+// (repeats) the session and the number of the pose that it answers. The functions depend only on the hand and the
+// record of its messages.
 
 typedef struct kn_session_report {
-    // Results of the last try (the last time the path was played). Times count from the begin of the path. A contact
-    // lasts while nodes or samples of the contact carry load.
+    // Results of the last attempt to play the path. Times count from the beginning of the path. A contact lasts while
+    // nodes or samples of the contact carry load.
     double contact_from_s, contact_s; // time at which the contact begins, and its duration; contact_s 0: no contact
     double peak_n, peak_s;            // largest magnitude of contact_force_n, and the time at which it occurs
     // Contact force when the path's piece "hold" ends; NAN: the path has no such piece.
@@ -76,14 +77,14 @@ typedef struct kn_session_report {
     double given_peak_n; // largest magnitude of force_n, the force given to the hand
     double gain_min;     // smallest gain of kneadd while the path was played; below 1: kneadd missed poses
     double residual_m;   // depth of the dent left in the object, set by the caller; NAN: not known
-    // Counts of messages in all tries (runs of the path) together.
+    // Numbers of messages in all attempts to play the path.
     int64_t sent, forces; // number of poses sent, and of forces received
     int64_t matched;      // number of forces that answer a pose of this hand
     int64_t strange;      // number of forces that answer a pose of another hand
     // Number of forces that kneadd computed once more from an old pose of this hand, although a newer pose had been
     // sent.
     int64_t stale;
-    // Number of ticks whose force was not received. A loss shows as tick - last tick > 1 + missed_cycles.
+    // Number of lost forces. A loss shows as a gap in the tick numbers that missed_cycles does not explain.
     int64_t lost;
     int64_t missed; // number of cycles of the servo loop that kneadd skipped
     // Median and 99th percentile of the time from a pose to the force that answers it, without stale forces; NAN: no
@@ -91,7 +92,7 @@ typedef struct kn_session_report {
     double round_trip_p50_ms, round_trip_p99_ms;
 } kn_session_report;
 
-// Compute the report of a session. The field residual_m is set to NAN.
+// Compute the report of a session, except the field residual_m, which becomes NAN.
 void kn_session_report_make(kn_session_report *report, const kn_hand *hand, const kn_session_record *record);
 
 // Print the table at the end of `knead probe`. clamp_n: contact force at which the device reaches its limit.

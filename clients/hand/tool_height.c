@@ -81,7 +81,7 @@ bool kn_tool_height_touch(const kn_mesh *mesh, const uint8_t *top, double spacin
                           double x_m, double y_m, double *first_m, double *last_m)
 {
     const bool plate = tool->shape == KN_PROBE_PLATE, flat = kn_tool_height_flat(tool->shape);
-    const double slack_m = flat ? 0.1 * spacing_m : 0; // same margin as the server uses for the contact of a plate
+    const double slack_m = flat ? 0.1 * spacing_m : 0; // margin that the server adds to the edges of a plate, too
     *first_m = -INFINITY, *last_m = INFINITY;
     for (int32_t v = 0; mesh->whole && v < mesh->vertex_count; v++) {
         const float *at = mesh->positions_m + 3 * v;

@@ -16,7 +16,8 @@
 // Return true if a tool of this shape touches a flat object with a face and not with a point.
 bool kn_tool_height_flat(kn_probe_shape shape);
 
-// Return the named probe. Without a name, return the first probe that is not flat, else the first probe; NULL if none.
+// Return the probe with this name. If `name` is NULL, return the first probe that is not flat, or the first probe if
+// all are flat. Return NULL if there is no such probe.
 const kn_probe_def *kn_tool_height_choose_tool(const kn_model_def *def, const char *name);
 
 // Return the vertical distance from the tool's pose down to its underside, m, at the horizontal offset (dx_m, dy_m)
@@ -40,8 +41,7 @@ bool kn_tool_height_object(const kn_mesh *mesh, double x_m, double y_m, double *
 // Find two heights for a level tool that moves straight down at (x_m, y_m). Both are z coordinates of the tool's pose.
 // At `*first_m` the tool touches for the first time. At `*last_m` a flat tool would touch the lowest vertex of the top
 // face under the tool. `top` is the result of kn_tool_height_top for this mesh. A round tool is tested against vertices
-// only, so between vertices `*first_m` is lower by up to spacing^2 / (8 radius). Return false if nothing is under the
-// tool.
+// only, so `*first_m` may be too low by up to spacing^2 / (8 radius). Return false if nothing is under the tool.
 bool kn_tool_height_touch(const kn_mesh *mesh, const uint8_t *top, double spacing_m, const kn_probe_def *tool,
                           double x_m, double y_m, double *first_m, double *last_m);
 

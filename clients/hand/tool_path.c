@@ -29,7 +29,8 @@ static kn_tool_path_piece *add(kn_tool_path *path, kn_tool_path_piece_kind kind,
     return p;
 }
 
-// Append a LINE. A short line keeps the ramp and lowers the speed, so the acceleration never exceeds speed / ramp.
+// Append a LINE piece. On a short line, the ramps keep their duration and the speed is lower, so the acceleration never
+// exceeds speed / ramp.
 static void add_line(kn_tool_path *path, const char *name, const kn_tool_path_point *from, const kn_tool_path_point *to,
                      double speed_m_s)
 {
@@ -187,8 +188,8 @@ static void curve(const kn_tool_path_piece *p, double t, kn_tool_path_point *out
     }
 }
 
-// Interpolate the quaternion linearly and normalise it. The sign of the end is chosen so that the turn is the shorter
-// one.
+// Interpolate the quaternion linearly and normalise it. The sign of the end is chosen so that the tool turns the short
+// way round.
 static void turn(const kn_tool_path_piece *p, double u, double q[4])
 {
     const double *a = p->from.orientation_wxyz, *b = p->to.orientation_wxyz;
@@ -306,7 +307,7 @@ static bool take_row(const reader *r, rows *all, int fields, const double value[
     memcpy(p.position_m, value + 1, sizeof p.position_m);
     if (kn_tool_path_distance(p.position_m, (const double[3]){0}) > workspace_m)
         return complain(r, column[1], "further than %g m from the origin, expected coordinates in metres", workspace_m);
-    // Normalise the quaternion. A file with few digits may be off by 0.001.
+    // Normalise the quaternion. In a file with few digits, its length may be off by 0.001.
     for (int i = 4; i < fields; i++) length += value[i] * value[i];
     if (fields == 8 && fabs(sqrt(length) - 1.0) > 1e-3)
         return complain(r, column[4], "quaternion of length %.4g, expected 1 within 0.001", sqrt(length));

@@ -46,7 +46,7 @@ typedef struct kn_tool_path_def { // a field of 0 selects its default, except ho
     // Height from touch_z_m down to the lowest place of the object under a flat tool, >= 0. The tool sinks slowly
     // through this height.
     double uneven_m;
-    double clear_m; // height of the tool above touch_z_m at the begin and end of the path; default 20 mm
+    double clear_m; // height of the tool above touch_z_m at both ends of the path; default 20 mm
     double depth_m; // depth of the tool below touch_z_m; default: press 10 mm, poke 3 mm, sine KN_TOOL_PATH_SWING_M
     // Speed of the tool inside the object. Default: press 10 mm/s, poke 50 mm/s. Through the air the tool moves at
     // KN_TOOL_PATH_AIR_M_S (30 mm/s).
@@ -64,7 +64,7 @@ typedef struct kn_tool_path_def { // a field of 0 selects its default, except ho
 #define KN_TOOL_PATH_SWING_HZ 2.0  // default frequency of a sine path
 #define KN_TOOL_PATH_AIR_M_S 0.03  // speed of a virtual hand through the air
 
-// Each of these three functions allocates a path, which the caller destroys. It returns NULL when memory is short.
+// The three functions below allocate a path, which the caller destroys. They return NULL when memory is short.
 // press: go down through the air, touch the object at rest, press, hold, withdraw, rest for 1 s.
 // poke:  go fast from the air into the object and out again, rest for 1 s.
 // sine:  touch the object at rest, swing between the surface and depth_m below the surface, withdraw, rest for 1 s.
@@ -83,9 +83,8 @@ void kn_tool_path_destroy(kn_tool_path *path); // frees a path; NULL is allowed
 // Return the distance between two points, m.
 double kn_tool_path_distance(const double a[3], const double b[3]);
 
-// Write to `point` the pose and velocity at the time `t_s` after the begin of the path. For a time before the begin,
-// write the first point of the path; for a time after the end, the last point. Return the piece of the path at this
-// time.
+// Write to `point` the pose and velocity of the tool `t_s` after the beginning of the path. For a time before the path,
+// write its first point; for a time after the path, its last point. Return the piece of the path at this time.
 const kn_tool_path_piece *kn_tool_path_at(const kn_tool_path *path, double t_s, kn_tool_path_point *point);
 
 // Make a path that takes a tool out of the object from any pose and speed: stop in 50 ms, lift straight up to `z_m`, go

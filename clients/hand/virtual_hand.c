@@ -44,7 +44,8 @@ int64_t kn_hand_session(void)
 {
     int64_t session = 0;
     if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    return (session & (INT64_MAX >> 1)) | 1 << 8; // never 0; each further try adds 1 without overflow
+    // The number is not 0, and small enough that adding 1 for each further attempt never overflows.
+    return (session & (INT64_MAX >> 1)) | 1 << 8;
 }
 
 void kn_hand_init(kn_hand *h, const kn_hand_def *def)
@@ -144,7 +145,7 @@ void kn_hand_take_path(kn_hand *h, const kn_tool_path *path)
     h->def.path = path;
 }
 
-// Fault injection: return true while poses are suppressed.
+// Return true while the injected fault (drop_ms) suppresses poses.
 static bool dropping(kn_hand *h)
 {
     bool drop = h->mode == KN_HAND_PLAY && h->tries == 1 && h->dropped_ms < h->def.drop_ms &&
@@ -221,7 +222,7 @@ static void tell(kn_hand_player *p)
     atomic_store(&p->piece, p->hand.piece);
     atomic_store(&p->tries, p->hand.tries);
     atomic_store(&p->trips, p->hand.trips);
-    // Stored last, so the other values are valid when another thread sees the new mode.
+    // Store the mode last, so that the other values are valid when another thread sees the new mode.
     atomic_store(&p->mode, (int)p->hand.mode);
 }
 
@@ -234,7 +235,7 @@ void kn_hand_player_init(kn_hand_player *p, const kn_hand_def *def)
 kn_hand_out kn_hand_player_tick(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_hand_player *p = self;
-    // Between two tries, fetch the path that another thread has prepared for the next try.
+    // Between two attempts, fetch the path that another thread has prepared for the next attempt.
     if (p->hand.mode == KN_HAND_SILENT && atomic_load(&p->next_path))
         kn_hand_take_path(&p->hand, atomic_exchange(&p->next_path, NULL));
     kn_hand_out out = kn_hand_tick(&p->hand, force, elapsed_ms);
@@ -243,8 +244,8 @@ kn_hand_out kn_hand_player_tick(void *self, const kn_hand_force *force, int elap
     return out;
 }
 
-// Real-time priority of the device's thread. It is below that of kneadd's threads, because a real device has its own
-// processor and never delays kneadd.
+// Real-time priority of the device's thread. It is below that of kneadd's threads. The thread stands for a real device,
+// which has its own processor and cannot delay kneadd.
 static const int device_priority = 60;
 
 // Handle a force message. Keep only the newest force.
@@ -292,7 +293,7 @@ static void send_pose(kn_virtual_device *d, const kn_hand_out *out, int32_t butt
     pose.frame = KNEAD_PROBE_POSE_T_FRAME_SCENE;
     pose.sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, &pose);
-    // A pose that cannot be sent is simply lost, because the watchdogs handle lost poses.
+    // If a pose cannot be sent, do not send it again: the watchdogs handle lost poses.
     kn_bus_client_send(d->bus, d->pose_channel, bytes, size);
 }
 

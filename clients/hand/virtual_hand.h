@@ -111,7 +111,7 @@ typedef struct kn_hand_out {
 } kn_hand_out;
 
 // Return a random number for the first session of a hand, so that its sessions do not collide with those of a different
-// client. It is positive, and a few thousand following numbers are positive, too.
+// client. The number is positive, and so are the next few thousand numbers.
 int64_t kn_hand_session(void);
 
 void kn_hand_init(kn_hand *hand, const kn_hand_def *def);
@@ -126,8 +126,8 @@ kn_hand_out kn_hand_tick(kn_hand *hand, const kn_hand_force *force, int elapsed_
 // last one.
 void kn_hand_refuse(kn_hand *hand, const char *refusal, bool again);
 
-// Set the path of the next attempt. A new path may be needed because a failed attempt may have left a dent. Call it
-// only while the hand is SILENT.
+// Set the path of the next attempt. A new path may be needed because a failed attempt may have left a dent. Call this
+// function only while the hand is in the mode SILENT.
 void kn_hand_take_path(kn_hand *hand, const kn_tool_path *path);
 
 // Recording of the forces of a device's motors, one row every millisecond of the device's clock, with or without a new
@@ -146,8 +146,8 @@ typedef struct kn_motor_record { // list of recorded rows; if all fields are zer
     int64_t ms;
 } kn_motor_record;
 
-bool kn_motor_record_open(kn_motor_record *motors,
-                          int room); // reserve memory for `room` rows; return false if out of memory
+// Reserve memory for `room` rows. Return false if out of memory.
+bool kn_motor_record_open(kn_motor_record *motors, int room);
 void kn_motor_record_close(kn_motor_record *motors);
 
 // Add a row for the time `elapsed_ms` after the last row. No memory is allocated.
@@ -158,23 +158,22 @@ void kn_motor_record_add(kn_motor_record *motors, const kn_hand *hand, const dou
 // name of a piece of the path, "engage" or "silent".
 void kn_motor_record_csv(FILE *out, const kn_motor_record *motors);
 
-// Player: a hand that follows a path and runs on the thread of a device. Other threads can read its
-// progress.
+// Player: a hand that follows a path and runs on the thread of a device. Other threads can read the hand's progress.
 
 typedef struct kn_hand_player {
     // The device's thread owns `hand` while it runs. Other threads may then read hand.trip[0 .. trips-1] only. After
     // the thread has ended, the caller owns `hand`.
     kn_hand hand;
-    // Record of the motor forces, if gripped is false. A closed-loop hand (closed_loop_hand.h) keeps a record of its own.
+    // Record of the motor forces, if gripped is false. A closed-loop hand (closed_loop_hand.h) adds the rows itself.
     kn_motor_record motors;
     bool gripped; // true: the hand grips a simulated device (closed_loop_hand.h)
-    // mode: a kn_hand_mode. trips: number of faults after which the hand retreated. tries: number of times that the
-    // path was begun. The field `cleared` of a trip is valid once `mode` is no longer RETREAT.
+    // mode: a kn_hand_mode. trips: number of faults after which the hand retreated. tries: number of attempts to play
+    // the path. The field `cleared` of a trip is valid once `mode` is no longer RETREAT.
     _Atomic(int) mode, trips, tries;
-    _Atomic(int) path_ms, given_mn; // path_ms: time since the begin of the path; given_mn: force on the hand
+    _Atomic(int) path_ms, given_mn; // path_ms: time since the beginning of the path; given_mn: force on the hand
     _Atomic(const char *) piece;    // name of the piece of the path that is being played
-    // Path for the next try (replay of the path after a failure), set by another thread. Before the next try begins,
-    // the player takes this path and sets `next_path` to NULL.
+    // Path for the next attempt, set by another thread after a failed attempt. Before the next attempt begins, the
+    // player takes this path and sets `next_path` to NULL.
     _Atomic(const kn_tool_path *) next_path;
 } kn_hand_player;
 
@@ -187,14 +186,15 @@ kn_hand_out kn_hand_player_tick(void *player, const kn_hand_force *force, int el
 // publishes the pose and gives the newest force to the hand. The hand may follow a path or a pointer: the thread works
 // with both.
 
-// Function that plays one millisecond of the hand `self`. The device's thread calls it. `force` is the newest force
-// since the last call, or NULL if there was none. `elapsed_ms` is 1 + the number of 1 ms cycles that the thread missed.
+// Function that plays one millisecond of the hand `self`, called by the device's thread. `force` is the newest force
+// since the last call, or NULL if no force has arrived. `elapsed_ms` is 1 + the number of 1 ms cycles that the thread
+// missed.
 typedef kn_hand_out kn_virtual_device_hand(void *self, const kn_hand_force *force, int elapsed_ms);
 
 typedef struct kn_virtual_device {
     _Atomic(int) missed; // number of 1 ms cycles that the device's thread missed
     atomic_bool done;    // true: the hand has finished, and the thread has ended
-    // The fields below are private.
+    // The fields below are used by virtual_hand.c only.
     kn_virtual_device_hand *hand;
     void *self;
     const char *url;

@@ -8,9 +8,10 @@
 
 #define GRAVITY 9.80665 // m/s^2, turns a mass into a weight; the same value as in core/scene/units.h
 
-// ---- units
+// ---- units of columns
 
-// Units that core/scene/units.h lacks. A scene needs only one spelling of each unit, but measured files use many.
+// Units that core/scene/units.h does not know. A scene file needs only one spelling of each unit; files of measurements
+// use many.
 static const struct also {
     const char *text, *si;
     double times, over;
@@ -25,7 +26,7 @@ typedef struct spelling {
     const char *as, *is;
 } spelling;
 
-// A longer spelling must come before a shorter one that it begins with.
+// Spellings of unit signs in UTF-8 and, in the last rows, in Latin-1. The first spelling that matches the text is used.
 static const spelling unit_spellings[] = {{"\xc2\xb5", "u"},
                                           {"\xce\xbc", "u"},
                                           {"\xc2\xb2", "^2"},
@@ -48,7 +49,7 @@ static const spelling name_spellings[] = {{"\xcf\x89", "omega"}, {"\xce\xb4", "d
                                           {"\t", " "},           {":", " "},
                                           {"\xce\x94", "delta "}};
 
-// Copy text with the listed spellings replaced, as far as there is room.
+// Copy a text and replace the spellings that are in the list. Stop before `to` overflows.
 static void respell(char *to, size_t size, const char *text, const spelling *list, size_t count)
 {
     size_t n = 0;
@@ -65,7 +66,8 @@ static void respell(char *to, size_t size, const char *text, const spelling *lis
     to[n] = '\0';
 }
 
-// Parse a unit with core/scene/units.h. A negative power of ten goes into `over`, which keeps the conversion exact.
+// Parse a unit with core/scene/units.h. A negative power of ten becomes the divisor `over`, since a factor like 0.001
+// is not exact in floating point.
 static bool measure_of(kn_column_unit *m, const char *text, char *error, size_t error_size)
 {
     kn_unit unit;
@@ -78,7 +80,7 @@ static bool measure_of(kn_column_unit *m, const char *text, char *error, size_t 
     return isfinite(m->times) && m->times > 0;
 }
 
-// Normalise a unit: "Pa.s" becomes a product, "cm2" a power.
+// Write a unit in the notation of core/scene/units.h: "Pa.s" becomes "Pa*s", and "cm2" becomes "cm^2".
 static void tidy(char *to, size_t size, const char *text)
 {
     char plain[KN_HEADING_NAME];
@@ -119,7 +121,7 @@ bool kn_column_unit_is(const kn_column_unit *m, const char *unit)
 
 double kn_column_unit_si(const kn_column_unit *m, double number) { return number * m->times / m->over; }
 
-// ---- headings
+// ---- headings of columns: name and unit
 
 void kn_text_clean(char *text)
 {
@@ -127,7 +129,7 @@ void kn_text_clean(char *text)
         if ((unsigned char)*p < ' ' || *p == 0x7f) *p = '?';
 }
 
-// Copy without blanks at either end and without control characters.
+// Copy a text without blanks at either end. Control characters become '?'.
 static void copy(char *to, size_t size, const char *text, size_t length)
 {
     while (length > 0 && isspace((unsigned char)*text)) text++, length--;
@@ -136,7 +138,7 @@ static void copy(char *to, size_t size, const char *text, size_t length)
     kn_text_clean(to);
 }
 
-// Take the text as the unit of the heading, if it is one.
+// Set the unit of the heading from a text. Return false if the text is no unit.
 static bool take_unit(kn_heading *h, const char *text, size_t length)
 {
     char unit[KN_HEADING_NAME];
@@ -147,7 +149,8 @@ static bool take_unit(kn_heading *h, const char *text, size_t length)
     return h->has_unit = true;
 }
 
-// "name (unit)" or "name [unit]": take the last pair of brackets that holds a unit, as in "G(t) [Pa] (mean)".
+// Read a heading like "name (unit)" or "name [unit]". The unit is in the last pair of brackets that holds one, as in
+// "G(t) [Pa] (mean)".
 static bool in_brackets(kn_heading *h, char *text)
 {
     for (char *open = text + strlen(text); open-- > text;) {
@@ -162,7 +165,7 @@ static bool in_brackets(kn_heading *h, char *text)
     return false;
 }
 
-// "name / unit" or "name, unit".
+// Read a heading like "name / unit" or "name, unit".
 static bool after_mark(kn_heading *h, char *text, char mark)
 {
     for (char *at = strchr(text, mark); at; at = strchr(at + 1, mark)) {
@@ -173,8 +176,8 @@ static bool after_mark(kn_heading *h, char *text, char mark)
     return false;
 }
 
-// Read a suffix like _pa, _rad_s or _per_pa as a unit. Small letters stand for capitals, and _ stands for characters
-// that a name cannot hold.
+// Read a suffix like _pa, _rad_s or _per_pa as the unit Pa, rad/s or 1/Pa. Small letters may stand for capitals, and _
+// stands for a division.
 static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
 {
     static const spelling small[] = {{"pa", "Pa"}, {"kpa", "kPa"}, {"mpa", "MPa"}, {"gpa", "GPa"},
@@ -195,8 +198,8 @@ static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
     return take_unit(h, unit, strlen(unit));
 }
 
-// Take the longest suffix after an underscore that is a unit. The first word with such a suffix counts: "omega_rad_s",
-// "displacement_mm 10 gf".
+// Take the longest suffix after an underscore that is a unit. Words are tried from the left: "omega_rad_s" gives rad/s,
+// and "displacement_mm 10 gf" gives mm.
 static bool after_underscore(kn_heading *h, char *text)
 {
     for (char *word = text; *word; word += strspn(word, " ")) {
@@ -211,8 +214,8 @@ static bool after_underscore(kn_heading *h, char *text)
     return false;
 }
 
-// Take the last word as the unit, as in "Strain %". A word after a number is not taken: "displacement 10 gf" names a
-// load.
+// Read the last word as the unit, as in "Strain %". A last word that follows a number is not the unit of the column:
+// "displacement 10 gf" names a load.
 static bool last_word(kn_heading *h, char *text)
 {
     char *at = strrchr(text, ' ');
@@ -224,7 +227,7 @@ static bool last_word(kn_heading *h, char *text)
     return true;
 }
 
-// Make the form of the name that is compared: small letters, single blanks, Greek letters spelt out.
+// Write a name in the form in which names are compared: small letters, single blanks, Greek letters spelt out.
 static void simplify(char word[KN_HEADING_NAME], const char *name)
 {
     char spelt[KN_HEADING_NAME];
@@ -239,7 +242,8 @@ static void simplify(char word[KN_HEADING_NAME], const char *name)
     word[n] = '\0';
 }
 
-// Text in square brackets at the end is meant as a unit, even if it is unknown: "displacement [furlong]".
+// Take text in square brackets at the end of the heading as its unit, even if this unit is unknown, as in "displacement
+// [furlong]".
 static void unknown_unit(kn_heading *h, char *text)
 {
     const size_t n = strlen(text);
@@ -254,7 +258,7 @@ void kn_heading_read(kn_heading *h, const char *text)
     char left[KN_HEADING_NAME];
     memset(h, 0, sizeof *h);
     copy(left, sizeof left, text, strlen(text));
-    // Try the notations of a unit from the most to the least explicit.
+    // Try the notations of a unit one after the other, the most explicit one first.
     const bool known = in_brackets(h, left) || after_mark(h, left, '/') || after_mark(h, left, ',') ||
                        after_underscore(h, left) || last_word(h, left);
     if (!known) unknown_unit(h, left);
@@ -268,7 +272,7 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
     kn_column_unit m;
     text += strspn(text, " ");
     size_t n = strspn(text, "+-0123456789.,eE");
-    // an e or E at the end of the number is the first letter of the unit, not an exponent
+    // an e or E at the end of the digits is the first letter of the unit, not an exponent
     while (n > 0 && (text[n - 1] == 'e' || text[n - 1] == 'E')) n--;
     snprintf(number, sizeof number, "%.*s", (int)n, text);
     if (strchr(number, ',') && !strchr(number, '.')) *strchr(number, ',') = '.';
@@ -291,9 +295,10 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
 
 // ---- the quantity of a column
 
-// Each quantity: its name, its SI unit, and the names of its column in small letters, preferred names first. A name
-// that begins with a blank, " time", also matches as part of a longer name, "test time". The time of the whole test is
-// preferred to the time within a step or interval.
+// Each row: the name of a quantity, its SI unit, and the names that a column of this quantity may have, in small
+// letters, preferred names first. A column name with a blank in front, such as " time", also matches the first or last
+// words of a longer name, such as "test time". The time of the whole test is preferred to the time within a step or
+// interval.
 enum { NAME, UNIT, COLUMNS };
 static const char *const quantities[][17] = {
     [KN_TIME] = {"time", "s", "total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t",
@@ -324,8 +329,8 @@ static const char *const quantities[][17] = {
 
 const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q][NAME]; }
 
-// Return whether the unit fits the quantity. A load may be in grams or kilograms, which mean gf and kgf. A frequency
-// may be in rad/s.
+// Return whether the unit in the heading suits the quantity. A load may also be in grams or kilograms, which mean gf
+// and kgf. A frequency may be in rad/s, and a phase angle may be a plain number.
 static bool fits(const kn_heading *h, kn_column_quantity q)
 {
     if (kn_column_unit_is(&h->unit, quantities[q][UNIT])) return true;
@@ -334,7 +339,7 @@ static bool fits(const kn_heading *h, kn_column_quantity q)
     return q == KN_FREQUENCY && kn_column_unit_is(&h->unit, "rad/s");
 }
 
-// Convert grams-force to newtons and rad/s to Hz in the heading. A second call changes nothing.
+// Convert the unit in the heading from grams-force to newtons, and from rad/s to Hz. A second call changes nothing.
 static void convert(kn_heading *h, kn_column_quantity q)
 {
     const bool angular = kn_column_unit_is(&h->unit, "rad/s") || strstr(h->word, "ang") || strstr(h->word, "omega") ||
@@ -356,8 +361,8 @@ static bool ends_with(const char *text, const char *end)
     return n > m && !strcmp(text + n - m, end);
 }
 
-// Return whether the column has this name, or contains it if the name begins with a blank. A strain rate is not a
-// strain.
+// Return whether the column has this name. A name with a blank in front also matches the first or last words of a
+// longer column name, unless the column is a rate: a "strain rate" is not a strain.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);
@@ -367,7 +372,8 @@ static bool is_called(const kn_heading *h, const char *name)
            (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
 }
 
-// Return whether the unit of the column is one of the quantity. A strain and tan delta need no unit.
+// Return whether the unit in the heading suits the quantity, or is absent where none is needed: a strain and tan delta
+// need no unit.
 static bool is_it(const kn_heading *h, kn_column_quantity q)
 {
     return h->has_unit ? fits(h, q) : (q == KN_STRAIN || q == KN_TANGENT) && !*h->unit_text;
@@ -381,8 +387,9 @@ bool kn_column_is_sure(const kn_heading *h, kn_column_quantity q)
     return h->has_unit || letter || strstr(h->word, quantities[q][NAME]);
 }
 
-// Return a second column with exactly the same name and dimension as `column`, or -1. An uncertain second column does
-// not count if `column` is certain. If there are two columns, the intended one is unknown.
+// Return a second column with the name `name` and a suitable unit, or -1. With two such columns, it is unknown which
+// one the user means. If `column` certainly holds the quantity (kn_column_is_sure), a second column counts only if it
+// certainly holds the quantity, too.
 static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name, int column)
 {
     const bool sure = kn_column_is_sure(&s->column[column].heading, q);
@@ -393,8 +400,9 @@ static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name
     return -1;
 }
 
-// Return the first column with a name and the unit of the quantity, or -1. Preferred names come first. `sure`: only a
-// column whose quantity is certain. *other is the first column that has the name, but a wrong unit or no unit.
+// Return the first column that has one of the quantity's names and a suitable unit, or -1. Preferred names are tried
+// first; *name is the name that matched. If `sure` is true, only columns that certainly hold the quantity count. *other
+// is the first column that has one of the names but no suitable unit, or -1.
 static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, const char **name, int *other)
 {
     *other = -1;
@@ -403,7 +411,8 @@ static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, cons
             const kn_heading *h = &s->column[c].heading;
             if (!is_called(h, *n)) continue;
             if (is_it(h, q) && (!sure || kn_column_is_sure(h, q))) return c;
-            // a name other than the own word of the quantity may mean something else
+            // Some names belong to several quantities. A column with a foreign unit may then hold another quantity, so
+            // it counts only under the quantity's main name.
             const bool its_own = !strcmp(*n, quantities[q][NAME]);
             if (*other < 0 && !is_it(h, q) && **n != ' ' && (its_own || !h->has_unit)) *other = c;
         }
@@ -414,7 +423,7 @@ int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
 {
     const char *name, *its_name = quantities[q][NAME], *its_unit = quantities[q][UNIT];
     int other, column = match(s, q, true, &name, &other);
-    // If the quantity is certain in no column, take an uncertain one.
+    // If no column certainly holds the quantity, take one that may hold it.
     if (column < 0) column = match(s, q, false, &name, &other);
     const int again = column >= 0 && code ? twin(s, q, name, column) : -1;
     if (again >= 0) {
@@ -425,13 +434,13 @@ int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
     }
     if (column >= 0) convert(&s->column[column].heading, q);
     if (column >= 0 || other < 0 || !code) return column;
-    // No column fits. Say what is wrong with the unit of the column that has the name.
+    // No column has a suitable unit. Report what is wrong with the unit of the column that has the name.
     const kn_heading *h = &s->column[other].heading;
     const int at = s->column[other].at;
     if (!h->has_unit && *h->unit_text)
-        *code =
-            kn_table_reader_complain(s, s->header_line, at, "%s: the unit '%s' is unknown, expected one of %s, e.g. %s",
-                                     h->name, h->unit_text, its_name, its_unit);
+        *code = kn_table_reader_complain(s, s->header_line, at,
+                                         "%s: the unit '%s' is unknown, expected a unit of %s, e.g. %s", h->name,
+                                         h->unit_text, its_name, its_unit);
     else if (h->has_unit)
         *code = kn_table_reader_complain(s, s->header_line, at, "%s in '%s', expected a %s, e.g. in %s", h->name,
                                          h->unit_text, its_name, its_unit);
@@ -448,7 +457,8 @@ int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity
     int bare = -1;
     kn_column_quantity bare_is = *wanted;
     for (int i = 0; i < count; i++) {
-        // the column that is not sure is kept as a fallback
+        // if a column was found that may hold one of the quantities, columns of other quantities with a wrong unit are
+        // no error
         if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
         const int column = kn_column_find(s, *q = wanted[i], code);
         if (*code != KN_EXIT_OK) return -1;
@@ -459,7 +469,7 @@ int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity
     return bare;
 }
 
-// Find a load within a name: "10 gf", "0.1N", "W = 10 gf".
+// Find a load in the name of a column, such as "10 gf", "0.1N" or "W = 10 gf".
 static bool load_in(const char *name, double *load_n)
 {
     char error[100], text[KN_HEADING_NAME];

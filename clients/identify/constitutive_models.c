@@ -5,9 +5,10 @@
 #include <stdio.h>
 #include <string.h>
 
-// ---- the list of models
+// ---- the list of material models
 
-// Write the name of a class: its Voigt form, or in relaxation its Maxwell units without a dashpot beside them.
+// Write the name of a class of elements. In creep this is the Voigt form. In relaxation the name lists the Maxwell
+// elements and the spring, without a dashpot in parallel.
 static void class_name(const kn_oneport *o, bool relax, char text[KN_ELEMENT_TEXT])
 {
     static const char *const units[] = {"", "Maxwell unit", "two Maxwell units", "three Maxwell units"};
@@ -29,7 +30,8 @@ int kn_element_classes(kn_element_class class[KN_CATALOGUE], bool relax)
         if (!kn_element_parse(&e, kn_catalogue[i].expression, error, sizeof error)) continue;
         const kn_oneport oneport = kn_oneport_of(&e);
         int k = 0;
-        // Elements whose response has the same name form one class. The class lists the letters of its elements.
+        // Elements whose responses have the same name form one class. The class lists the letters of its elements in
+        // the first paper's figure 2.
         class_name(&oneport, relax, name);
         while (k < count && strcmp(class[k].name, name) != 0) k++;
         if (k == count) {
@@ -55,7 +57,8 @@ int kn_constitutive_models(kn_constitutive_model model[KN_CONSTITUTIVE_MAX], boo
         snprintf(model[i].name, sizeof model->name, "%.40s", class[i].name);
         memcpy(model[i].letters, class[i].letters, sizeof model->letters);
     }
-    // The papers' damper, alone and with further parameters: see model_comparison.h.
+    // The papers' damper has four variants: in relaxation with or without c1 and P0, in creep with or without P0 and
+    // P1. See model_comparison.h.
     for (int more = 0; more < 4; more++) {
         kn_constitutive_model *d = &model[count++];
         *d = (kn_constitutive_model){.kind = KN_CONSTITUTIVE_PAPERS, .relax = relax, .letters = "d"};
@@ -73,14 +76,15 @@ int kn_constitutive_models(kn_constitutive_model model[KN_CONSTITUTIVE_MAX], boo
     return count;
 }
 
-// ---- unknowns
+// ---- unknowns of the models, with their bounds
 
-// Typical sizes of the readings; the bounds are powers of ten around them.
+// Largest modulus, largest stress, first time and last time of the readings. The bounds of the unknowns are these
+// values times powers of ten.
 typedef struct size {
     double modulus_pa, stress_pa, first_s, last_s;
 } size;
 
-// Find the typical sizes over all curves.
+// Find the largest values and the range of times over all curves.
 static size size_of(bool relax, int curves, const kn_compared_curve *curve)
 {
     size z = {0, 0, INFINITY, 0};
@@ -122,8 +126,8 @@ static int unknowns_of_units(const kn_constitutive_model *model, const size *z, 
     return n;
 }
 
-// List the unknowns of the papers' damper. A hold does not determine k1, so the unknowns are ratios to k1, and the
-// stress of each curve at time 0 is an unknown.
+// List the unknowns of the papers' damper. A relaxation at a held strain does not determine k1. Its unknowns are
+// therefore ratios to k1, and the stress of each curve at time 0.
 static int unknowns_of_papers(const kn_constitutive_model *model, const size *z, int curves,
                               kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
@@ -136,7 +140,7 @@ static int unknowns_of_papers(const kn_constitutive_model *model, const size *z,
         add(out, &n, "c1", "Pa*s", low * z->first_s, high * z->last_s);
         add(out, &n, "alpha", "Pa*s", low * z->first_s, 1e80 * z->modulus_pa * z->last_s);
     }
-    // a beta below the lower bound would leave c2 almost independent of the stress
+    // with a smaller beta than the lower bound, c2 would hardly depend on the stress
     add(out, &n, "beta", "1/Pa", 1e-2 / p, 200 / p);
     if (model->relax && model->c1) add(out, &n, "c1/k1", "s", 1e-4 * z->first_s, 10 * z->last_s);
     if (model->p0) add(out, &n, "P0", "Pa", 1e-3 * p, p);
@@ -170,9 +174,10 @@ int kn_constitutive_unknowns(const kn_constitutive_model *model, int curves, con
     return n;
 }
 
-// ---- predictions
+// ---- predictions of the models
 
-// Sum the Maxwell elements. A ramp multiplies each of them by its mean over the ramp, (1 - exp(-r))/r.
+// Sum the stresses of the Maxwell elements. If the strain rises during the time ramp_s, each term is averaged over the
+// rise. This gives the factor (1 - exp(-r))/r with r = ramp_s/tau.
 static void units_relax(const kn_constitutive_model *model, const double *v, const kn_compared_curve *c, int count,
                         const double *t, double *out)
 {
@@ -186,7 +191,8 @@ static void units_relax(const kn_constitutive_model *model, const double *v, con
     }
 }
 
-// Compute the stress of the papers' element in a hold, from the stress of curve `number` at time 0.
+// Compute the stress of the papers' element while its strain is held. The stress of curve `number` at time 0 is one of
+// the unknowns v[].
 static void papers_relax(const kn_constitutive_model *model, const double *v, int number, int count, const double *t,
                          double *out)
 {
@@ -198,7 +204,7 @@ static void papers_relax(const kn_constitutive_model *model, const double *v, in
     kn_held_element_stress(&held, count, t, out);
 }
 
-// Return the chain of a model in creep.
+// Return the Voigt chain of a creep model for the values v[] of its unknowns.
 static kn_voigt_chain chain_of(const kn_constitutive_model *model, const double *v)
 {
     kn_voigt_chain chain = {.voigts = model->units};
@@ -235,19 +241,19 @@ bool kn_constitutive_predict(const kn_constitutive_model *model, const double *v
     return true;
 }
 
-// Several starts for the search of a model's parameters are derived from the readings, since the sum of squares of
-// exponentials has many minima.
+// Type of a list of starts for the search of a model's parameters. The starts are derived from the readings. There are
+// several, since the sum of squares of exponentials has many minima.
 typedef double (*places)[KN_FIT_UNKNOWNS];
 
-// ---- starts for a relaxation
+// ---- starts of a search for a relaxation curve
 
-// Summary of the early readings of all curves: P/strain = a - b ln t by least squares, and the first, the last and a
-// middle modulus.
+// Summary of the early readings as moduli (stress/strain): the coefficients of the line a - b ln t through the readings
+// of all curves, and three times with the modulus of the first curve at each.
 typedef struct look {
     double a, b, first_s, middle_s, last_s, first_pa, middle_pa, last_pa;
 } look;
 
-// Return the modulus at the first early reading at or after a time.
+// Return the modulus at the first early reading at or after the time time_s.
 static double modulus_near(const kn_compared_curve *c, double time_s)
 {
     const kn_compared_part *p = &c->part[0];
@@ -256,7 +262,7 @@ static double modulus_near(const kn_compared_curve *c, double time_s)
     return p->value[i] / c->strain;
 }
 
-// Fit P/strain = a - b ln t by least squares to the early readings of all curves.
+// Fit the line a - b ln t by least squares to the moduli of the early readings of all curves.
 static look look_at(int curves, const kn_compared_curve *curve)
 {
     double n = 0, t = 0, y = 0, tt = 0, ty = 0;
@@ -278,7 +284,8 @@ static look look_at(int curves, const kn_compared_curve *curve)
     return l;
 }
 
-// Spread the relaxation times over the logarithm of the time, in four ways.
+// Make up to four starts for Maxwell elements. Each start spreads the relaxation times differently over the logarithm
+// of the measured time.
 static int start_units_relax(const kn_constitutive_model *model, const look *l, places start)
 {
     static const double share[4][3] = {{0.3, 0.8, 1}, {0.6, 0.95, 1.2}, {0.1, 0.5, 0.9}, {0.9, 1.2, 1.5}};
@@ -293,8 +300,8 @@ static int start_units_relax(const kn_constitutive_model *model, const look *l, 
     return model->units ? 4 : 1;
 }
 
-// Late in (1) of element_response.h, t is alpha/k1 exp(-beta P)/(beta P), so P falls by 1/beta in each factor e of
-// time.
+// Make starts for the papers' damper. At late times equation (1) of element_response.h becomes t = alpha/k1 exp(-beta
+// P)/(beta P). The stress P then falls by 1/beta whenever t grows by a factor of e.
 static int start_papers_relax(const kn_constitutive_model *model, const look *l, int curves,
                               const kn_compared_curve *curve, places start)
 {
@@ -316,8 +323,9 @@ static int start_papers_relax(const kn_constitutive_model *model, const look *l,
     return count;
 }
 
-// Use the slopes of ln G against ln t at both ends as the orders. Further starts are nearly a Maxwell element, whose
-// time is taken from the total fall.
+// Make starts for the fractional Maxwell model. In three starts, the orders come from the slopes of ln G over ln t at
+// both ends of the readings (G: modulus, t: time). Two more starts are close to a Maxwell element, whose relaxation
+// time follows from the total fall of G.
 static int start_fractional_relax(const look *l, places start)
 {
     const double early = log(l->first_pa / l->middle_pa) / log(l->middle_s / l->first_s);
@@ -353,14 +361,15 @@ static int starts_relax(const kn_constitutive_model *model, int curves, const kn
     return start_fractional_relax(&l, start);
 }
 
-// ---- starts for a creep
+// ---- starts of a search for a creep curve
 
-// The largest load: its nominal stress, duration, stress and compliance at its end. least_pa is the least of all loads.
+// The largest load of all curves: its nominal stress, and its duration, stress and compliance at the last early reading
+// under it. least_pa is the nominal stress of the smallest load.
 typedef struct load {
     double nominal_pa, time_s, stress_pa, compliance, least_pa;
 } load;
 
-// Find the largest load of all curves and the strain at its end.
+// Find the largest load of all curves, and the strain at the last early reading under it.
 static load largest(int curves, const kn_compared_curve *curve)
 {
     load l = {.least_pa = INFINITY};
@@ -382,7 +391,8 @@ static load largest(int curves, const kn_compared_curve *curve)
     return l;
 }
 
-// Spread the retardation times over the duration of the load, and share the compliance among the elements.
+// Make four starts for springs and dampers. Each start spreads the retardation times over the duration of the load in
+// another way, and shares the compliance equally among the parts.
 static int start_units_creep(const kn_constitutive_model *model, const load *l, places start)
 {
     static const double share[4][3] = {{0.1, 1, 3}, {0.02, 0.3, 1}, {0.5, 3, 10}, {0.005, 0.1, 1}};
@@ -399,7 +409,7 @@ static int start_units_creep(const kn_constitutive_model *model, const load *l, 
     return 4;
 }
 
-// Guess k1, c1, alpha and beta from the compliance at the end of the load.
+// Make four starts for k1, c1, alpha and beta from the compliance under the largest load.
 static int start_papers_creep(const load *l, places start)
 {
     static const double thins[2] = {0.7, 3};
@@ -413,8 +423,8 @@ static int start_papers_creep(const load *l, places start)
     return 4;
 }
 
-// Add P0 and P1 to the four parameters that were found without them. P1 starts below the largest stress, since a P1
-// above has no gradient and would stay there.
+// Make starts for P0 and P1 from the fit of the other four parameters. P1 starts below the largest stress, since a P1
+// above all stresses has no effect and the search would leave it there.
 static int start_clamps_creep(const kn_constitutive_model *model, const load *l, const kn_fit_unknown *found,
                               places start)
 {

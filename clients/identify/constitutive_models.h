@@ -26,7 +26,7 @@
 #define KN_CONSTITUTIVE_STARTS 12 // largest number of starts of a search
 #define KN_SUPERPOSITION_STEPS 8  // largest number of changes of load; the number of node pairs grows as its square
 
-// ---- yardsticks (yardstick_models.c)
+// ---- yardstick models (yardstick_models.c)
 
 // The fractional Maxwell model: two springpots in series. A springpot lies between a spring (order 0) and a damper
 // (order 1).
@@ -61,10 +61,10 @@ void kn_fractional_maxwell_relax(const kn_fractional_maxwell *f, double ramp_s, 
 // once per curve.
 typedef struct kn_superposition {
     const kn_curve *curve; // whose loads act
-    int nodes;             // number of nodes; 0: not prepared
+    int nodes;             // number of nodes; 0: the struct has not been prepared
     double *time_s;        // [nodes] times of the nodes; each change of load is a node
-    // private: lag, logarithm of the lag, compliance and its integral; one entry for each pair of nodes (n, j) with j <
-    // n, at the index n(n-1)/2 + j
+    // private to yardstick_models.c: lag, logarithm of the lag, compliance and integral of the compliance. Each pair of
+    // nodes (n, j) with j < n has one entry, at the index n(n-1)/2 + j.
     double *lag_s, *ln_lag, *j, *k;
     double *strain, *slope;
 } kn_superposition;
@@ -77,23 +77,25 @@ typedef void kn_superposition_compliance(const void *of, int count, const double
 // Prepare the nodes for the loads of a curve, up to the curve's last reading. Return false if there are more than
 // KN_SUPERPOSITION_STEPS changes of load or if memory runs out.
 bool kn_superposition_open(kn_superposition *m, const kn_curve *curve);
-void kn_superposition_close(kn_superposition *m); // a zeroed struct is allowed
+void kn_superposition_close(kn_superposition *m); // the struct may be all zeros
 
 // Compute the strain at `count` rising times, up to the curve's last reading. Return false if a strain is not finite.
 bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *compliance, const void *of, int count,
                             const double *time_s, double *strain);
 
-// ---- the models
+// ---- all models of a material
 
 // A class of elements of the catalogue that an experiment cannot tell apart.
 typedef struct kn_element_class {
-    char name[KN_ELEMENT_TEXT]; // the class in relaxation, such as "two Maxwell units"; or else its Voigt form
-    char letters[16];           // letters of its elements in the first paper's figure 2, such as "b d f"
+    // name of the class: in relaxation such as "two Maxwell units", otherwise the Voigt form
+    char name[KN_ELEMENT_TEXT];
+    char letters[16]; // letters of its elements in the first paper's figure 2, such as "b d f"
     kn_oneport oneport;
 } kn_element_class;
 
-// List the classes of the catalogue in the order of their first elements, and return the number of classes. In
-// relaxation (`relax`), classes that differ only in a dashpot that answers a jump of strain are one class.
+// List the classes of the catalogue in the order of their first elements, and return the number of classes. If `relax`
+// is true, elements that differ only in a dashpot in parallel form one class, since a held strain does not show this
+// dashpot.
 int kn_element_classes(kn_element_class class[KN_CATALOGUE], bool relax);
 
 typedef enum kn_constitutive_kind {
@@ -109,13 +111,12 @@ typedef struct kn_constitutive_model {
     char letters[16]; // letters of the elements in the first paper's figure 2, such as "b d f"; "": not in figure 2
     bool yardstick;   // the model is no chain of springs and dampers, and serves for comparison only
     bool relax;       // true: the model predicts relaxation; false: creep
-    // The next fields are for the kind KN_CONSTITUTIVE_UNITS.
-    // spring: in relaxation, k_inf is not 0; in creep, the chain has a single spring. damper: the chain has a single
-    // damper (creep only)
+    // The next fields are for the kind KN_CONSTITUTIVE_UNITS. spring: whether k_inf is above 0 (relaxation), or whether
+    // the chain has a single spring (creep). damper: whether the chain has a single damper (creep only).
     bool spring, damper;
     int units; // number of Maxwell elements in relaxation, of Voigt elements in creep
-    // The next fields are for the kind KN_CONSTITUTIVE_PAPERS: which parameters the model has beside k1, alpha and
-    // beta.
+    // The next fields are for the kind KN_CONSTITUTIVE_PAPERS: whether the model has the parameters c1, P0 and P1
+    // beside k1, alpha and beta.
     bool c1, p0, p1;
 } kn_constitutive_model;
 
@@ -130,11 +131,11 @@ typedef struct kn_compared_part {
 
 typedef struct kn_compared_curve {
     const kn_curve *curve;
-    // relaxation only: the held strain, or 1 if the values are moduli; duration of the rise of the strain
+    // relaxation only. strain: held strain, or 1 if the values are moduli; ramp_s: duration of the rise of the strain
     double strain, ramp_s;
-    double largest;                 // largest magnitude of a value of both parts
+    double largest;                 // largest magnitude of all values of the curve
     kn_superposition superposition; // creep only
-    kn_compared_part part[2];       // early part, late part
+    kn_compared_part part[2];       // [0]: early part; [1]: late part
 } kn_compared_curve;
 
 // List all models of an experiment and return the number of models. The first models are the classes of the catalogue.

@@ -1,6 +1,6 @@
 // The command `knead identify creep`: find the parameters of the papers' element from creep curves.
-#include "clients/identify/creep_report.h"
 #include "clients/identify/creep_fit.h"
+#include "clients/identify/identify.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/cli/result.h"
@@ -13,33 +13,35 @@
 // clang-format off
 static const char help[] =
     "usage: knead identify creep FILE... [OPTION]...\n\n"
-    "Fit the material of a virtual object to creep measurements: how far a specimen gave way under a load, and how far it\n"
-    "recovered afterwards. The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between P0\n"
-    "and P1, which does not.\n\n"
+    "Fit the material of a virtual object to creep measurements: the strain of a specimen under a load and after the load.\n"
+    "The spring k1 and the dashpot c1 of the result restore the shape of an object after a load.\n"
+    "In series with them, the damper alpha exp(-beta P) keeps its deformation. The stress P is limited to P0 .. P1.\n\n"
     "    knead identify creep 10gf.csv 30gf.csv 50gf.csv --out dough.yaml\n"
     "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n\n"
-    "A file is a table with a name and a unit above each column: time; height, displacement or strain; and load or stress\n"
-    "if they were recorded. Lines before the table may give values that hold for the whole file:\n"
+    "A file is a table with a name and a unit above each column. It has the time, and height, displacement or strain.\n"
+    "If load or stress were recorded, they are further columns.\n"
+    "Lines before the table may give values that hold for the whole file:\n"
     "    # load: 50 gf       # height: 1 cm       # area: 1 cm^2       # release: 60 s\n"
     "    time (s); displacement (mm)\n"
-    "The separator (comma, semicolon or tab) and decimal commas are detected. Readings may be missing and in any order.\n"
-    "Several columns of displacement with a load in their names are several curves. Each additional load improves the\n"
-    "result: P0 needs a load below it, P1 a large load that is sampled fast.\n\n"
+    "The separator (comma, semicolon or tab) and decimal commas are detected. Readings may be missing or in any order.\n"
+    "Several columns of displacement with loads in their names are read as several curves.\n"
+    "Each further load improves the result: P0 needs a load whose stress is below P0, and P1 a large load, sampled fast.\n\n"
     "  --load W, --stress P   load or stress, for files that do not state it\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --release TIME         time at which the load was removed\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,height=mm\n"
-    "  --constant-area        stress is load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
-    "  --late                 also fit a time offset and a duration for each load, in case they differ from the file; the\n"
-    "                         offset is at most the length of the curve; all results count time from the fitted start\n"
+    "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
+    "  --late                 also fit the times at which each curve's load came and was removed;\n"
+    "                         all results then count time from the fitted arrival of the load\n"
     KN_IDENTIFY_OUTPUT_HELP
-    "\nThe output gives the best parameters over all curves together, with 95 % intervals. The intervals are valid if the\n"
-    "model is right and the noise is independent; the output tells if that is so, and which parameters these curves cannot\n"
-    "determine. For comparison it also gives the result of the first paper's two-stage method.\n"
+    "\nThe output gives the best parameters over all curves together, and their 95 % intervals.\n"
+    "The intervals are valid if the model is right and the noise is independent. The output says whether this is so.\n"
+    "It also names the parameters that the curves do not determine.\n"
+    "For comparison it gives the result of the first paper's two-stage method.\n"
     "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
-// ---- printed results
+// ---- printed results of creep
 
 static const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
 
@@ -71,14 +73,23 @@ static void print_curves(const kn_identification *w)
             printf(", held %.3g s %s", fabs(j->held_s[k]), j->held_s[k] < 0 ? "shorter" : "longer");
         printf("\n");
     }
-    printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise. runs: number of sign "
-           "runs, in\n"
-           "standard deviations below that of noise; above 3 the model has another shape than the data\n"
+    printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise.\n"
+           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model has another shape than the data\n"
            "fit and intervals took %.2g s\n",
            w->took_s);
 }
 
-// Compare with the first paper's own method, curve by curve.
+// Compute the deviation of k1, c1, alpha and beta of material `a` from those of `b`, in per cent.
+static void two_stage_deviation(const kn_material *a, const kn_material *b, double percent[4])
+{
+    percent[0] = 100 * (a->k1_pa / b->k1_pa - 1);
+    percent[1] = 100 * (a->c1_pa_s / b->c1_pa_s - 1);
+    percent[2] = 100 * (a->alpha_pa_s / b->alpha_pa_s - 1);
+    percent[3] = 100 * (a->beta_per_pa / b->beta_per_pa - 1);
+}
+
+// Print how far the results of the first paper's own method, curve by curve, are from the joint fit.
 static void print_stages(const kn_identification *w)
 {
     bool first = true;
@@ -89,7 +100,7 @@ static void print_stages(const kn_identification *w)
         if (first) printf("\nthe first paper's two-stage method, curve by curve: deviation from the joint fit\n");
         first = false;
         const kn_material *m = &s.material;
-        kn_creep_two_stage_deviation(m, &w->creep.material, deviation);
+        two_stage_deviation(m, &w->creep.material, deviation);
         printf("%-20s k1 %+.3g %%   c1 %+.3g %%   alpha %+.3g %%   beta %+.3g %%\n", w->curve[k].name, deviation[0],
                deviation[1], deviation[2], deviation[3]);
         json_t *row = kn_result_add("two_stages");
@@ -102,7 +113,7 @@ static void print_stages(const kn_identification *w)
     }
 }
 
-// ---- notes on what is doubtful
+// ---- notes on doubtful results
 
 static int under_load(const kn_curve *c)
 {
@@ -111,7 +122,8 @@ static int under_load(const kn_curve *c)
     return n;
 }
 
-// Return whether the load changed within the two readings before this one.
+// Return whether the load changed between this reading and the second reading before it. For the first two readings,
+// return true.
 static bool follows_change(const kn_curve *c, int reading)
 {
     return reading < 2 || kn_creep_load(c, c->time_s[reading - 2]) != kn_creep_load(c, c->time_s[reading]);
@@ -124,24 +136,22 @@ static void doubt_curves(kn_identification *w)
         const kn_curve *c = &w->curve[k];
         // Without a recovery after the load, k1 and c1 are determined by the creep alone.
         if (!isfinite(kn_creep_release(c)))
-            kn_identify_note(
-                w,
-                "%s: the load was never taken off, or the file does not say when: k1 and c1 follow from the creep "
-                "alone, not from a recovery",
-                c->name);
-        // The noise is estimated from a median of n differences, with a relative error of 1.7/sqrt(n). So residuals up
-        // to about three such errors above the noise are accepted. Long runs of one sign are accepted if the residuals
-        // are below half of the noise.
+            kn_identify_note(w,
+                             "%s: the load was never taken off, or the file does not say when: "
+                             "k1 and c1 follow from the creep alone, not from a recovery",
+                             c->name);
+        // The noise is estimated from the median of n differences, with a relative error of about 1.7/sqrt(n).
+        // Residuals up to three such errors above the noise count as noise: up to 1 + 5/sqrt(n) times the noise. Long
+        // runs of one sign are ignored if the residuals are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
-            kn_identify_note(
-                w,
-                "%s: the residuals of the fit are not noise (%.3g times the noise, runs %.2g): the model, the time "
-                "of the load%s or a scale is wrong, and the intervals cover noise only",
-                c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits it)");
+            kn_identify_note(w,
+                             "%s: the residuals of the fit are not noise (%.3g times the noise, runs %.2g). "
+                             "The model, a scale or the time of the load is wrong%s. The intervals cover noise only",
+                             c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits the time)");
         // Without readings under load, only the strain at the end of the load is known.
         if (under_load(c) == 0)
-            kn_identify_note(w, "%s: no reading under the load: the creep is known only from the strain at its end",
+            kn_identify_note(w, "%s: no reading was taken under the load, so only the strain at its end is known",
                              c->name);
     }
 }
@@ -155,24 +165,22 @@ static void doubt_all(kn_identification *w)
     if (!w->served) kn_identify_note(w, "no scene accepts this material: %s", why);
     // A single load covers a short range of stresses, so the data can hardly separate beta, P0 and P1.
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
-        kn_identify_note(
-            w, "only one load: the damper is known only for the stresses under this load, and beyond them beta "
-               "cannot be told from P0 and P1; measure another load");
+        kn_identify_note(w, "only one load: the damper is known only for the stresses under this load. "
+                            "Beyond these stresses, beta cannot be told from P0 and P1; measure another load");
     // If alpha and beta are strongly correlated, the data determine only a combination of both.
     if (fabs(j->alpha_beta) > 0.98)
-        kn_identify_note(
-            w,
-            "alpha and beta are not known separately (correlation %.3f): the stresses lie within %.3g to %.3g kPa; "
-            "measure a smaller and a larger load",
-            j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
+        kn_identify_note(w,
+                         "alpha and beta are not known separately (correlation %.3f). "
+                         "The stresses are between %.3g and %.3g kPa; measure a smaller and a larger load",
+                         j->alpha_beta, j->lowest_pa / 1e3, j->highest_pa / 1e3);
     for (int i = 0; i < j->outliers; i++) {
         // An outlier just after a change of load may come from a wrong time of that change.
         const kn_creep_outlier *o = &j->outlier[i];
         const kn_curve *c = &w->curve[o->curve];
-        kn_identify_note(w, "%s:%d:1: left out, %.3g standard deviations from the curve, unlike its neighbours%s",
-                         c->file, o->line, o->deviations,
+        kn_identify_note(w, "%s:%d:1: left out as an outlier, %.3g standard deviations from the curve%s", c->file,
+                         o->line, o->deviations,
                          !w->opt.late && follows_change(c, o->reading)
-                             ? "; it follows a change of the load, whose time may be wrong: try --late"
+                             ? "; the load changed just before, perhaps at another time than noted: try --late"
                              : "");
     }
 }
@@ -201,9 +209,363 @@ static void tell_json(const kn_identification *w)
     }
 }
 
-// ---- the steps of the experiment
+// ---- plots: the values of a curve
 
-// Fit all curves at once, and shift the curves to the fitted times of their loads.
+// LAW: number of points of a plotted damper law; MEANS: number of mean residuals in a plot; PAPER_FIGURES: largest
+// number of curves for which figures 6 to 9 are drawn
+enum { LAW = 100, MEANS = 40, PAPER_FIGURES = 8 };
+
+typedef struct curve_values { // values of one curve; the arrays are in one block of memory
+    double *fitted, *stress, *fitted_stress, *left, *since, *came_back, *fitted_back, *equation5, *c2;
+    int means;
+    double mean_s[MEANS], mean_left[MEANS];
+    bool staged; // whether the paper's two-stage method gave a result
+    kn_two_stage stages;
+} curve_values;
+
+static void release(curve_values *v)
+{
+    if (v->staged) kn_two_stage_free(&v->stages);
+    free(v->fitted);
+    *v = (curve_values){0};
+}
+
+static bool allocate(curve_values *v, int count)
+{
+    double **const each[] = {&v->fitted,    &v->stress,      &v->fitted_stress, &v->left, &v->since,
+                             &v->came_back, &v->fitted_back, &v->equation5,     &v->c2};
+    *v = (curve_values){.fitted = calloc(9 * (size_t)count, sizeof(double))};
+    for (int i = 1; v->fitted && i < 9; i++) *each[i] = v->fitted + (size_t)i * (size_t)count;
+    return v->fitted;
+}
+
+// Average the residuals of neighbouring readings and divide each mean by the standard deviation of the mean. A
+// systematic deviation that is hidden in the noise of single readings becomes visible. Among the early readings a mean
+// spans at most half of the time before it. Later each mean has the same number of readings.
+static void average(curve_values *n, const kn_curve *c)
+{
+    n->means = 0;
+    for (int i = 0, end; i < c->count; i = end) {
+        const double from = c->time_s[i];
+        // A mean ends when it has its equal share of the remaining readings, or when the time has grown by half since
+        // its first reading.
+        const int most = (c->count - i) / (MEANS - n->means) + 1;
+        double time = 0, sum = 0;
+        for (end = i; end < c->count && end - i < most && (end == i || c->time_s[end] < 1.5 * from); end++)
+            time += c->time_s[end], sum += n->left[end];
+        n->mean_s[n->means] = time / (end - i);
+        n->mean_left[n->means++] = sum / sqrt(end - i);
+        if (n->means == MEANS) break;
+    }
+}
+
+// Take c2 from the paper's two-stage method. Leave out values that are off the fitted law by more than a factor of
+// 10^1.5, since they are only noise.
+static void take_c2(curve_values *v, const kn_material *m)
+{
+    for (int i = 0; i < v->stages.count; i++) {
+        const double c2 = v->stages.c2_pa_s[i];
+        v->c2[i] = fabs(log10(c2 / kn_material_c2(m, v->stages.stress_pa[i]))) > 1.5 ? NAN : c2;
+    }
+}
+
+// Compute the values of one curve: fitted strain, stress by measurement and by fit, residuals, and the result of the
+// paper's two-stage method.
+static bool compute(curve_values *v, const kn_curve *c, const kn_material *material)
+{
+    if (!allocate(v, c->count)) return false;
+    if (!kn_creep_fit_predict(material, c, v->fitted)) {
+        release(v);
+        return false;
+    }
+    kn_creep_stress(c, v->stress);
+    for (int i = 0; i < c->count; i++) {
+        v->fitted_stress[i] = kn_creep_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - v->fitted[i]);
+        v->left[i] = (c->value[i] - v->fitted[i]) * sqrt(c->weight[i]) / c->noise;
+    }
+    average(v, c);
+    v->staged = kn_two_stage_fit(&v->stages, c);
+    if (v->staged) take_c2(v, material);
+    return true;
+}
+
+// Compute the strain that has recovered since the release: by measurement, by the joint fit, and by equation 5 of the
+// first paper. All three are counted from the strain of the joint fit at the release, so that they can be compared.
+// Return the number of readings.
+static int recover(curve_values *n, const kn_curve *c)
+{
+    const kn_two_stage *s = &n->stages;
+    int begin = 0;
+    while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
+    if (begin == 0 || begin == c->count) return 0;
+    // The strain at the release is that of the last reading before it, unless a reading was taken exactly at the
+    // release.
+    const double released = n->fitted[c->time_s[begin] == s->release_s ? begin : begin - 1];
+    for (int i = begin; i < c->count; i++) {
+        n->since[i - begin] = c->time_s[i] - s->release_s;
+        n->came_back[i - begin] = released - c->value[i];
+        n->fitted_back[i - begin] = released - n->fitted[i];
+        n->equation5[i - begin] = released - s->release_strain + kn_two_stage_recovered(s, n->since[i - begin]);
+    }
+    return c->count - begin;
+}
+
+// ---- the damper law in the plots
+
+typedef struct law {
+    double stress[LAW], c2[LAW];
+} law;
+
+// Compute points of the damper law of a material over a range of stresses.
+static void follow(law *l, const kn_material *m, double low_pa, double high_pa)
+{
+    for (int i = 0; i < LAW; i++) {
+        l->stress[i] = low_pa + (high_pa - low_pa) * i / (LAW - 1);
+        l->c2[i] = kn_material_c2(m, l->stress[i]);
+    }
+}
+
+static kn_figure_panel damper_panel(const char *title)
+{
+    return (kn_figure_panel){.title = title, .x_label = "stress, kPa", .y_label = "damper c2, kPa s", .log_y = true};
+}
+
+static void add_law(kn_figure_panel *p, const law *l, const char *name, kn_figure_look look, int hue)
+{
+    kn_figure_add(p, (kn_figure_series){name, LAW, l->stress, l->c2, 1e-3, 1e-3, look, hue});
+}
+
+// ---- figures 6 to 9 of the first paper
+
+static int draw_paper(const kn_identification *w, const char *path, const kn_curve *c, curve_values *n)
+{
+    const kn_two_stage *s = &n->stages;
+    static kn_figure_panel p[4];
+    static law joint_law, stages_law;
+    const double height = c->height_m > 0 ? 1e3 * c->height_m : 1;
+    const char *displacement = c->height_m > 0 ? "displacement, mm" : "strain";
+    p[0] = (kn_figure_panel){.title = "displacement (figure 6)", .x_label = "time, s", .y_label = displacement};
+    kn_identify_plot(&p[0], "measured", c->count, c->time_s, c->value, height, KN_FIGURE_POINTS, 1);
+    kn_identify_plot(&p[0], "identified", c->count, c->time_s, n->fitted, height, KN_FIGURE_LINE, 2);
+    p[1] =
+        (kn_figure_panel){.title = "stress, by equation 4 (figure 7)", .x_label = "time, s", .y_label = "stress, kPa"};
+    kn_identify_plot(&p[1], "from the measured displacement", c->count, c->time_s, n->stress, 1e-3, KN_FIGURE_POINTS,
+                     1);
+    kn_identify_plot(&p[1], "from the identified displacement", c->count, c->time_s, n->fitted_stress, 1e-3,
+                     KN_FIGURE_LINE, 2);
+    // Without a result of the paper's two-stage method, figures 8 and 9 are left out.
+    if (!n->staged) return kn_figure_draw(w->opt.subcommand, path, c->name, p, 2, 2);
+
+    const int back = recover(n, c);
+    p[2] = (kn_figure_panel){
+        .title = "recovery (figure 8)", .x_label = "time since the release, s", .y_label = displacement};
+    kn_identify_plot(&p[2], "measured", back, n->since, n->came_back, height, KN_FIGURE_POINTS, 1);
+    kn_identify_plot(&p[2], "identified", back, n->since, n->fitted_back, height, KN_FIGURE_LINE, 2);
+    kn_identify_plot(&p[2], "equation 5 alone", back, n->since, n->equation5, height, KN_FIGURE_DASHES, 0);
+    p[3] = damper_panel("damper (figure 9)");
+    double low = INFINITY, high = 0;
+    for (int i = 0; i < s->count; i++) low = fmin(low, s->stress_pa[i]), high = fmax(high, s->stress_pa[i]);
+    // Draw the damper law of the joint fit and that of the two-stage method over the stresses of this curve.
+    follow(&joint_law, &w->creep.material, low, high);
+    follow(&stages_law, &s->material, low, high);
+    kn_figure_add(&p[3], (kn_figure_series){"by subtraction", s->count, s->stress_pa, s->c2_pa_s, 1e-3, 1e-3,
+                                            KN_FIGURE_POINTS, 1});
+    add_law(&p[3], &joint_law, "identified", KN_FIGURE_LINE, 2);
+    add_law(&p[3], &stages_law, "fitted to the points", KN_FIGURE_DASHES, 0);
+    return kn_figure_draw(w->opt.subcommand, path, c->name, p, 4, 2);
+}
+
+static int out_of_memory(const kn_identification *w, const char *path)
+{
+    return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "%s: not drawn, out of memory", path);
+}
+
+// Draw figures 6 to 9 of the first paper for one creep curve whose load was removed. Each figure shows the identified
+// element beside the data. If the load was never removed, or if the curve is too short for the paper's two-stage method
+// (creep_fit.h), only figures 6 and 7 are drawn.
+static int paper_figures(const kn_identification *w, const char *path, const kn_curve *curve)
+{
+    curve_values n;
+    if (!compute(&n, curve, &w->creep.material)) return out_of_memory(w, path);
+    int code = draw_paper(w, path, curve, &n);
+    release(&n);
+    return code;
+}
+
+// ---- the plot of all curves
+
+static void add_curve(kn_figure_panel p[4], const kn_curve *c, const curve_values *n, int hue)
+{
+    // Only the first panel names the curves, since a curve has the same colour in all panels.
+    for (int i = 0; i < 2; i++) {
+        kn_identify_plot(&p[i], i ? NULL : c->name, c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, hue);
+        kn_identify_plot(&p[i], NULL, c->count, c->time_s, n->fitted, 1, KN_FIGURE_LINE, hue);
+    }
+    kn_identify_plot(&p[2], NULL, n->means, n->mean_s, n->mean_left, 1, KN_FIGURE_LINE, hue);
+    const kn_two_stage *s = &n->stages;
+    if (!n->staged) return;
+    kn_figure_add(&p[3], (kn_figure_series){NULL, s->count, s->stress_pa, n->c2, 1e-3, 1e-3, KN_FIGURE_POINTS, hue});
+}
+
+// Draw all creep curves in one PNG. The first two panels show the strain with the fit, on linear and on logarithmic
+// axes. The third panel shows the residuals as means over neighbouring readings. Each mean is divided by the standard
+// deviation that noise gives to a mean of so many readings. The last panel shows the damper law c2(P) over the measured
+// stresses, with the points that the paper's two-stage method finds for each curve.
+static int draw(kn_identification *w, const char *path)
+{
+    // an array of this size is too large for the stack
+    static curve_values of[KN_CURVES_MAX];
+    static kn_figure_panel p[4];
+    static law identified;
+    int code = KN_EXIT_OK;
+    p[0] = (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
+    p[1] = (kn_figure_panel){
+        .title = "the same, logarithmic", .x_label = "time, s", .y_label = "strain", .log_x = true, .log_y = true};
+    p[2] = (kn_figure_panel){.title = "residuals, means of neighbours; grey: two standard deviations",
+                             .x_label = "time, s",
+                             .y_label = "(measured - identified)/deviation",
+                             .log_x = true,
+                             .band = 2};
+    p[3] = damper_panel("damper; points: by the first paper's two-stage method");
+    for (int k = 0; k < w->curves && code == KN_EXIT_OK; k++)
+        if (compute(&of[k], &w->curve[k], &w->creep.material)) add_curve(p, &w->curve[k], &of[k], k + 1);
+        else code = out_of_memory(w, path);
+    follow(&identified, &w->creep.material, w->creep.lowest_pa, w->creep.highest_pa);
+    add_law(&p[3], &identified, "identified law", KN_FIGURE_LINE, 0);
+    if (code == KN_EXIT_OK) code = kn_figure_draw(w->opt.subcommand, path, "creep", p, 4, 2);
+    for (int k = 0; k < w->curves; k++) release(&of[k]);
+    return code;
+}
+
+// ---- the page of --report
+
+static void curves(kn_document *d, const kn_identification *w)
+{
+    const kn_creep_fit *j = &w->creep;
+    kn_document_section(d, "Measurements");
+    kn_document_table(d, "Curves and their residuals", "lrrrrr",
+                      "curve\tload, kPa\treadings\tlargest strain\tmisfit, % of the largest strain\tmisfit / noise");
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        const double most = kn_curve_largest(c);
+        kn_document_row(d, "%s\t%.4g\t%d\t%.4g\t%.2g\t%.3g", c->name, c->step[0].stress_pa / 1e3, c->count, most,
+                        100 * j->rms[k] / most, j->rms[k] / c->noise);
+    }
+    kn_document_text(d,
+                     "The stress is the load over the current area of the specimen%s. "
+                     "The noise is estimated from differences between neighbouring readings, without any model.",
+                     w->curve[0].constant_area ? ", which is taken as constant" : ", S h = S0 h0");
+}
+
+// Write the table of parameters and the links to the material.
+static void numbers(kn_document *d, const kn_identification *w)
+{
+    kn_document_section(d, "The material");
+    kn_document_table(d, "k1 parallel to c1, in series with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
+                      "parameter\tbest value and 95 % interval\tremark");
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_page_number(d, &w->creep.number[i]);
+    if (w->served) {
+        kn_identify_page_material(d);
+        kn_document_link(d, "scene.yaml", "a block of this material under a plate: kneadd --scene scene.yaml");
+    }
+    kn_document_text(d,
+                     "The 95 %% intervals are valid if the model is right and the noise is independent. "
+                     "Stresses from %.4g to %.4g kPa were measured under load.",
+                     w->creep.lowest_pa / 1e3, w->creep.highest_pa / 1e3);
+}
+
+// List the notes, or state that the residuals look like noise.
+static void trust(kn_document *d, const kn_identification *w)
+{
+    kn_document_section(d, "Reliability");
+    for (int i = 0; i < w->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", w->note[i]);
+    if (w->notes == 0) kn_document_verdict(d, KN_DOCUMENT_HOLDS, "The residuals look like noise in every curve.");
+}
+
+// ---- pictures of the fit on the page
+
+// Draw all fits in one plot, then figures 6 to 9 of the first paper for the first curves.
+static int fits(kn_document *d, kn_identification *w)
+{
+    char path[PATH_MAX], name[32], alt[200], caption[300];
+    kn_document_section(d, "The fit");
+    int code = draw(w, kn_document_file(d, "fit.png", path));
+    if (code != KN_EXIT_OK) return code;
+    kn_document_picture(d, "fit.png", "Strain over time of every curve with its fit, the residuals, and the damper law",
+                        "Points: measured. Lines: the fitted material. "
+                        "Below: the residuals in standard deviations of the noise, and the damper law.");
+    for (int k = 0; k < w->curves && k < PAPER_FIGURES; k++) {
+        const kn_curve *c = &w->curve[k];
+        snprintf(name, sizeof name, "figures-%d.png", k + 1);
+        code = paper_figures(w, kn_document_file(d, name, path), c);
+        if (code != KN_EXIT_OK) return code;
+        snprintf(alt, sizeof alt, "Displacement, stress, recovery and damper of %s", c->name);
+        snprintf(caption, sizeof caption,
+                 "%s, as figures 6 to 9 of Tomokuni, Sugiyama and Hirai: "
+                 "displacement, stress by equation 4, recovery with equation 5, and the damper.",
+                 c->name);
+        kn_document_picture(d, name, alt, caption);
+    }
+    return KN_EXIT_OK;
+}
+
+// List how far the results of the first paper's two-stage method differ from the joint fit.
+static void two_stages(kn_document *d, const kn_identification *w)
+{
+    kn_document_section(d, "The first paper's two-stage method");
+    kn_document_text(
+        d, "The paper determines k1 and c1 from the recovery. "
+           "The damper follows from the displacement without its Voigt part. "
+           "Each curve is fitted alone; the table gives the deviation from the joint fit in %%. "
+           "For dough, k1 and c1 are 2.7 %% low even without noise, since the stress falls while a specimen creeps.");
+    kn_document_table(d, "Two-stage method: deviation from the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");
+    for (int k = 0; k < w->curves; k++) {
+        kn_two_stage s;
+        double deviation[4];
+        if (!kn_two_stage_fit(&s, &w->curve[k])) continue;
+        two_stage_deviation(&s.material, &w->creep.material, deviation);
+        kn_document_row(d, "%s\t%+.3g %%\t%+.3g %%\t%+.3g %%\t%+.3g %%", w->curve[k].name, deviation[0], deviation[1],
+                        deviation[2], deviation[3]);
+        kn_two_stage_free(&s);
+    }
+}
+
+// Write the table of the other models that were fitted.
+static void models(kn_document *d, const kn_model_comparison *m)
+{
+    char text[1000];
+    kn_document_section(d, "Other models");
+    kn_document_table(d, "Models, fitted to the early readings and tested on the later ones", "lrrrr",
+                      "model (figure 2 of the paper)\tparameters\terror fitted, %\terror later, %\tAICc");
+    for (int i = 0; i < m->rows; i++) {
+        const kn_model_comparison_row *r = &m->row[i];
+        if (!r->fitted) continue;
+        kn_document_row(d, "%s%s%s%s\t%d\t%.3g\t%.3g\t%.1f", r->model.name, *r->model.letters ? " (" : "",
+                        r->model.letters, *r->model.letters ? ")" : "", r->unknowns, 100 * r->early, 100 * r->held,
+                        r->aicc - m->row[kn_model_comparison_best(m)].aicc);
+    }
+    kn_model_comparison_verdict(m, text, sizeof text);
+    kn_document_text(d, "Verdict: %s.", text);
+}
+
+// Fill an open page: all printed results with plots, and figures 6 to 9 of the first paper for the first curves. If
+// w->served is true, the page's folder must already hold material.yaml. If w->served is false, the page has no section
+// on simulated creep.
+static int fill_page(kn_document *d, kn_identification *w)
+{
+    curves(d, w);
+    numbers(d, w);
+    trust(d, w);
+    int code = fits(d, w);
+    if (code != KN_EXIT_OK) return code;
+    two_stages(d, w);
+    if (w->compared) models(d, &w->models);
+    return w->served ? kn_creep_validation(d, w) : KN_EXIT_OK;
+}
+
+// ---- the steps of the experiment creep
+
+// Fit all curves at once. Then shift the times of each curve by the fitted lateness of its load.
 static int fit(kn_identification *w)
 {
     const kn_creep_fit_options how = {.confidence = 0.95, .late = w->opt.late};
@@ -211,7 +573,7 @@ static int fit(kn_identification *w)
     if (!kn_creep_fit_run(&w->creep, w->curves, w->curve, &how))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "%s: no parameters of the element fit these curves; expected creep under a load%s",
-                           w->curve[0].file, how.late ? ", in more readings than --late has parameters to fit" : "");
+                           w->curve[0].file, how.late ? ", and with --late more readings than unknowns" : "");
     w->took_s = 1e-9 * (double)(kn_now_ns() - began_ns);
     kn_creep_fit_settle(&w->creep, w->curves, w->curve);
     return KN_EXIT_OK;
@@ -231,7 +593,7 @@ static void tell(kn_identification *w)
     tell_json(w);
 }
 
-// Write every reading with the fitted strain, the stress and its weight.
+// Write every reading with its fitted strain, its stress, and the number of readings that were averaged into it.
 static bool csv_rows(const kn_identification *w, FILE *f)
 {
     bool ok = true;
@@ -264,7 +626,7 @@ static int report(kn_identification *w, kn_document *d)
 {
     char path[PATH_MAX];
     int code = w->served ? write_material(w, kn_document_file(d, "material.yaml", path)) : KN_EXIT_OK;
-    return code == KN_EXIT_OK ? kn_creep_report(d, w) : code;
+    return code == KN_EXIT_OK ? fill_page(d, w) : code;
 }
 
 const kn_identify_experiment kn_identify_creep = {.subcommand = "identify creep",
@@ -276,6 +638,6 @@ const kn_identify_experiment kn_identify_creep = {.subcommand = "identify creep"
                                                   .tell = tell,
                                                   .csv_head = "curve,time_s,strain,fit_strain,stress_pa,readings",
                                                   .csv_rows = csv_rows,
-                                                  .draw = kn_creep_draw,
+                                                  .draw = draw,
                                                   .report = report,
                                                   .write_material = write_material};

@@ -1,5 +1,5 @@
 // Read creep curves: the strain of a specimen under loads that are applied and removed. See measured_curve.h.
-#include "clients/identify/measured_series.h"
+#include "clients/identify/measured_curve_parts.h"
 #include "clients/rheometer/rheometer.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
@@ -7,8 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- load steps: spans of time in which a recorded load stays near one value; readings taken while the load changes
-// ---- belong to no step
+// ---- load steps: a step is a span of time in which a recorded load stays near one value
 
 enum { LOAD_STEPS = 32 };
 
@@ -21,17 +20,17 @@ typedef struct load_step {
 } load_step;
 
 typedef struct load_steps {
-    int count; // number of steps; 0: the load has more than LOAD_STEPS steps, or none
+    int count; // number of steps; 0: the load has more than LOAD_STEPS steps
     load_step step[LOAD_STEPS];
-    int between; // number of readings that belong to no step; the values of these readings are set to NAN
+    int between; // number of readings while the load changes, which belong to no step; their values are set to NAN
 } load_steps;
 
 // Limits as shares of the largest load: loads closer than `near_load` count as one load, loads below `zero_load` as no
-// load. The noise of a load cell is below these limits, a change of load by a weight is above.
+// load. The noise of a load cell is below these limits. A weight changes the load by more.
 static const double near_load = 0.04, zero_load = 0.02;
 
 // Return the end of the plateau of the load that begins at the reading `begin`, and set *mean to the mean load of the
-// plateau. Single readings off the plateau are skipped.
+// plateau. A single reading off the plateau does not end it.
 static int plateau(int count, const double *load, int begin, double tolerance, double *mean)
 {
     double sum = 0;
@@ -45,20 +44,21 @@ static int plateau(int count, const double *load, int begin, double tolerance, d
     return i;
 }
 
-// Return whether the next reading confirms the load of reading i.
+// Return whether the reading after reading i confirms its load: both loads differ by at most `tolerance`. The first and
+// the last reading need no confirmation.
 static bool confirmed(int count, const double *load, int i, double tolerance)
 {
     return i == 0 || i + 1 == count || fabs(load[i + 1] - load[i]) <= tolerance;
 }
 
-// Find the steps. A new step begins where the load changes by more than 4 % of the largest load and the next reading
-// confirms the change. The first and the last reading need no confirmation.
+// Find the steps. A new step begins where the load changes by more than 4 % of the largest load, if the next reading
+// confirms the new load.
 static void find_steps(load_steps *s, kn_curve *c)
 {
     const double most = kn_largest_magnitude(c->count, c->load), tolerance = near_load * most;
     *s = (load_steps){0};
     for (int i = 0; i < c->count;) {
-        // A reading that the next one does not confirm belongs to no step.
+        // A reading whose load the next reading does not confirm belongs to no step.
         if (!confirmed(c->count, c->load, i, tolerance)) {
             c->value[i++] = NAN;
             s->between++;
@@ -71,7 +71,7 @@ static void find_steps(load_steps *s, kn_curve *c)
         load_step *step = &s->step[s->count++];
         step->begin = i;
         step->end = i = plateau(c->count, c->load, i, tolerance, &step->load);
-        // Readings off the plateau belong to no step.
+        // Readings off the plateau of their step belong to no step.
         for (int k = step->begin; k < step->end; k++) {
             if (fabs(c->load[k] - step->load) <= tolerance) continue;
             c->value[k] = NAN;
@@ -84,7 +84,8 @@ static void find_steps(load_steps *s, kn_curve *c)
     }
 }
 
-// Count the plateaus. Set *scatter to the sum of squared differences from their means.
+// Count the plateaus of a load. Set *scatter to the sum of squared differences between the loads and the mean of their
+// plateau.
 static int pieces(int count, const double *load, double *scatter)
 {
     const double tolerance = near_load * kn_largest_magnitude(count, load);
@@ -110,15 +111,17 @@ static bool is_flatter(int count, const double *a, const double *b)
 
 // ---- the onset of the strain
 
-static const double sure = 4; // a difference of more than this many standard deviations of the noise counts as certain
-// least number of readings in a fitted line; with three readings, residuals show a stray reading
+// a difference counts as certain if it exceeds this many standard deviations of the noise
+static const double sure = 4;
+// least number of readings through which a line is fitted; a line through two readings leaves no residual, so a stray
+// reading would not show
 enum { LEAST = 3 };
 
 typedef struct level {
     double strain, variance;
 } level;
 
-// Return the initial level: the mean of the first readings if they are flat, else 0.
+// Return the initial level of the strain: the mean of the first readings if these agree within the noise, or else 0.
 static level level_of(int count, const double *strain, double noise)
 {
     double low = INFINITY, high = -INFINITY, sum = 0;
@@ -131,8 +134,8 @@ static level level_of(int count, const double *strain, double noise)
     return (level){sum / LEAST, noise * noise / LEAST};
 }
 
-// Find where the line through n readings meets the level, and the standard deviation of that moment. Return false if
-// the noise hides the slope.
+// Find the time at which the line through n readings meets the initial level, and the standard deviation of this time.
+// Return false if the noise hides the slope of the line.
 static bool meets(int n, const double *t, const double *x, level from, double noise, double *at_s, double *error_s)
 {
     double time = 0, strain = 0, tt = 0, tx = 0, left = 0;
@@ -143,7 +146,7 @@ static bool meets(int n, const double *t, const double *x, level from, double no
     }
     const double slope = tx / tt;
     for (int i = 0; i < n; i++) left += pow(x[i] - strain - slope * (t[i] - time), 2) / (n - 2);
-    // Use the larger of two variances: that of the known noise and that of the residuals of the line.
+    // Use the larger of two variances: that of the known noise, and that of the residuals of the line.
     const double variance = fmax(noise * noise, left);
     if (!(slope > sure * sqrt(variance / tt))) return false;
     *at_s = time - (strain - from.strain) / slope;
@@ -158,11 +161,11 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
     int begin = 0;
     *least_s = -INFINITY;
     for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
-    // If the first strain is clearly below the mean strain before the load, the gauge was not set to 0, and no onset can
-    // be found.
+    // The first strain is clearly below the initial level, so the gauge was not set to 0 and no onset can be found.
     if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
-    // Skip the readings that are still at the level. Then try lines of 3, 6, 12, ... readings up to half of the strain.
-    // Keep the line whose lower limit of the time (the meeting time minus four standard deviations) is the latest.
+    // Skip the readings that are still at the initial level. Then fit lines through 3, 6, 12, ... readings, up to half
+    // of the largest strain. Each line gives the time at which it meets the level, and a lower limit of this time: four
+    // standard deviations less. Keep the line with the latest lower limit.
     while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
     for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
         if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)
@@ -173,16 +176,17 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
     return best_s;
 }
 
-// ---- the load of a curve
+// ---- the loads of a creep curve
 
-// Convert the stress to the nominal stress, the load W over the initial area S0. The data may hold the true stress
-// instead. For a specimen of height h, initially h0, the true stress is W h/(S0 h0); divided by 1 - strain, it is
-// constant under each load. If the stress is nominal already, set c->constant_area.
+// If the column holds the true stress, convert it to the nominal stress. The true stress is W h/(S0 h0), with the load
+// W, the initial area S0, the height h and the initial height h0. Divided by 1 - strain it is the nominal stress W/S0,
+// which is constant under each load. If the column already holds the nominal stress, set c->constant_area.
 static void to_nominal(const kn_curve_file *f, kn_curve *c)
 {
     c->constant_area = true;
     for (int i = 0; i < c->count; i++)
-        if (c->value[i] > 0.95) return; // so large a strain cannot be compression, so leave the stress unchanged
+        // no compression has so large a strain, so leave the stress as it is
+        if (c->value[i] > 0.95) return;
     double *nominal = malloc((size_t)c->count * sizeof *nominal);
     if (!nominal) return;
     for (int i = 0; i < c->count; i++) nominal[i] = c->load[i] / (1 - c->value[i]);
@@ -194,26 +198,27 @@ static void to_nominal(const kn_curve_file *f, kn_curve *c)
 }
 
 // Return the time at which the load changed. The strain is continuous, and only its slope jumps with the load. So the
-// load changed where the lines through the readings before and after meet. If noise hides the jump, return the middle
-// between the readings.
+// load changed at the time where the line through the readings before the change meets the line through the readings
+// after it. If noise hides the jump of the slope, return the middle between the two readings around the change.
 static double moment(const kn_curve *c, const load_step *s, double noise)
 {
     const double *t = c->time_s + s->begin, *x = c->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
     const int a = s->begin - 1;
     if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
     const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    // after the change the slope of the strain falls, so the slope right after the change is extrapolated from the
-    // slopes of the next two intervals
+    // extrapolate the slope to the moment of the change from the next two intervals, since the slope falls after the
+    // change
     const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
     const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
-    // The time at which both lines meet is used only if its noise is below a quarter of the time between the readings.
+    // Use the time at which both lines meet only if its noise is below a quarter of the time between the two readings.
     if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
     return fmin(fmax(meet, s->early_s), s->late_s);
 }
 
-// Add the first load. No reading comes before it, so the readings do not show its time. If no note gives the time,
-// report a strain that begins later than the assumed time of the load. If the height is counted from the first reading,
-// the strain is 0 there by definition, so only a begin after the first reading is reported.
+// Add the first load at the time that a note gives, or at an assumed time (kn_curve_begin). The readings do not show
+// this time. Without a note, warn if the strain begins later than the load. If the height is counted from the first
+// reading, the strain of this reading is 0 by definition. In that case, warn only if the strain begins after the first
+// reading.
 static void add_first_load(const kn_curve_file *f, kn_curve *c, double stress_pa, double noise)
 {
     const double begin = kn_curve_begin(f, c), span = c->time_s[c->count - 1] - c->time_s[0];
@@ -223,8 +228,8 @@ static void add_first_load(const kn_curve_file *f, kn_curve *c, double stress_pa
     const double at_s = kn_strain_onset(c->count, c->time_s, c->value, noise, &least_s);
     if (isfinite(f->begin_s) || !(least_s > (from_first ? fmax(begin, c->time_s[0]) : begin) + 1e-3 * span)) return;
     kn_curve_say(f,
-                 "the strain begins at %.6g s, but the load is assumed to begin at %.6g s, since the file does not say "
-                 "when it was applied: add a line '# begin: %.6g s' or use --late",
+                 "the strain begins at %.6g s, but the load is assumed to begin at %.6g s: "
+                 "add a line '# begin: %.6g s' that states when the load was applied, or use --late",
                  at_s, begin, at_s);
 }
 
@@ -233,7 +238,7 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
 {
     for (int i = 0; i < found->count && c->steps < KN_CURVE_STEPS; i++) {
         const load_step *s = &found->step[i];
-        if (s->load == 0 && c->steps == 0) continue; // skip times without load before the first load
+        if (s->load == 0 && c->steps == 0) continue; // skip the time without load before the first load
         if (s->load < 0)
             return kn_curve_refuse(f, c->line[s->begin], -1,
                                    "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
@@ -243,8 +248,8 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
     return KN_EXIT_OK;
 }
 
-// Take the load steps from the column of load or stress beside the strain. The column is converted to nominal stress.
-// Readings that belong to no load step get the value NAN.
+// Take the load steps from the recorded column of load or stress, which is converted to nominal stress. Readings that
+// belong to no load step get the value NAN.
 static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity load_is)
 {
     load_steps found;
@@ -266,13 +271,14 @@ static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity 
     return kn_curve_refuse(f, c->line[0], -1, "the %s is 0 in all readings, expected a load on the specimen", name);
 }
 
-// Take one constant load, which is given by the name of the strain's column (`load_n`; NAN: not given), or else by a
-// note or option.
+// Take one constant load: from the name of the strain's column (`load_n`; NAN: not given there), or else from a note or
+// an option.
 static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, double load_n)
 {
     double stress_pa = f->stress_pa;
     c->constant_area |= compliance;
-    // Compliance under an unknown stress: with 1 Pa the strain equals the compliance in number.
+    // If the stress of a compliance is unknown, assume 1 Pa. The number of the strain then equals the number of the
+    // compliance.
     if (compliance && !isfinite(stress_pa)) stress_pa = 1;
     if (isfinite(load_n) || !isfinite(stress_pa)) {
         if (!isfinite(load_n)) load_n = f->load_n;
@@ -286,8 +292,8 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     return KN_EXIT_OK;
 }
 
-// Print the error that the load was removed outside the times of the curve. The message names the note or the option
-// that gives the time of the removal.
+// Print the error that the load was removed before it came or after the last reading. If a note gives the time of the
+// removal, the error points to this note.
 static int bad_release(const kn_curve_file *f, double from_s, double to_s)
 {
     const kn_table_reader *s = &f->table;
@@ -300,33 +306,34 @@ static int bad_release(const kn_curve_file *f, double from_s, double to_s)
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: %s", s->file, text);
 }
 
-// Take the time at which the load was removed from a note or option. That time is more exact than the times of the
-// readings before and after the removal.
+// If a note or an option gives the time at which the load was removed, use this time. It is more exact than the times
+// of the readings before and after the removal.
 static int take_release(kn_curve_file *f, kn_curve *c)
 {
     if (!isfinite(f->release_s)) return KN_EXIT_OK;
     kn_curve_step *last = &c->step[c->steps - 1];
     if (f->release_s <= c->step[0].time_s || f->release_s > c->time_s[c->count - 1])
         return bad_release(f, c->step[0].time_s, c->time_s[c->count - 1]);
-    // The recorded load never ends: add the release as a step. Else refine the recorded release, if the given moment
-    // lies between the readings around it.
+    // If the recorded load never ends, add its removal as a step. If it ends, correct the time of the removal, provided
+    // that the given time lies between the readings before and after the removal.
     if (last->stress_pa > 0) {
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];
     } else if (f->release_s < last->early_s || f->release_s > last->late_s) {
-        kn_curve_say(f, "released at %g s according to the load, not at %g s", last->time_s, f->release_s);
+        kn_curve_say(f, "the column of load shows the release at %g s, so the noted time of %g s is not used",
+                     last->time_s, f->release_s);
         return KN_EXIT_OK;
     }
     *last = (kn_curve_step){f->release_s, 0, f->release_s, f->release_s};
     return KN_EXIT_OK;
 }
 
-// ---- columns
+// ---- the columns of a creep table
 
 static const kn_column_quantity values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE},
                                 loads[] = {KN_STRESS, KN_LOAD};
 
-typedef struct columns { // indices of columns of the table; -1: the table has no such column
+typedef struct columns { // indices of columns of the table; -1: the table lacks the column
     int time, load, value;
     kn_column_quantity what, load_is;
     int loads, of_load[KN_CURVES_MAX]; // columns of a wide file, which has one column of values for each load
@@ -359,7 +366,7 @@ static int choose(kn_curve_file *f, columns *c)
     if (c->time < 0) return kn_curve_refuse(f, 0, -1, "no time, expected a column like 'time_s'");
     c->loads = kn_column_find_loads(&f->table, KN_CURVES_MAX, c->of_load, c->load_n);
     if (c->loads == 0) return choose_single(f, c);
-    // A wide file has one column per load. All these columns hold the same quantity as the first one.
+    // A wide file has one column of values for each load. All these columns hold the quantity of the first one.
     const kn_heading *h = &f->table.column[c->of_load[0]].heading;
     c->what = h->has_unit && kn_column_unit_is(&h->unit, "m") ? KN_DISPLACEMENT : KN_STRAIN;
     if (c->what == KN_DISPLACEMENT && (strstr(h->word, "height") || strstr(h->word, "gap"))) c->what = KN_HEIGHT;
@@ -367,9 +374,9 @@ static int choose(kn_curve_file *f, columns *c)
     return KN_EXIT_OK;
 }
 
-// ---- readings -> strain
+// ---- from readings to strains
 
-// Count the first readings with less than 2 % of the largest load, which were taken before the load was applied.
+// Count the readings before the load was applied: the first readings with less than 2 % of the largest load.
 static int before_load(const kn_curve *c)
 {
     if (!c->load) return 0;
@@ -386,8 +393,8 @@ static double mean(const double *value, int count)
     return sum / count;
 }
 
-// Compute the strain from the height. If no note or option gives the initial height, it is the mean of the readings
-// before the load, else the first reading.
+// Compute the strain from the height. If no note or option gives the initial height, the mean height before the load is
+// used, or else the first height.
 static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int column)
 {
     for (int i = 0; i < c->count; i++)
@@ -403,7 +410,8 @@ static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int col
                            "the height grows under the load or exceeds the initial height, expected compression");
 }
 
-// Compute the strain from the quantity of the column, counted from the readings before the load.
+// Compute the strain from the column's quantity (height, displacement, strain or compliance). All but the height are
+// counted from their mean before the load.
 static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int column)
 {
     const int unloaded = before_load(c);
@@ -431,9 +439,9 @@ static int check_strain(kn_curve_file *f, const kn_curve *c, int column)
     return KN_EXIT_OK;
 }
 
-// ---- a curve
+// ---- creep curves from a table
 
-// Report readings, stress and release of a curve.
+// Report the number of readings, the stress and the time of the release of a curve.
 static void say_steps(const kn_curve_file *f, const kn_curve *c, kn_column_quantity what)
 {
     const kn_curve_step *last = &c->step[c->steps - 1];
@@ -470,7 +478,8 @@ static int begin_at_load(kn_curve_file *f, kn_curve *c, const char *name)
     return kn_curve_order(f, c, name);
 }
 
-// Add one curve of these rows: order, strain, steps of the load, time from the load on, noise and thinning.
+// Add one curve from these rows: sort the readings, compute the strain, find the load steps, count time from the first
+// load, estimate the noise, and thin the readings.
 static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, double load_n, const char *part)
 {
     const char *name = kn_column_quantity_name(cols->what);
@@ -492,7 +501,7 @@ static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, 
     return kn_curve_finish(f, c, c->steps, changes);
 }
 
-// Add one curve per column of a wide file.
+// Add one curve for each column of values of a wide file.
 static int add_wide(kn_curve_file *f, const columns *c)
 {
     int code = KN_EXIT_OK;
@@ -504,8 +513,8 @@ static int add_wide(kn_curve_file *f, const columns *c)
     return code;
 }
 
-// Return the column whose value separates one curve from the next: the load, or the stress if there is no load. The
-// load is preferred, since a stress may fall within a curve as the section grows.
+// Return the key column, whose values tell the curves of a file apart: the load, or the stress if there is no load. The
+// load is preferred, since the stress may fall within a curve as the section grows.
 static int key_of(kn_curve_file *f, const columns *c)
 {
     if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
@@ -513,7 +522,7 @@ static int key_of(kn_curve_file *f, const columns *c)
     return load >= 0 ? load : c->load;
 }
 
-// Return the largest magnitude in rows begin..end-1 of a column; 0 without a column.
+// Return the largest magnitude in the rows begin..end-1 of a column. Return 0 if `column` is -1.
 static double largest(const kn_table_reader *s, int column, int begin, int end)
 {
     return column < 0 ? 0 : kn_largest_magnitude(end - begin, s->column[column].value + begin);
@@ -527,8 +536,8 @@ static double last_time(const double *t, int begin, int end)
     return last;
 }
 
-// Join recoveries to their curves. Instruments write a recovery as a new interval without load, whose time begins at 0
-// again. The times of this interval are shifted so that they continue those of the interval before.
+// Join each recovery to its curve. Instruments write a recovery as a new interval without load, whose time begins at 0
+// again. Shift the times of this interval so that they continue the times of the interval before.
 static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
 {
     const kn_table_reader *s = &f->table;
@@ -546,8 +555,8 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
     }
 }
 
-// Print the error that a second table has the same load as the table before, and return an exit code. Time may also
-// fall because of a separator of thousands: in a file with decimal commas, 1,002 after 999 is read as 1.002.
+// Print the error that time restarts in a second table with an equal load, and return an exit code. Time may also fall
+// because of a thousands separator: in a file with decimal commas, 1,002 after 999 is read as 1.002.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const double *t = f->table.column[c->time].value, last = last_time(t, begin, end), next = 1000 * t[end];
@@ -558,7 +567,8 @@ static int refuse_second(const kn_curve_file *f, const columns *c, int begin, in
                  : "time restarts, as in a second table, expected one rising time, or another load from here on");
 }
 
-// Add one curve per range of rising time. Each range must have another load than the one before it.
+// Add one curve for each range of rows in which time rises. The load of a range must differ from the load of the range
+// before it.
 static int add_long(kn_curve_file *f, const columns *c, int key)
 {
     const kn_table_reader *s = &f->table;
@@ -586,7 +596,7 @@ static bool has_numbers(const kn_table_reader *s, int column)
     return false;
 }
 
-// Report which column is used if two columns give the same quantity in different forms.
+// If two columns give one quantity in different forms, report which column is used.
 static void say_unused(kn_curve_file *f, const columns *c)
 {
     const char *what = kn_column_quantity_name(c->what), *load = kn_column_quantity_name(c->load_is);
@@ -605,7 +615,7 @@ static void say_unused(kn_curve_file *f, const columns *c)
     }
     for (int i = 0; i < f->table.notes && c->load >= 0; i++)
         if (!strcmp(f->table.note[i].key, "load") || !strcmp(f->table.note[i].key, "stress"))
-            kn_curve_say(f, "the column of %s is used, not what line %d says", load, f->table.note[i].line);
+            kn_curve_say(f, "the column of %s is used, not the note in line %d", load, f->table.note[i].line);
 }
 
 int kn_curve_load_creep(kn_curve_file *f)
@@ -613,7 +623,8 @@ int kn_curve_load_creep(kn_curve_file *f)
     columns c = {0};
     int wanted[KN_CURVES_MAX + 4], n = 0, code = choose(f, &c);
     if (code != KN_EXIT_OK) return code;
-    // Read the columns that are needed: time, strain or several strains, load, and the key.
+    // Read the columns that are needed: time, one or several columns of values, the load, and the key column that tells
+    // the curves apart.
     int key = c.loads ? -1 : key_of(f, &c);
     wanted[n++] = c.time;
     for (int i = 0; i < c.loads; i++) wanted[n++] = c.of_load[i];
@@ -622,7 +633,7 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_read(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
-    // the load column has a name but no numbers, so ignore it
+    // ignore a load column that has a name but no numbers
     if (c.load >= 0 && !has_numbers(&f->table, c.load)) c.load = key = -1;
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);

@@ -1,5 +1,5 @@
 #include "clients/identify/creep_fit.h"
-#include "clients/identify/measured_series.h"
+#include "clients/identify/measured_curve_parts.h"
 #include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdlib.h>
@@ -10,15 +10,17 @@
 // together are called the lateness of the curve.
 // LATE: index of the first unknown of the first curve; ROW: largest number of neighbouring outliers that are left out
 enum { LATE = KN_ESTIMATE_NUMBERS, ROW = 3, STARTS = 4 };
-_Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "every curve's load may be late");
-_Static_assert(KN_CURVE_STEPS <= KN_VOIGT_CHAIN_STEPS, "a curve's loads are a chain's");
+_Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "a fit must have room for the lateness of every curve");
+_Static_assert(KN_CURVE_STEPS <= KN_VOIGT_CHAIN_STEPS, "a chain must have room for all load steps of a curve");
 
-// limit of Huber's loss, in standard deviations of the noise; the influence of a reading on the robust fit does not
-// grow beyond this limit
+// limit of Huber's loss, in standard deviations of the noise; beyond this limit, a larger residual gives a reading no
+// more influence on the robust fit
 static const double huber = 3;
-// limit from which a reading is an outlier, in standard deviations estimated from the curve's median deviation
+// a reading farther than this from the fit is an outlier; unit: standard deviations, estimated from the median
+// deviation of the curve's readings
 static const double outlying = 5;
-static const double one_stress = 0.97; // ratio of least to largest stress above which the damper is taken as constant
+// if the least stress is above this share of the largest stress, the damper is taken as constant
+static const double one_stress = 0.97;
 
 typedef struct work {
     kn_creep_fit *joint;
@@ -32,13 +34,14 @@ typedef struct work {
     int most;       // number of readings of the longest curve
 } work;
 
-// ---- the curves
+// ---- curves and their loads
 
 typedef struct lateness {
     double late_s, held_s;
 } lateness;
 
-// Return the fitted time of a load step, shifted by late_s. The final removal of the load is also shifted by held_s.
+// Return the fitted time of a load step: its noted time plus late_s. If the step is the final removal of the load,
+// held_s is added, too.
 static double came(const kn_curve *c, int step, lateness l)
 {
     const bool release = step > 0 && step + 1 == c->steps && c->step[step].stress_pa == 0;
@@ -63,7 +66,8 @@ void kn_creep_stress(const kn_curve *c, double *stress_pa)
         stress_pa[i] = kn_creep_load(c, c->time_s[i]) * (c->constant_area ? 1 : 1 - c->value[i]);
 }
 
-// Compute a chain's strain at `count` times under the curve's loads, shifted by the lateness.
+// Compute the strain of a Voigt chain at `count` times under the curve's loads, after the lateness `l` has shifted
+// these loads.
 static bool strain_of(const kn_voigt_chain *chain, const kn_curve *c, lateness l, int count, const double *time_s,
                       double *strain)
 {
@@ -77,7 +81,7 @@ bool kn_creep_strain(const kn_voigt_chain *chain, const kn_curve *c, int count, 
     return strain_of(chain, c, (lateness){0, 0}, count, time_s, strain);
 }
 
-// Compute a material's strain at the readings of the curve.
+// Compute the strain of a material at the readings of the curve, under the curve's loads shifted by the lateness `l`.
 static bool predict(const kn_material *material, const kn_curve *c, lateness l, double *strain)
 {
     const kn_voigt_chain chain = kn_voigt_chain_of(material);
@@ -113,9 +117,10 @@ void kn_creep_fit_settle(const kn_creep_fit *j, int curves, kn_curve *curve)
     for (int k = 0; k < curves; k++) settle(&curve[k], (lateness){j->late_s[k], j->held_s[k]});
 }
 
-// ---- residuals
+// ---- residuals of the fit
 
-// Return a residual whose square is Huber's loss: beyond `huber` the square grows like |r|.
+// Return a residual whose square is Huber's loss: r^2 up to the limit `huber`, and proportional to |r| far beyond this
+// limit.
 static double tame(double r) { return fabs(r) <= huber ? r : copysign(sqrt(2 * huber * fabs(r) - huber * huber), r); }
 
 static lateness lateness_of(const work *w, const double *v, int k)
@@ -123,7 +128,7 @@ static lateness lateness_of(const work *w, const double *v, int k)
     return w->late ? (lateness){v[LATE + 2 * k], v[LATE + 2 * k + 1]} : (lateness){0, 0};
 }
 
-// Compute the residuals of all curves in units of their noise. Readings that were left out have none.
+// Compute the residuals of all curves in units of the noise. A reading that was left out as an outlier has no residual.
 static bool misfit(void *of, const double *value, double *residual)
 {
     work *w = of;
@@ -142,10 +147,10 @@ static bool misfit(void *of, const double *value, double *residual)
     return true;
 }
 
-// ---- the measured range
+// ---- the range of measured stresses
 
-// Return the median strain of the last readings up to a time, so that one outlier does not matter. Before the first
-// reading return 0.
+// Return the median strain of the last five readings at or before the time until_s, so that one outlier has no effect.
+// Return 0 if there is no such reading.
 static double strain_at(const kn_curve *c, double until_s)
 {
     enum { LAST = 5 };
@@ -163,7 +168,7 @@ static double step_end(const kn_curve *c, int step)
     return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
 }
 
-// Set the range of stresses under load. The stresses follow from the strains at the begin and the end of each load.
+// Set the range of stresses under load from the strains at the begin and at the end of each load.
 static void set_range(work *w, double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS])
 {
     double lowest = INFINITY, highest = 0;
@@ -178,13 +183,12 @@ static void set_range(work *w, double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS])
             highest = fmax(highest, fmax(first, last));
         }
     }
-    // A wrong strain, near or above 1, at the end of a load must not make the least stress 0.
+    // Do not let a wrong strain, near or above 1 at the end of a load, make the least stress 0.
     w->joint->lowest_pa = fmin(fmax(lowest, 1e-3 * highest), highest);
     w->joint->highest_pa = highest;
 }
 
-// Estimate the range of stresses under load from the measured strains. The estimate is accurate enough to begin a
-// search.
+// Estimate the range of stresses under load from the measured strains, accurately enough to begin a search.
 static void measured_range(work *w)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS];
@@ -210,7 +214,8 @@ static double stiffness(const work *w, double *seconds)
     return w->joint->highest_pa / most;
 }
 
-// Set the bounds of all unknowns, decades around the size of the measured values.
+// Set the bounds of all unknowns. For k1, c1, alpha and beta the bounds are powers of ten below and above the measured
+// values; for P0 and P1 they are near the measured stresses.
 static void bound(work *w)
 {
     const double least = w->joint->lowest_pa, top = w->joint->highest_pa;
@@ -220,7 +225,8 @@ static void bound(work *w)
     kn_fit_unknown *u = w->fit.unknown;
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
         u[i] = (kn_fit_unknown){.name = kn_estimate_name[i], .low = low[i], .high = high[i]};
-    // well below the least stress, so that P0 has no effect on the readings
+    // P0 and P1 stay fixed at first, at values without effect on the strain: below the least stress and at the largest
+    // stress
     u[KN_ESTIMATE_P0].value = 0.5 * least;
     u[KN_ESTIMATE_P1].value = top;
     u[KN_ESTIMATE_P0].fixed = u[KN_ESTIMATE_P1].fixed = true;
@@ -231,11 +237,11 @@ static void bound(work *w)
     u[KN_ESTIMATE_BETA].fixed = true;
 }
 
-// ---- the search
+// ---- the search for the parameters
 
-// Compute starts for k1, c1, alpha and beta. One comes from the two stages of the curve with the largest load that was
-// released, the others from the size of the values. P0 and P1 are outside the measured stresses, where they have no
-// effect.
+// Compute starts for k1, c1, alpha and beta. One start comes from the two-stage method, for the curve with the largest
+// load that was removed. The other starts follow from the size of the measured values. In all of them P0 and P1 have
+// values without effect on the strain.
 static int guesses(const work *w, double start[STARTS][KN_FIT_UNKNOWNS])
 {
     double top = w->joint->highest_pa, seconds, stiff = stiffness(w, &seconds);
@@ -265,7 +271,7 @@ static int guesses(const work *w, double start[STARTS][KN_FIT_UNKNOWNS])
     return count;
 }
 
-// Copy the two best starts. Return how many of them there are.
+// Copy the two starts with the least sums of squares, and return how many were copied.
 static int best_two(const kn_fit *fit, int starts, double start[STARTS][KN_FIT_UNKNOWNS],
                     double best[2][KN_FIT_UNKNOWNS])
 {
@@ -287,9 +293,9 @@ static int best_two(const kn_fit *fit, int starts, double start[STARTS][KN_FIT_U
     return count;
 }
 
-// Compute the range of stresses in the fitted element. The last reading before a release is not the end of the load,
-// and readings have noise and outliers. P0, which the search kept below all stresses, is then raised to the least
-// stress. This changes no fitted value at the readings.
+// Compute the range of stresses under load from the fit, not from the readings: the last reading before a release is
+// taken before the load ends, and readings have noise and outliers. Then raise P0, which the search kept below all
+// stresses, to the least stress. This changes no fitted value at the readings.
 static bool fitted_range(work *w)
 {
     double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS], end_s[KN_CURVE_STEPS], value[KN_FIT_UNKNOWNS];
@@ -299,7 +305,7 @@ static bool fitted_range(work *w)
     for (int k = 0; k < w->curves; k++) {
         const kn_curve *c = &w->curve[k];
         const lateness l = lateness_of(w, value, k);
-        // The ends of the loads serve as readings, at their fitted times.
+        // Compute the strain at the fitted end of each load.
         for (int i = 0; i < c->steps; i++)
             end_s[i] = i + 1 < c->steps ? came(c, i + 1, l) : fmax(step_end(c, i), i ? end_s[i - 1] : 0);
         if (!strain_of(&chain, c, l, c->steps, end_s, end_strain[k])) return false;
@@ -323,13 +329,14 @@ static bool seek_p1(work *w)
         start[count][KN_ESTIMATE_P1] = share[k] * w->joint->highest_pa;
         if (start[count][KN_ESTIMATE_P1] > 1.02 * w->joint->lowest_pa) count++;
     }
-    kn_fit_values(&w->fit, start[count]); // a further start: P1 beyond the largest stress, where P1 has no effect
+    kn_fit_values(&w->fit, start[count]); // one more start: P1 beyond the largest stress, where P1 has no effect
     start[count++][KN_ESTIMATE_P1] = 1.1 * w->joint->highest_pa;
     w->fit.unknown[KN_ESTIMATE_P1].fixed = false;
     return kn_fit_run_from(&w->fit, count, start);
 }
 
-// Make P0 an unknown. Start above the least stress. Keep P0 as an unknown only if chance does not explain the gain.
+// Make P0 an unknown that starts above the least stress. Keep P0 as an unknown only if the fit improves by more than
+// chance explains.
 static void seek_p0(work *w)
 {
     const double least = w->joint->lowest_pa;
@@ -347,10 +354,10 @@ static void seek_p0(work *w)
     if (seen && other.unknown[KN_ESTIMATE_P0].value > 1.001 * least) w->fit = other;
 }
 
-// ---- outliers
+// ---- outliers among the readings
 
-// Compute the deviations of one curve's readings from the fit, scaled by their median so that 1 is the standard
-// deviation of normal noise.
+// Compute how far the readings of one curve deviate from the fit. The deviations are divided by a value from their
+// median, so that 1 is the standard deviation of normal noise.
 static bool deviations(const work *w, int k, double *out)
 {
     const kn_curve *c = &w->curve[k];
@@ -369,8 +376,8 @@ static bool deviations(const work *w, int k, double *out)
     return ok;
 }
 
-// Return the length of the series of neighbouring readings around the reading `at` that deviate by more than half of
-// the limit for outliers. The reading `at` is included.
+// Return the number of readings in the series around the reading `at`, including this reading, that all deviate by more
+// than half of the limit for outliers.
 static int beside(const double *d, int n, int at)
 {
     int from = at, to = at;
@@ -379,7 +386,8 @@ static int beside(const double *d, int n, int at)
     return to - from + 1;
 }
 
-// Leave out the outliers of all curves, except outliers in a series of more than ROW neighbouring ones.
+// Leave out the outliers of all curves, but keep an outlier in a series of more than ROW deviating readings: there the
+// model is wrong, not the readings.
 static void leave_out(work *w)
 {
     kn_creep_fit *j = w->joint;
@@ -398,11 +406,11 @@ static void leave_out(work *w)
     free(d);
 }
 
-// ---- lateness
+// ---- lateness of the loads
 
-// Estimate the lateness for the start: where the strain begins, if that is later than the load is said to have come.
-// The release was either late by the same time or at the noted time. The start is the case that is nearer to the time
-// of the largest strain.
+// Estimate the lateness from which the search starts. If the strain begins later than the noted time of the load, this
+// difference is late_s. The release either was late by the same time or came at the noted time. The case that puts the
+// release nearer to the largest strain is chosen.
 static lateness late_at_first(const kn_curve *c)
 {
     double least_s;
@@ -428,14 +436,14 @@ static void begin_late(work *w)
         kn_fit_unknown *u = &w->fit.unknown[LATE + 2 * k];
         u[0] = (kn_fit_unknown){.name = "late", .low = -long_s, .high = long_s, .linear = true, .fixed = true};
         u[1] = (kn_fit_unknown){.name = "held", .low = -0.9 * load_s, .high = load_s, .linear = true, .fixed = true};
-        // Start from the estimate, within the bounds.
+        // Start from the estimate, limited to the bounds.
         u[0].value = fmin(l.late_s, u[0].high);
         u[1].value = fmax(l.held_s, u[1].low);
     }
     w->fit.unknowns = LATE + 2 * w->curves;
 }
 
-// Make the lateness of all curves unknown and fit once more. A load that was never removed has no duration to fit.
+// Make the lateness of all curves unknown and fit once more. If a load was never removed, its held_s stays fixed.
 static bool seek_late(work *w)
 {
     int held = 0;
@@ -447,16 +455,16 @@ static bool seek_late(work *w)
     return w->fit.readings > w->fit.unknowns - held && kn_fit_run(&w->fit);
 }
 
-// ---- results
+// ---- results of the fit
 
-// Compute the interval of one parameter.
+// Compute the interval of the parameter with the index i.
 static void interval(work *w, int i)
 {
     const kn_fit_unknown *u = &w->fit.unknown[i];
     const double confidence = w->options.confidence;
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
     if (w->options.no_intervals || (constant(w) && i >= KN_ESTIMATE_BETA)) {
-        // not asked for, or a constant damper, which has no beta, P0 or P1
+        // no interval: none was requested, or the damper is constant and thus has no beta, P0 or P1
     } else if (i == KN_ESTIMATE_P0 && u->fixed) { // the interval states how high P0 could be
         kn_fit free_of = w->fit;
         free_of.unknown[i].fixed = false;
@@ -464,7 +472,7 @@ static void interval(work *w, int i)
         known = kn_fit_interval_by(&free_of, i, confidence, KN_FIT_PROFILE);
         known.open_low = true;
     } else if (i >= KN_ESTIMATE_P0) {
-        // the likelihood of P0 and P1 has a kink at the end of the measured stresses, so use the profile
+        // use the profile, since the likelihood has a kink where P0 or P1 reaches the end of the measured stresses
         known = kn_fit_interval_by(&w->fit, i, confidence, KN_FIT_PROFILE);
     } else known = kn_fit_interval_of(&w->fit, i, confidence);
     // Every P1 beyond the largest stress fits equally well, so the interval ends at the largest stress.
@@ -476,28 +484,30 @@ static void interval(work *w, int i)
 // instead.
 static void say(const work *w)
 {
-    static const char *const why[] = {"", "these curves cannot tell it from 0",
-                                      "these curves cannot tell it from infinity",
-                                      "these curves do not determine it on its own"};
+    static const char *const why[] = {"", "these curves do not show whether this parameter is above 0",
+                                      "these curves do not show whether this parameter is finite",
+                                      "these curves do not determine this parameter on its own"};
     kn_parameter_estimate *n = w->joint->number, *p0 = &n[KN_ESTIMATE_P0], *p1 = &n[KN_ESTIMATE_P1];
     if (constant(w)) {
         snprintf(n[KN_ESTIMATE_BETA].words, sizeof n->words,
-                 "only one stress: these curves do not show how the damper depends on it; it is taken as constant");
+                 "all stresses are nearly equal: these curves do not show how the damper depends on the stress, "
+                 "so it is taken as constant");
         return;
     }
     if (p0->known != KN_KNOWN)
         snprintf(p0->words, sizeof p0->words,
-                 "no load was below %.4g Pa; this value is used and not extrapolated; measure a smaller load",
+                 "the least stress under load, %.4g Pa, is used, since the curves show nothing below it; "
+                 "measure a smaller load",
                  w->joint->lowest_pa);
     if (p1->known != KN_KNOWN)
         snprintf(p1->words, sizeof p1->words,
-                 "the largest stress, %.4g Pa, did not last; measure a larger load, sampled faster at its start",
+                 "the largest stress, %.4g Pa, did not last long; measure a larger load, sampled faster at its start",
                  w->joint->highest_pa);
     for (int i = KN_ESTIMATE_K1; i <= KN_ESTIMATE_BETA; i++)
         snprintf(n[i].words, sizeof n->words, "%s", why[n[i].known]);
 }
 
-// Compute lateness, residuals and runs of one curve, without its outliers.
+// Compute lateness, residuals and runs of one curve. Its outliers are left out.
 static bool judge(work *w, int k, const double *value, const bool *left_out)
 {
     const kn_curve *c = &w->curve[k];
@@ -535,7 +545,7 @@ static bool conclude(work *w)
     }
     j->scale = w->fit.scale;
     j->readings = w->fit.readings;
-    // Correlation of alpha and beta from the covariance.
+    // Compute the correlation of alpha and beta from the covariance.
     j->alpha_beta = c[a][a] > 0 && c[b][b] > 0 ? c[a][b] / sqrt(c[a][a] * c[b][b]) : 0;
     say(w);
     const bool *left_out = w->left_out;
@@ -544,8 +554,8 @@ static bool conclude(work *w)
     return true;
 }
 
-// Search in stages: a robust fit from the best starts, then P1. Leave out the outliers, fit with plain squares, then
-// try P0 and the lateness.
+// Search in stages: a robust fit from the best starts, then P1 as an unknown. Leave out the outliers and fit with plain
+// squares. Then try P0 and the lateness as unknowns.
 static bool search(work *w)
 {
     double start[STARTS][KN_FIT_UNKNOWNS], best[2][KN_FIT_UNKNOWNS];

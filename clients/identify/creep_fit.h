@@ -41,8 +41,8 @@ typedef struct kn_creep_fit {
     kn_material material;
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS];
     double lowest_pa, highest_pa; // range of the measured stresses under load
-    // root mean square residual of each curve, in strain, for a single reading; a mean of several readings is weighted
-    // by their number
+    // root mean square residual of each curve, as a strain of a single reading; a mean counts as often as readings were
+    // averaged into it
     double rms[KN_CURVES_MAX];
     double runs[KN_CURVES_MAX];   // result of kn_fit_runs for each curve
     double late_s[KN_CURVES_MAX]; // how much later than the file says the load was applied; 0 without option `late`
@@ -51,7 +51,7 @@ typedef struct kn_creep_fit {
     double held_s[KN_CURVES_MAX];
     int readings, outliers; // number of readings in the fit; number of readings that were left out
     kn_creep_outlier outlier[KN_CREEP_OUTLIERS];
-    double scale;      // scale of the residuals (least_squares.h); 1 if only noise is left
+    double scale;      // scale of the residuals (least_squares.h); 1 if the residuals are as large as the noise
     double alpha_beta; // correlation of alpha and beta
 } kn_creep_fit;
 
@@ -61,8 +61,8 @@ typedef struct kn_creep_fit_options {
     bool no_intervals; // compute the values of the parameters without their intervals
 } kn_creep_fit_options;
 
-// Run the fit. Return false if memory runs out, or if the model has no solution at any start of the search. In that
-// case `joint` is invalid.
+// Run the fit. Return false if there are too few readings, if the model has no solution at any start of the search, or
+// if memory runs out. In that case `joint` is invalid.
 bool kn_creep_fit_run(kn_creep_fit *joint, int curves, const kn_curve *curve, const kn_creep_fit_options *options);
 
 // Shift the times of the curves by the fitted lateness of their loads, so that the first load is applied at time 0.
@@ -74,7 +74,7 @@ void kn_creep_fit_settle(const kn_creep_fit *joint, int curves, kn_curve *curve)
 // material's parameters are out of range.
 bool kn_creep_fit_predict(const kn_material *material, const kn_curve *curve, double *strain);
 
-// Compute the strain of a chain under a curve's loads, at `count` rising times.
+// Compute the strain of a Voigt chain under a curve's loads, at `count` rising times.
 bool kn_creep_strain(const kn_voigt_chain *chain, const kn_curve *curve, int count, const double *time_s,
                      double *strain);
 
@@ -82,7 +82,7 @@ bool kn_creep_strain(const kn_voigt_chain *chain, const kn_curve *curve, int cou
 // there is no load.
 void kn_creep_stress(const kn_curve *curve, double *stress_pa);
 
-// Return the nominal stress W/S0 at a time. The nominal stress is 0 before the first load and after the last load.
+// Return the nominal stress W/S0 just before a time. It is 0 before the first load and after the last load.
 double kn_creep_load(const kn_curve *curve, double time_s);
 double kn_creep_release(const kn_curve *curve); // return the time at which the last load was removed; INFINITY: never
 
@@ -101,18 +101,20 @@ double kn_creep_release(const kn_curve *curve); // return the time at which the 
 // of a straight line through 21 readings.
 typedef struct kn_two_stage {
     kn_material material;
-    double release_s, release_pa, release_strain; // time tr, stress Pr and strain x(tr) at which the load was removed
-    int count;                                    // number of readings under load
+    // time tr at which the load was removed, and the stress Pr and the strain x(tr) at this time
+    double release_s, release_pa, release_strain;
+    int count; // number of readings under load
     // [count] stress; strain of the Voigt element; strain of the damper; damping c2, NAN if the slope v is not positive
     double *stress_pa, *voigt, *damper, *c2_pa_s;
 } kn_two_stage;
 
 // Run the three stages. Return false if the load was never removed, if there are fewer than 10 readings before or after
-// the removal, or if no slope v can be computed. After false nothing needs to be freed.
+// the removal, if the fit of a stage fails, or if memory runs out. After false nothing needs to be freed.
 bool kn_two_stage_fit(kn_two_stage *stages, const kn_curve *curve);
 void kn_two_stage_free(kn_two_stage *stages);
 
-// Return the strain that has recovered at the time `since_release_s` after the load was removed, by equation 5.
+// Return the strain that has recovered at the time `since_release_s` after the load was removed, by equation 5 of the
+// first paper.
 double kn_two_stage_recovered(const kn_two_stage *stages, double since_release_s);
 
 #endif

@@ -1,5 +1,6 @@
-// The page's check of a material that `knead identify creep` found. See creep_report.h.
-#include "clients/identify/creep_report.h"
+// A section of the page of `knead identify creep`: the check of the identified material (kn_creep_validation in
+// identify.h).
+#include "clients/identify/identify.h"
 #include "clients/shape/press_protocol.h"
 #include "clients/rheometer/rheometer.h"
 #include "clients/cli/commands.h"
@@ -17,7 +18,8 @@
 // digits
 enum { CELLS = 2 };
 
-enum { ELEMENT, DIAGONALS, GAS, WAYS }; // ways to compute the creep
+// ways to compute the creep: as an element, as a lattice with diagonals or with gas
+enum { ELEMENT, DIAGONALS, GAS, WAYS };
 
 typedef struct simulated_creep {
     double *strain[WAYS]; // computed strain at the curve's readings, in one block of memory
@@ -26,7 +28,8 @@ typedef struct simulated_creep {
     double from_data[WAYS], from_element[WAYS];
 } simulated_creep;
 
-// Apply the loads of the curve to the test bench, and record its strain at the readings of the curve.
+// Apply the loads of the curve to the specimen of the virtual rheometer, and record its strain at the readings of the
+// curve.
 static int follow(kn_rheometer *b, const kn_curve *c, double *strain)
 {
     int next = 0, code = KN_EXIT_OK;
@@ -45,7 +48,7 @@ static int follow(kn_rheometer *b, const kn_curve *c, double *strain)
     return code;
 }
 
-// Return the root mean square difference of two strains, as a share of the largest measured strain.
+// Return the root mean square difference of two series of strains, as a share of the largest measured strain.
 static double apart(const double *a, const double *b, const kn_curve *c)
 {
     double sum = 0;
@@ -53,11 +56,12 @@ static double apart(const double *a, const double *b, const kn_curve *c)
     return sqrt(sum / c->count) / kn_curve_largest(c);
 }
 
-// Compute the creep of the material of a scene file in one way.
+// Compute the creep of the material of a scene file in one of the ways: as an element, or as a lattice with diagonals
+// or with gas.
 static int creep_again(simulated_creep *back, int way, const char *subcommand, const char *scene, const kn_curve *c)
 {
     static const char *gas[] = {"object.pressure=cells"};
-    // The test bench treats a lattice of 0 cells as one element.
+    // The virtual rheometer treats a lattice of 0 cells as one element.
     const int n = way == ELEMENT ? 0 : CELLS;
     kn_rheometer_options opt = {.subcommand = subcommand,
                                 .specimen = scene,
@@ -74,7 +78,7 @@ static int creep_again(simulated_creep *back, int way, const char *subcommand, c
     return code;
 }
 
-// Compute the creep of the material in all ways. The strains are freed by the caller.
+// Compute the creep of the material in all three ways. The caller frees back->strain[0].
 static int creep_in_all_ways(simulated_creep *back, const char *subcommand, const char *scene, const kn_curve *c)
 {
     int code = KN_EXIT_OK;
@@ -85,7 +89,7 @@ static int creep_in_all_ways(simulated_creep *back, const char *subcommand, cons
     return code;
 }
 
-// Write a scene with the paper's block of this material, for the lattices and for kneadd.
+// Write a scene file with the first paper's block of this material. The lattices and kneadd load this file.
 static int write_scene(const kn_document *d, const char *subcommand, char path[PATH_MAX])
 {
     FILE *f = fopen(kn_document_file(d, "scene.yaml", path), "w");
@@ -115,27 +119,27 @@ static void lay_over(kn_figure_panel *panel, const kn_curve *c, const simulated_
                          way == GAS ? KN_FIGURE_LINE : KN_FIGURE_DASHES, hue);
 }
 
-// Compare the lattices with the element and state how far they differ.
+// State on the page how far the lattices differ from the element.
 static void judge_lattices(kn_document *d, const double worst[WAYS])
 {
     const double diagonals = worst[DIAGONALS], gas = worst[GAS];
     // Lattices that differ from the element by less than 5 % count as equal to it.
     const bool near = fmax(diagonals, gas) < 0.05;
-    kn_document_verdict(
-        d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
-        near ? "Lattices of this material creep as its element does: they differ by %.2g %% with diagonals and by %.2g "
-               "%% with gas."
-             : "These are the parameters of one element. Under these loads, lattices of this material strain "
-               "differently, by up to %.2g %% of the largest strain with diagonals alone and by %.2g %% with gas. Run "
-               "knead creep scene.yaml --lattice 2x2x2 to see the creep of a lattice.",
-        100 * diagonals, 100 * gas);
+    kn_document_verdict(d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
+                        near ? "Lattices of this material creep as its element does. "
+                               "They differ by %.2g %% with diagonals and by %.2g %% with gas."
+                             : "These are the parameters of one element. "
+                               "Under these loads, lattices of this material strain differently: "
+                               "by up to %.2g %% of the largest strain with diagonals alone, and by %.2g %% with gas. "
+                               "Run knead creep scene.yaml --lattice 2x2x2 to see the creep of a lattice.",
+                        100 * diagonals, 100 * gas);
 }
 
 // Compute the creep of the material under every curve's loads, and report and plot the differences.
 static int compare_creep(kn_document *d, const kn_identification *w, const char *scene)
 {
     char path[PATH_MAX];
-    static kn_figure_panel panel[2]; // too large for the stack
+    static kn_figure_panel panel[2]; // the panels are too large for the stack
     simulated_creep back[KN_CURVES_MAX] = {{{NULL}, {0}, {0}}};
     double worst[WAYS] = {0}; // largest difference from the element, over all curves
     int code = KN_EXIT_OK;
@@ -149,7 +153,7 @@ static int compare_creep(kn_document *d, const kn_identification *w, const char 
                       "diagonals from element\twith gas from element");
     for (int k = 0; k < w->curves && code == KN_EXIT_OK; k++) {
         code = creep_in_all_ways(&back[k], w->opt.subcommand, scene, &w->curve[k]);
-        // Each curve has one row: differences from the data and from the element.
+        // Add a row for the curve to the table: differences from the data and from the element.
         const double *data = back[k].from_data, *element = back[k].from_element;
         kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g\t%.3g", w->curve[k].name, kn_curve_largest(&w->curve[k]),
                         100 * data[ELEMENT], 100 * data[DIAGONALS], 100 * data[GAS], 100 * element[DIAGONALS],
@@ -168,7 +172,7 @@ static int compare_creep(kn_document *d, const kn_identification *w, const char 
     return code;
 }
 
-// ---- the press
+// ---- the press of a block
 
 enum { WIDE = 560, HIGH = 400 }; // width and height of a picture [pixels]
 
@@ -237,11 +241,12 @@ static int report_press(kn_document *d, const char *subcommand, const kn_press *
     kn_identify_plot(&panel, "plate", (int)done->ticks, press->time_s, done->force_n, 1, KN_FIGURE_LINE, 1);
     int code = kn_figure_draw(subcommand, kn_document_file(d, "press.png", path), "the paper's press", &panel, 1, 1);
     if (code != KN_EXIT_OK) return code;
-    kn_document_text(
-        d,
-        "A block of this material, 5 x 5 x 3 cm, under the paper's plate, pressed 1 cm deep at 1 cm/s and held for "
-        "30 s. The force is %.3g N at most and %.3g N at the end of the hold. Of %.3g mm, %.3g mm remain.",
-        peak_n, held_n, 1e3 * dent_m[0], 1e3 * dent_m[1]);
+    kn_document_text(d,
+                     "A block of this material, 5 x 5 x 3 cm, is pressed by the first paper's plate: "
+                     "1 cm deep at 1 cm/s, held for 30 s. "
+                     "The force is %.3g N at most and %.3g N at the end of the hold. "
+                     "The dent is %.3g mm deep at the end of the hold and %.3g mm after the plate has left.",
+                     peak_n, held_n, 1e3 * dent_m[0], 1e3 * dent_m[1]);
     kn_document_picture(d, "press.png", "Force of the plate over time", "The force on the plate.");
     kn_document_picture(d, "held.png", "The block under the plate", "At the end of the hold.");
     kn_document_picture(d, "left.png", "The block with its dent", "After the plate has left.");
@@ -297,13 +302,15 @@ int kn_creep_validation(kn_document *d, const kn_identification *w)
 {
     char scene[PATH_MAX];
     kn_document_section(d, "Simulated creep");
-    kn_document_text(
-        d,
-        "The fitted material creeps again under the same loads: as one element, integrated to a tolerance by separate "
-        "code, and as blocks of %d x %d x %d cells in the solver that serves scenes. The edges of a lattice turn as "
-        "the block gives way; those of a single element do not. So the two differ more as the strain grows. With "
-        "diagonals alone a block gives way more than the element; with gas in its cells as well, it gives way less.",
-        CELLS, CELLS, CELLS);
+    kn_document_text(d,
+                     "The fitted material creeps again under the same loads: "
+                     "as one element, integrated to a tolerance by separate code, "
+                     "and as blocks of %d x %d x %d cells in the solver that serves scenes. "
+                     "The edges of a lattice turn as the block gives way; the edges of a single element do not. "
+                     "So block and element differ more as the strain grows. "
+                     "With diagonals alone a block gives way more than the element; "
+                     "with gas in its cells as well, it gives way less.",
+                     CELLS, CELLS, CELLS);
     int code = write_scene(d, w->opt.subcommand, scene);
     if (code == KN_EXIT_OK) code = compare_creep(d, w, scene);
     return code == KN_EXIT_OK ? press_scene(d, w->opt.subcommand, scene) : code;

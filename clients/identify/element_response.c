@@ -1,21 +1,21 @@
 #include "clients/identify/element_response.h"
-#include "core/sdirk.h"
+#include "core/network.h"
 #include <math.h>
 #include <string.h>
 
 enum { STAGES = KN_SDIRK_STAGES, UNITS = KN_VOIGT_CHAIN_VOIGTS + 2, NEWTON_MAX = 60, STEPS_MAX = 20000 };
 
-// ---- a Voigt chain
+// ---- a Voigt chain under a load or a strain
 
-// Indices of the strains: the spring's, the Voigt elements', the damper's.
+// Indices in the list of strains: the single spring, the first Voigt element, the single damper.
 enum { SPRING = 0, VOIGT = 1, DAMPER = KN_VOIGT_CHAIN_VOIGTS + 1 };
 
 static const double tolerance = 1e-7; // allowed error of one time step, as a share of the largest strain so far
 
 typedef struct drive {
-    bool load;          // true: a load is given; false: the rate of the strain is given
+    bool load;          // true: the load is given; false: the rate of the strain is given
     double nominal_pa;  // nominal stress W/S0, if `load` is true
-    bool constant_area; // the stress is the nominal stress, if `load` is true
+    bool constant_area; // true: the area is constant, so the stress is the nominal stress; used if `load` is true
     double rate_per_s;  // rate of the strain, if `load` is false
 } drive;
 
@@ -34,14 +34,15 @@ kn_voigt_chain kn_voigt_chain_of(const kn_material *m)
                             .p1_pa = m->p1_pa};
 }
 
-// Return the damping c(P) of the single damper at the stress P [Pa s].
+// Return the damping c(P) of the single damper at a stress P [Pa s].
 static double viscosity(const kn_voigt_chain *chain, double stress_pa)
 {
     if (chain->beta_per_pa == 0) return chain->alpha_pa_s;
     return chain->alpha_pa_s * exp(-chain->beta_per_pa * fmin(fmax(fabs(stress_pa), chain->p0_pa), chain->p1_pa));
 }
 
-// Return the flow rate of the damper at stress p, and its slope. Both are 0 without a damper.
+// Return the strain rate of the single damper at the stress p, and the derivative of this rate in *slope. Both are 0 if
+// the chain has no single damper.
 static double flow(const kn_voigt_chain *chain, double p, double *slope)
 {
     *slope = 0;
@@ -59,23 +60,23 @@ static double total(const double *x)
     return sum;
 }
 
-// The elements other than the damper in a stage of length h. Each takes up the strain share * p + rest, linear in the
-// stress p.
+// The spring and the Voigt elements in one stage of length h of the time integrator. The strain of each of them grows
+// by share * p + rest, which is linear in the stress p.
 typedef struct stage {
-    double h, share[UNITS], all; // all: the sum of the shares
+    double h, share[UNITS], all; // all: sum of share[] over all elements
 } stage;
 
 static stage stage_of(const kn_voigt_chain *chain, double h)
 {
     stage g = {.h = h};
     if (chain->spring_pa > 0) g.share[SPRING] = 1 / chain->spring_pa;
-    // An implicit Euler stage of a Voigt element: c x' + k x = p.
+    // For a Voigt element, c x' + k x = p is solved by an implicit Euler stage.
     for (int i = 0; i < chain->voigts; i++) g.share[VOIGT + i] = h / (chain->c_pa_s[i] + h * chain->k_pa[i]);
     for (int i = 0; i < UNITS; i++) g.all += g.share[i];
     return g;
 }
 
-// Compute the strain that each element takes up beyond base at zero stress, and return the sum.
+// For zero stress, compute by how much the strain of each element grows beyond `base` in the stage. Return the sum.
 static double rests(const kn_voigt_chain *chain, const stage *g, const double *base, double *out)
 {
     double sum = out[SPRING] = chain->spring_pa > 0 ? -base[SPRING] : 0;
@@ -86,9 +87,9 @@ static double rests(const kn_voigt_chain *chain, const stage *g, const double *b
     return sum;
 }
 
-// Find the stress of a stage that begins with the strains `base`, and the strain that each element takes up. The method
-// is Newton's. The sum of the strains rises with p, so the root stays enclosed in an interval. If a Newton step leaves
-// that interval, the interval is halved instead.
+// Find the stress at the end of a stage that begins with the strains `base`, and the growth of each strain. The method
+// is Newton's. The sum of the strains rises with the stress p, so the root stays enclosed in an interval. If a Newton
+// step leaves that interval, the interval is halved instead.
 static bool meet(const kn_voigt_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
                  double *taken)
 {
@@ -98,23 +99,25 @@ static bool meet(const kn_voigt_chain *chain, const drive *d, const stage *g, co
     for (int i = 0; i < NEWTON_MAX; i++) {
         rate = flow(chain, p, &steep);
         double sum = g->all * p + rest + g->h * rate, slope = g->all + g->h * steep;
-        // f is the residual in the stress under a load, or in the strain under a strain drive.
+        // f is the error of the stress if the load is given, or the error of the strain if the strain rate is given.
         double f = d->load ? p - d->nominal_pa + feedback * (begun + sum) : sum - g->h * d->rate_per_s;
         slope = d->load ? 1 + feedback * slope : slope;
         if (!isfinite(f) || !(slope > 0)) return false;
-        // f rises with p, so its sign tells on which side the root is.
+        // f rises with p, so the sign of f tells on which side of p the root is.
         if (f > 0) high = p;
         else low = p;
         double next = p - f / slope;
-        // Newton converges quadratically: the next error would be the square
+        // stop here: Newton's method squares the error, so the next step would be far smaller
         bool there = fabs(next - p) <= 1e-8 * fabs(p) + 1e-16 * fabs(d->nominal_pa);
         bool over = fabs(p) < chain->p1_pa && fabs(next) > chain->p1_pa && chain->beta_per_pa > 0;
-        if (over) next = copysign(chain->p1_pa, next); // the slope has a kink at P1
+        // do not step across P1, where the slope has a kink
+        if (over) next = copysign(chain->p1_pa, next);
         if (!there && !(next > low && next < high) && isfinite(low) && isfinite(high)) next = (low + high) / 2;
         rate += steep * (next - p);
         p = next;
         if (there) break;
-        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep); // halving has reached the rounding error, so accept p
+        // the halved interval is as small as the rounding error, so accept p
+        if (i == NEWTON_MAX - 1) rate = flow(chain, p, &steep);
     }
     *stress = p;
     for (int i = 0; i < UNITS; i++) taken[i] += g->share[i] * p;
@@ -122,14 +125,13 @@ static bool meet(const kn_voigt_chain *chain, const drive *d, const stage *g, co
     return true;
 }
 
-// Compute the stress and the rates that belong to the present strains. If the strain is given and the chain has no
-// spring, the stress follows from a stage that is too short to change the strains.
+// Compute the stress and the strain rates that belong to the present strains.
 static bool observe(const kn_voigt_chain *chain, const drive *d, state *s)
 {
     double taken[UNITS], steep, p = s->stress_pa;
     bool spring = chain->spring_pa > 0;
-    // If the load is prescribed, the stress is the load over the current area. If the strain is prescribed, the stress is
-    // the spring's. Without a spring it is found by iteration.
+    // A given load fixes the stress: load over current area. If the strain rate is given, the stress is that of the
+    // single spring. Without a single spring, solve a stage that is too short to change the strains.
     if (d->load) p = d->nominal_pa * (1 - (d->constant_area ? 0 : total(s->x)));
     else if (spring) p = chain->spring_pa * s->x[SPRING];
     else {
@@ -144,14 +146,15 @@ static bool observe(const kn_voigt_chain *chain, const drive *d, state *s)
         if (chain->c_pa_s[i] > 0) s->rate[VOIGT + i] = (p - chain->k_pa[i] * s->x[VOIGT + i]) / chain->c_pa_s[i];
         others += s->rate[VOIGT + i];
     }
-    // The strain of the spring follows from the stress, so its rate balances the rates of the others.
+    // The strain of the spring follows from the stress, so its rate follows from the rates of the other elements.
     if (spring && d->load && !d->constant_area)
         s->rate[SPRING] = -d->nominal_pa * others / (chain->spring_pa + d->nominal_pa);
     else if (spring && !d->load) s->rate[SPRING] = d->rate_per_s - others;
     return true;
 }
 
-// Take one step of length h. Return its error as a share of the largest strain, or infinity if a stage has no solution.
+// Take one time step of length h. Return the error of the step as a share of the largest strain so far, or infinity if
+// a stage has no solution.
 static double step(const kn_voigt_chain *chain, const drive *d, const state *from, double h, state *to)
 {
     double taken[STAGES][UNITS], base[UNITS], p = from->stress_pa, error = 0;
@@ -167,7 +170,7 @@ static double step(const kn_voigt_chain *chain, const drive *d, const state *fro
     to->stress_pa = p;
     for (int i = 0; i < UNITS; i++) {
         double difference = 0;
-        // the method is stiffly accurate, so the last stage is the result of the step
+        // the last stage is the result of the step, since the method is stiffly accurate
         to->x[i] = base[i] + taken[STAGES - 1][i];
         for (int j = 0; j < STAGES; j++) difference += kn_sdirk_error[j] / KN_SDIRK_GAMMA * taken[j][i];
         error = fmax(error, fabs(difference));
@@ -177,12 +180,11 @@ static double step(const kn_voigt_chain *chain, const drive *d, const state *fro
     return to->largest > 0 ? error / to->largest : 0;
 }
 
-// The readings to compute. When the integration passes the time of a reading, the reading is interpolated. Each step
-// fills in the readings in (from, to].
+// The requested readings. After each time step, the readings at times after `from` and up to `to` are interpolated.
 typedef struct readings {
     int count, next;
     const double *time_s;
-    double *out; // strains under a load, else stresses
+    double *out; // if the load is given: strains; otherwise: stresses
 } readings;
 
 static double hermite(double a, double slope_a, double b, double slope_b, double h, double s)
@@ -191,7 +193,7 @@ static double hermite(double a, double slope_a, double b, double slope_b, double
     return along_s * along_s * ((1 + 2 * s) * a + s * h * slope_a) + s * s * ((3 - 2 * s) * b - along_s * h * slope_b);
 }
 
-// Interpolate the readings between two states. A stress is computed from the interpolated strains.
+// Interpolate the readings between the states a and b. A stress is computed from the interpolated strains.
 static bool read_between(const kn_voigt_chain *chain, const drive *d, const state *a, const state *b, readings *r)
 {
     for (; r->next < r->count && r->time_s[r->next] <= b->time_s; r->next++) {
@@ -230,7 +232,7 @@ static bool follow(const kn_voigt_chain *chain, const drive *d, state *s, double
     double span = until_s - s->time_s;
     if (!(span > 0)) return true;
     if (d->load && d->nominal_pa == 0 && isfinite(until_s)) return rest(chain, s, until_s, r), true;
-    // The spring deforms at once when the load changes.
+    // When the load changes, the spring deforms at once.
     if (chain->spring_pa > 0 && d->load) {
         double others = total(s->x) - s->x[SPRING];
         s->x[SPRING] = d->constant_area ? d->nominal_pa / chain->spring_pa
@@ -243,8 +245,8 @@ static bool follow(const kn_voigt_chain *chain, const drive *d, state *s, double
         bool last = s->time_s + 1.0001 * h >= until_s;
         if (last) h = until_s - s->time_s;
         double error = step(chain, d, s, h, &next);
-        // A rejected step is repeated with a smaller h. The factor for h follows from the error estimate, which is of
-        // order 4 in h.
+        // Repeat a rejected step with a smaller h. The factor on h follows from the error estimate, which is of order 4
+        // in h.
         if (error > tolerance) {
             h *= fmin(fmax(0.9 * pow(tolerance / error, 0.25), 0.1), 0.5);
             if (!(h > 1e-15 * span)) return false;
@@ -278,7 +280,7 @@ bool kn_voigt_chain_stress(const kn_voigt_chain *chain, int steps, const kn_voig
 {
     state s = {.time_s = at[0].time_s};
     readings r = {.count = count, .time_s = time_s, .out = stress_pa};
-    if (at[0].value != 0) { // the strain jumps at the start, so the spring takes it up
+    if (at[0].value != 0) { // the strain jumps at the start, and only the spring can follow a jump
         if (!(chain->spring_pa > 0)) return false;
         s.x[SPRING] = at[0].value;
     }
@@ -288,7 +290,7 @@ bool kn_voigt_chain_stress(const kn_voigt_chain *chain, int steps, const kn_voig
         double until = last ? time_s[count - 1] : at[i + 1].time_s, span = until - at[i].time_s;
         double grown = last ? 0 : at[i + 1].value - at[i].value;
         drive d = {.rate_per_s = span > 0 && !last ? grown / span : 0};
-        // A jump of strain is taken up by the spring alone.
+        // Only the spring can follow a jump of the strain.
         if (span == 0 && grown != 0) {
             if (!(chain->spring_pa > 0)) return false;
             s.x[SPRING] += grown;
@@ -337,7 +339,7 @@ double kn_exponential_integral(double x)
     return x <= 1 ? by_series(x) : by_fraction(x);
 }
 
-// ---- a held element
+// ---- the papers' element, held at a constant strain
 
 #define SMALL 1e-12 // if beta P is below this limit, exp(-beta P) counts as 1
 
@@ -351,7 +353,7 @@ kn_held_element kn_held_element_of(const kn_material *m, double begin_pa)
                              .p1_pa = m->p1_pa};
 }
 
-// Return exp(-beta clamp(P)): the damper as a share of alpha.
+// Return exp(-beta clamp(P, P0, P1)): the damping c2 as a share of alpha.
 static double share(const kn_held_element *h, double p)
 {
     return exp(-h->beta_per_pa * fmin(fmax(p, h->p0_pa), h->p1_pa));
@@ -363,8 +365,8 @@ double kn_held_element_time(const kn_held_element *h, double p)
     return h->alpha_s * share(h, p) + h->c1_s * (1 + thins);
 }
 
-// Return the floor: the stress below which the damper is constant, so that the stress falls exponentially. Above p1 the
-// stress falls exponentially, too.
+// Return the floor: the stress below which the damper is constant. Below the floor and above P1 the stress falls
+// exponentially.
 static double floor_of(const kn_held_element *h)
 {
     return h->beta_per_pa > 0 ? fmax(h->p0_pa, SMALL / h->beta_per_pa) : INFINITY;
@@ -381,8 +383,8 @@ static double by_gauss(double middle, double half, int pairs, const double *plac
     return half * sum;
 }
 
-// Return E1(x) - E1(y), y > x. If both are close, four or six points suffice: this costs a tenth, avoids cancellation
-// and has a relative error of 1e-13.
+// Return E1(x) - E1(y) for y > x. If x and y are close, a Gauss rule of four or six points suffices. The rule takes a
+// tenth of the time, avoids cancellation, and has a relative error of 1e-13.
 static double e1_between(double x, double y)
 {
     static const double place4[2] = {0.3399810435848563, 0.8611363115940526};
@@ -395,22 +397,22 @@ static double e1_between(double x, double y)
                        : by_gauss(sqrt(x * y), half, 2, place4, weight4);
 }
 
-// Return the time by equation (1) in which the stress falls from `from` to `to`. Both stresses are between the floor
-// and p1.
+// Return the time in which the stress falls from `from` to `to`, by equation (1) of the header. Both stresses are
+// between the floor and P1.
 static double between(const kn_held_element *h, double from, double to)
 {
     const double b = h->beta_per_pa;
     return h->alpha_s * e1_between(b * to, b * from) + h->c1_s * (log(from / to) + b * (from - to));
 }
 
-// Return the time constant outside P0 to P1, where the damper is constant.
+// Return the time constant of the fall below P0 or above P1, where the damper is constant. `clamped` is P0 or P1.
 static double outside(const kn_held_element *h, double clamped) { return h->alpha_s * share(h, clamped) + h->c1_s; }
 
 double kn_held_element_until(const kn_held_element *h, double to)
 {
     const double low = floor_of(h);
     double from = h->begin_pa, t = 0;
-    // Add the times above p1, between p1 and the floor, and below the floor.
+    // Add up the times that the stress spends above P1, between P1 and the floor, and below the floor.
     if (from > h->p1_pa && low < h->p1_pa) {
         const double end = fmax(to, h->p1_pa);
         t += outside(h, h->p1_pa) * log(from / end);
@@ -424,13 +426,14 @@ double kn_held_element_until(const kn_held_element *h, double to)
     return from > to ? t + outside(h, fmin(from, low)) * log(from / to) : t;
 }
 
-// Return ln P at the time `wait` after the stress was `from`, by equation (1). P is at least `least`. The method is
-// Newton's in ln P, within an interval that encloses the root. Far below the root, Newton's method solves for the
-// logarithm of the time, which is closer to linear.
+// Return ln P at the time `wait` after the stress was `from`, by equation (1) of the header. The stress P is at least
+// `least`. Newton's method searches for ln P within an interval that encloses the root. Far below the root, the
+// logarithm of the time is used in place of the time, since it is closer to linear in ln P.
 static double after(const kn_held_element *h, double from, double wait, double least)
 {
     double high = log(from), low = log(least), half = wait / kn_held_element_time(h, from) / 2;
-    double u = high - wait / kn_held_element_time(h, exp(high - half)); // start by the midpoint rule, of second order
+    // first guess: the midpoint rule for d(ln P)/dt = -1/(time constant)
+    double u = high - wait / kn_held_element_time(h, exp(high - half));
     if (!(wait > 0)) return high;
     for (int i = 0; i < NEWTON_MAX && low < high; i++) {
         if (!(u > low && u < high)) u = (low + high) / 2;
@@ -439,12 +442,13 @@ static double after(const kn_held_element *h, double from, double wait, double l
         else high = u;
         const double step = t > 2 * wait ? t / tau * log(t / wait) : (t - wait) / tau;
         u += step;
-        if (fabs(step) < 3e-7) return u; // Newton's method squares the error, so u is exact enough after this step
+        // Newton's method squares the error, so after this step u is exact enough
+        if (fabs(step) < 3e-7) return u;
     }
     return u;
 }
 
-// A point of the curve from which the search for the next stress starts: a stress and its time.
+// The point from which the search for the next stress starts: a stress and its time.
 typedef struct stretch {
     double from_pa, from_s;
 } stretch;
@@ -457,14 +461,14 @@ void kn_held_element_stress(const kn_held_element *h, int count, const double *t
     stretch s = {h->begin_pa, 0}; // stress and time that were found last
     for (int i = 0; i < count; i++) {
         const double t = time_s[i];
-        // Above p1 the fall is exponential.
+        // Above P1 the stress falls exponentially.
         if (t < at_p1) {
             stress_pa[i] = h->begin_pa * exp(-t / outside(h, h->p1_pa));
             continue;
         }
         if (s.from_s < at_p1) s = (stretch){h->p1_pa, at_p1};
-        // Between p1 and the floor, invert equation (1) from the last stress found. Below the floor the fall is
-        // exponential again.
+        // Between P1 and the floor, invert equation (1) from the last stress found. Below the floor the stress falls
+        // exponentially again.
         if (t < at_low) s = (stretch){exp(after(h, s.from_pa, t - s.from_s, low)), t};
         stress_pa[i] = s.from_pa;
         if (t < at_low) continue;

@@ -5,12 +5,116 @@
 #include "clients/cli/output.h"
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
+#include "core/scene/keys.h"
 #include <math.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// ---- what the experiments share
+// ---- the options of creep, relax and sweep
+
+// Parse a strain, 10% or 0.1, with an optional blank before the percent sign.
+static const char *take_strain(void *strain, const char *text)
+{
+    char share[40];
+    size_t n = strlen(text);
+    bool percent = n > 1 && n < sizeof share && text[n - 1] == '%';
+    snprintf(share, sizeof share, "%s", text);
+    if (percent) share[n - 1] = 0;
+    if (percent && n > 2 && share[n - 2] == ' ') share[n - 2] = 0;
+    if (!kn_number_take(share, 1e-6, percent ? 90 : 0.9, strain))
+        return "a share of the height like 10% or 0.1, up to 90 %";
+    *(double *)strain /= percent ? 100 : 1;
+    return NULL;
+}
+
+// Parse a density. The limits are those of the scene's key `density`.
+static const char *take_density(void *density_kg_m3, const char *text)
+{
+    static char expected[80];
+    const kn_key *key = &kn_keys[KN_KEY_DENSITY];
+    if (kn_quantity_read(text, "kg/m^3", false, key->least, key->most, density_kg_m3)) return NULL;
+    snprintf(expected, sizeof expected, "a density like '1.2 g/cm^3', %g to %g kg/m^3", key->least, key->most);
+    return expected;
+}
+
+// Refuse an output that is also an input. Refuse two outputs if they are the same path or if one lies inside the other.
+// Refuse an input that is given twice, since its readings would count twice.
+static int keep_apart(const kn_identify_options *opt)
+{
+    const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
+                                                                                   opt->report};
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; output[i] && k < opt->files; k++)
+            if (kn_output_same(output[i], opt->file[k]))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                                   "--%s %s: this path is also an input, expected another path", name[i], output[i]);
+    for (int i = 0; i < 4; i++)
+        for (int k = i + 1; output[i] && k < 4; k++)
+            if (output[k] && (kn_output_holds(output[i], output[k]) || kn_output_holds(output[k], output[i])))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                                   "--%s %s and --%s %s: expected two paths, neither inside the other", name[i],
+                                   output[i], name[k], output[k]);
+    for (int i = 0; i < opt->files; i++)
+        for (int k = i + 1; k < opt->files; k++)
+            if (kn_output_same(opt->file[i], opt->file[k]))
+                return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                                   "%s and %s are one file, whose readings would count twice; expected it once",
+                                   opt->file[i], opt->file[k]);
+    return KN_OPTIONS_READ;
+}
+
+#define AT(member) .offset = offsetof(kn_identify_options, member)
+#define SI(unit_text) .unit = unit_text, KN_RANGE(KN_ABOVE_0, 1e30)
+// `belongs` lists the experiments that accept the option, by their first letters.
+static const kn_option rows[] = {
+    KN_OPTION("load", QUANTITY, AT(curve.load_n), SI("N"), .expected = "a weight or force like 50gf or '0.5 N'",
+              .belongs = "c"),
+    KN_OPTION("stress", QUANTITY, AT(curve.stress_pa), SI("Pa"), .expected = "a stress like '5 kPa'", .belongs = "c"),
+    KN_OPTION("height", QUANTITY, AT(curve.height_m), SI("m"), .expected = "a length like '1 cm'", .belongs = "cr"),
+    KN_OPTION("area", QUANTITY, AT(curve.area_m2), SI("m^2"), .expected = "an area like '1 cm^2'", .belongs = "cr"),
+    KN_OPTION("release", QUANTITY, AT(curve.release_s), SI("s"), .expected = "a time like 60 or '60 s'",
+              .belongs = "c"),
+    KN_OPTION("strain", SPECIAL, AT(curve.strain), .take = take_strain, .belongs = "r"),
+    KN_OPTION("units", TEXT, AT(curve.units)),
+    KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
+    KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
+    KN_OPTION("noise", EITHER, AT(constant_noise), .unit = "relative|constant", .expected = "constant or relative",
+              .belongs = "r"),
+    KN_OPTION("cut", QUANTITY, AT(cut_s), SI("s"), .expected = "a time like 100 or '100 s'", .belongs = "cr"),
+    KN_OPTION("no-models", FLAG, AT(no_models), .belongs = "cr"),
+    KN_OPTION("out", TEXT, AT(out)),
+    KN_OPTION("density", SPECIAL, AT(density_kg_m3), .take = take_density),
+    KN_OPTION("report", TEXT, AT(report)),
+    KN_OPTION("png", TEXT, AT(png)),
+    KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("json", CALL, .call = kn_result_open),
+    KN_OPTION("shear", FLAG, AT(shear), .belongs = "s"),
+};
+
+// Parse the command line of one experiment: 'c' for creep, 'r' for relax, 's' for sweep. Return KN_OPTIONS_READ if the
+// experiment is to run. Otherwise return an exit code: 0 after --help, which prints `help`, or another code after an
+// error. Call free_options in every case, even after an error.
+static int parse_options(kn_identify_options *opt, const char *subcommand, char experiment, const char *help, int argc,
+                         char **argv)
+{
+    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .unknown = "unknown option; --help lists them",
+                                   .experiment = experiment, .quotes = true};
+    *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand};
+    opt->file = calloc((size_t)argc, sizeof *opt->file);
+    if (!opt->file) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    const int code = kn_options_read(&table, opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
+    if (opt->files == 0)
+        return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help lists its columns");
+    return keep_apart(opt);
+}
+
+static void free_options(kn_identify_options *opt) { free(opt->file); }
+
+// ---- functions that all experiments share
 
 void kn_identify_note(kn_identification *w, const char *format, ...)
 {
@@ -103,7 +207,7 @@ int kn_identify_page_files(const kn_identification *w, kn_document *d, const cha
     return code;
 }
 
-// ---- the course of an experiment
+// ---- the sequence of steps of an experiment
 
 static int identify(kn_identification *w, int argc, char **argv)
 {
@@ -117,13 +221,13 @@ static int identify(kn_identification *w, int argc, char **argv)
     if (code == KN_EXIT_OK) code = kn_document_open(&d, o->subcommand, o->report, e->title, argc, argv);
     for (int i = 0; i < o->files && code == KN_EXIT_OK; i++)
         code = kn_curve_load(w->curve, &w->curves, e->kind, o->file[i], &o->curve);
-    // Fit, print, and write the files that are asked for.
+    // Fit, print, and write the files that the options request.
     if (code == KN_EXIT_OK) code = e->fit(w);
     if (code == KN_EXIT_OK) e->tell(w);
     if (code == KN_EXIT_OK && o->csv) code = write_csv(w, o->csv);
     if (code == KN_EXIT_OK && o->png) code = e->draw(w, o->png);
     if (code == KN_EXIT_OK && kn_document_is_open(&d)) code = e->report(w, &d);
-    // Write the material last, since this fails if no scene accepts it.
+    // Write the material last, since this step fails if no scene accepts the material.
     if (code == KN_EXIT_OK && o->out) code = e->write_material(w, o->out);
     return kn_document_close(&d, code);
 }
@@ -133,27 +237,28 @@ static int run(const kn_identify_experiment *e, int argc, char **argv)
     kn_identification *w = calloc(1, sizeof *w);
     if (!w) return kn_complain(e->subcommand, KN_EXIT_DEVICE, "out of memory");
     w->experiment = e;
-    int code = kn_identify_options_parse(&w->opt, e->subcommand, e->letter, e->help, argc, argv);
+    int code = parse_options(&w->opt, e->subcommand, e->letter, e->help, argc, argv);
     if (code == KN_OPTIONS_READ) code = identify(w, argc, argv);
     kn_model_comparison_free(&w->models);
     kn_relaxation_fit_free(&w->relax);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
-    kn_identify_options_free(&w->opt);
+    free_options(&w->opt);
     free(w);
     return code;
 }
 
-// ---- the command
+// ---- the command knead identify
 
 static const struct {
     const char *name, *summary;
-    const kn_identify_experiment *experiment; // NULL: shape, which takes a course of its own
+    // NULL: the experiment is `shape`, which does not share the sequence of steps
+    const kn_identify_experiment *experiment;
 } experiments[] = {
-    {"creep", "creep curves under one load or several -> k1, c1 and the damper, with intervals", &kn_identify_creep},
-    {"relax", "stress relaxation, with the way to the strain or without -> the same; which model the data support",
+    {"creep", "creep under one or several loads: find k1, c1 and the damper, with intervals", &kn_identify_creep},
+    {"relax", "stress relaxation at a held strain: find k1, c1 and the damper; which models the data support",
      &kn_identify_relax},
-    {"shape", "a range image of a pressed lump, and the force -> structure, inside pressure, stress area", NULL},
-    {"sweep", "storage and loss modulus over frequency -> springs and dampers, which of them the data support",
+    {"shape", "range image and force of a pressed lump: find structure, inside pressure, stress area", NULL},
+    {"sweep", "storage and loss modulus over frequency: find springs and dampers; which of them the data support",
      &kn_identify_sweep},
 };
 enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };
@@ -161,8 +266,8 @@ enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };
 static void print_help(void)
 {
     printf("usage: knead identify COMMAND [OPTION]... FILE...\n\n"
-           "Fit the parameters of a virtual object to measurements of a real specimen, each parameter with its "
-           "uncertainty.\n\n");
+           "Fit the parameters of a virtual object to measurements of a real specimen.\n"
+           "Each parameter is stated with its uncertainty.\n\n");
     for (int i = 0; i < EXPERIMENTS; i++) printf("  %-6s %s\n", experiments[i].name, experiments[i].summary);
     printf("\n`knead identify COMMAND --help` lists the options.\n");
 }
@@ -181,5 +286,5 @@ int kn_identify_main(int argc, char **argv)
         return experiments[i].experiment ? run(experiments[i].experiment, argc - 1, argv + 1)
                                          : kn_identify_shape_main(argc - 1, argv + 1);
     }
-    return kn_complain("identify", KN_EXIT_USAGE, "expected creep, relax, sweep or shape; --help tells the rest");
+    return kn_complain("identify", KN_EXIT_USAGE, "expected creep, relax, sweep or shape; see knead identify --help");
 }

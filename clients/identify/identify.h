@@ -1,14 +1,89 @@
 #ifndef KN_CLIENTS_IDENTIFY_IDENTIFY_H
 #define KN_CLIENTS_IDENTIFY_IDENTIFY_H
-// The course that `knead identify creep`, `relax` and `sweep` share: options, curves, fit, printed results, and the files
-// with table, plot, page and material. identify.c runs the course; an experiment gives the steps that are its own.
+// The steps that `knead identify creep`, `relax` and `sweep` share: read options and curves, fit, print results, and
+// write the files (table, plot, page, material). identify.c runs this sequence. Each experiment supplies the steps that
+// differ.
 #include "clients/report/report_page.h"
-#include "clients/report/plot_panels.h"
 #include "clients/identify/creep_fit.h"
 #include "clients/identify/model_comparison.h"
-#include "clients/identify/options.h"
 #include "clients/identify/relaxation_fit.h"
-#include "clients/identify/sweep_fit.h"
+#include "core/network.h"
+#include "server/option_table.h"
+
+// ---- the options
+//
+// Options of `knead identify creep`, `relax` and `sweep`. One table holds the options of all three experiments. Each
+// option lists the experiments that accept it.
+
+typedef struct kn_identify_options {
+    const char *subcommand; // name of the subcommand in error messages, such as "identify creep"
+    kn_curve_options curve; // options that say how to read the input files
+    const char **file;      // [files] paths of the input files
+    int files;
+    double density_kg_m3; // density of the material; 0: not given
+    const char *out, *png, *csv, *report;
+    bool no_models;      // option --no-models: do not compare the result with other material models
+    bool late;           // creep: also fit the times at which the loads were applied and removed
+    bool shear;          // sweep: the measured moduli are shear moduli
+    bool constant_noise; // relax: the noise is as large at every stress, instead of being a fixed share of the stress
+    // for the comparison of models: the models are fitted to the readings before this time and judged by the later
+    // readings [s]; 0: the time is chosen from the data
+    double cut_s;
+} kn_identify_options;
+
+// The part of the help text that creep and relax share.
+#define KN_IDENTIFY_OUTPUT_HELP                                                                                        \
+    "  --out FILE        the material, for `material: FILE` of a scene; the interval of every parameter is in a "      \
+    "comment\n"                                                                                                        \
+    "  --density D       density of the material, written to the file (default: 1.2 g/cm^3, with a remark)\n"          \
+    "  --report DIR      folder for a page, DIR/index.html, with all results, the plots, the curves and the "          \
+    "material\n"                                                                                                       \
+    "  --png FILE        plot of readings, fit and residuals, by gnuplot\n"                                            \
+    "  --csv FILE        table of readings and fit\n"                                                                  \
+    "  --json            print the results as JSON\n"                                                                  \
+    "  --no-models       do not compare the result with other material models\n"                                       \
+    "  --cut TIME        fit other models before TIME, test them after it (default: a tenth or half of the time)\n"
+
+// ---- the fit of sweep (sweep_command.c)
+//
+// A fit of the springs and dampers of the first paper's figure 2 to storage and loss modulus over frequency. Elements
+// that no experiment can tell apart form one class (core/oneport.h). Each class has one row in the table of results and
+// is represented by its Voigt form.
+//
+// The residuals are differences of ln G' and ln G'' (G': storage modulus, G'': loss modulus). Both have equal weights,
+// so that all decades of the modulus count the same. The oscillations are small, so the experiment shows the papers'
+// stress-dependent damper only near zero stress, where its damping c2 is c_max.
+
+#define KN_SWEEP_FIT_ROWS KN_CATALOGUE
+#define KN_SWEEP_FIT_PARTS 4
+// A model whose AICc exceeds the least AICc by more than this has little support (Burnham and Anderson, Model
+// selection, 2.6)
+#define KN_SWEEP_FIT_NEAR 4
+
+typedef struct kn_sweep_fit_row {
+    char expression[KN_ELEMENT_TEXT]; // the element as an expression of springs s and dampers d, such as "(s|d)-d"
+    char letters[16];                 // letters of the elements in the first paper's figure 2, such as "d f"
+    const char *name;                 // name of the model, such as "Jeffreys"; NULL: the model has no name
+    kn_network net;                   // the element with the fitted parameters
+    bool fitted, is_material;         // is_material: whether a scene can have this element
+    kn_material material;             // the fitted material; set if is_material is true
+    int parts;                        // number of springs and dampers
+    // [parts] values of the springs and dampers; for a material k1, c1, c2
+    kn_parameter_estimate number[KN_SWEEP_FIT_PARTS];
+    double error;      // mean of |model/measured - 1| over both moduli
+    double aicc, runs; // AICc of the fit; result of kn_fit_runs for the residuals
+} kn_sweep_fit_row;
+
+typedef struct kn_sweep_fit {
+    int rows, readings; // number of rows in row[]; number of measured frequencies
+    kn_sweep_fit_row row[KN_SWEEP_FIT_ROWS];
+    // Indices of rows; -1: no row. best: the row with the fewest parameters among the rows whose AICc is at most
+    // KN_SWEEP_FIT_NEAR above the least AICc. material: the row chosen by the same rule among the elements that a scene
+    // can have.
+    int best, material;
+} kn_sweep_fit;
+
+// ---- the sequence of steps of an experiment
 
 #define KN_IDENTIFY_NOTES 100
 #define KN_IDENTIFY_POINTS 200 // number of points of a plotted model
@@ -23,58 +98,77 @@ typedef struct kn_identification {
     kn_creep_fit creep;         // creep: the fit
     kn_relaxation_fit relax;    // relax: the fit
     kn_sweep_fit sweep;         // sweep: the fits of all elements
-    double modulus_scale;       // sweep: factor on the measured moduli
+    double modulus_scale;       // sweep: factor on the measured moduli (3 for shear moduli, otherwise 1)
     double took_s;              // creep: duration of the fit [s]
     bool served;                // creep: a scene accepts the material
     kn_model_comparison models; // comparison with other material models
-    bool compared;              // whether the comparison was made
+    bool compared;              // whether other models were compared
     int notes;
     char note[KN_IDENTIFY_NOTES][400]; // notes on what is doubtful, as sentences
 } kn_identification;
 
 // Functions that return int return 0, or print an error and return an exit code.
 typedef struct kn_identify_experiment {
-    const char *subcommand, *title, *help; // title: heading of the page
-    char letter;                           // names the experiment in options.h
+    const char *subcommand, *title, *help; // title: heading of the page; help: text of --help
+    char letter;                           // letter of the experiment in the table of options: c, r or s
     kn_curve_kind kind;
     int (*fit)(kn_identification *w);
-    void (*tell)(kn_identification *w);                    // print the results and add them to --json
-    const char *csv_head;                                  // names of the columns of --csv
-    bool (*csv_rows)(const kn_identification *w, FILE *f); // write the rows; false: they cannot be computed
-    int (*draw)(kn_identification *w, const char *path);   // draw the plot of --png
-    int (*report)(kn_identification *w, kn_document *d);   // fill the page
+    void (*tell)(kn_identification *w); // print the results, and add them to the JSON output
+    const char *csv_head;               // names of the columns of --csv
+    // write the rows of --csv; false: the fitted values cannot be computed
+    bool (*csv_rows)(const kn_identification *w, FILE *f);
+    int (*draw)(kn_identification *w, const char *path); // draw the plot of --png
+    int (*report)(kn_identification *w, kn_document *d); // fill the page
     int (*write_material)(const kn_identification *w, const char *path);
 } kn_identify_experiment;
 
 extern const kn_identify_experiment kn_identify_creep, kn_identify_relax, kn_identify_sweep;
 int kn_identify_shape_main(int argc, char **argv);
 
-// Add a note: print it, and store it for the page and for --json.
+// Add a note on the results: print the note, and store it for the page and for --json.
 __attribute__((format(printf, 2, 3))) void kn_identify_note(kn_identification *w, const char *format, ...);
 
-// Fit other models to the same curves, print and tell the comparison. Return false with one sentence in `error` if it
-// was not possible. With --no-models do nothing and return true.
+// Fit other models to the same curves. Print the comparison and add it to the JSON output. If the comparison is not
+// possible, return false with one sentence in `error`. With --no-models do nothing and return true.
 bool kn_identify_compare(kn_identification *w, char error[400]);
 
-// Print a parameter with its interval, and its words in the next line. The name and the interval take at least `name`
-// and `interval` characters; `more` follows the interval.
+// Print a parameter with its interval, and in the next line the remark number->words. `name` and `interval` are the
+// least widths of the columns for name and interval, in characters. The text `more` follows the interval.
 void kn_identify_print_number(const kn_parameter_estimate *number, int name, int interval, const char *more);
-void kn_identify_tell_numbers(int count, const kn_parameter_estimate *number);     // add to "numbers" of --json
-void kn_identify_page_number(kn_document *d, const kn_parameter_estimate *number); // add a row to a table of the page
+// add parameters to "numbers" of the JSON output
+void kn_identify_tell_numbers(int count, const kn_parameter_estimate *number);
+// add a parameter as a row to the table on the page
+void kn_identify_page_number(kn_document *d, const kn_parameter_estimate *number);
 
 // Format the result of kn_fit_runs; "-" if there were too few readings.
 const char *kn_identify_runs(double runs, char text[16]);
 
-// Add the section with the table of --csv, named `csv`, and with the material, if it may be written, to the page.
+// Add the section of files to the page: a link to the table of --csv, whose file is named `csv`, and, if `material` is
+// true, a link to the material. Write both files.
 int kn_identify_page_files(const kn_identification *w, kn_document *d, const char *csv, const char *words,
                            bool material);
-void kn_identify_page_material(kn_document *d); // add a link to material.yaml
+void kn_identify_page_material(kn_document *d); // add a link to material.yaml to the page
 
-// Add a series to a panel; `scale` multiplies y.
+// Add a series of points or a line to a panel of a plot. `scale` multiplies y.
 void kn_identify_plot(kn_figure_panel *p, const char *name, int count, const double *x, const double *y, double scale,
                       kn_figure_look look, int hue);
 
-// Fill x[KN_IDENTIFY_POINTS] with numbers from `low` to `high` that rise by equal factors.
+// Fill x[KN_IDENTIFY_POINTS] with numbers from `low` to `high`, each a constant factor above the one before.
 void kn_identify_points(double low, double high, double *x);
+
+// ---- the page of creep (creep_validation.c)
+
+// Add the section that checks the identified material in two ways (creep_validation.c). First, the creep of the
+// material under the measured loads is computed and compared with the data. It is computed for one element, integrated
+// to a tolerance (core/network.h), and for two lattices (with diagonals and with gas), stepped by the solver of kneadd.
+// Second, a block of the material is pressed as in the first paper, section 5: the plate moves 1 cm down at 1 cm/s,
+// stays for 30 s, and moves up again. The runs take seconds and show progress bars.
+//
+// The edges of a lattice turn as the block is compressed, whereas an element has no directions. A block of sides and
+// diagonals alone gives way more than the element. For dough, its strain differs from the element's by 12 % under 10
+// gf, and is 1.6 times as large under 30 gf and 1.8 times under 50 gf. In a block with gas in its cells the volume
+// stays constant, as equation 4 of the first paper supposes. Such a block is stiffer: its strain is 0.87 times the
+// element's under 30 gf and 0.61 times under 50 gf. The page states these differences.
+int kn_creep_validation(kn_document *d, const kn_identification *w);
 
 #endif

@@ -4,26 +4,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-// step of difference quotients, in the logarithm of an unknown; it suits models that are accurate to about 1e-8
+// step of the difference quotients, in the logarithm of an unknown; suitable for models that are accurate to about 1e-8
 static const double step_log = 1e-5;
-static const double wall = 1e3; // extra residual that pushes the search back, per unit of the logarithm beyond a bound
+// residual that pushes the search back, per unit by which the logarithm of an unknown lies beyond a bound
+static const double wall = 1e3;
 
 typedef struct search {
     kn_fit *fit;
     int count;                   // number of free unknowns
     int number[KN_FIT_UNKNOWNS]; // indices of the free unknowns in fit->unknown[]
-    int rows;                    // number of residuals: those of the readings, and one for each free unknown
-    double x[KN_FIT_UNKNOWNS];   // present place of the search
-    // [rows] residuals at x, the Jacobian by columns, and room for the algorithm: one block of memory
+    int rows;                    // number of residuals: one for each reading, and one for each free unknown
+    double x[KN_FIT_UNKNOWNS];   // present place of the search, in the search's variables
+    // [rows] residuals at x; the Jacobian, column by column; scratch of MINPACK. All are in one block of memory.
     double *residual, *jacobian, *spare;
-    double *ahead, *behind; // [rows] residuals on either side of a place, for difference quotients
+    // [rows] residuals at a slightly larger and a slightly smaller value of one unknown, for difference quotients
+    double *ahead, *behind;
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
 static double lowest(const kn_fit_unknown *u) { return u->linear ? u->low : log(u->low); }
 static double highest(const kn_fit_unknown *u) { return u->linear ? u->high : log(u->high); }
 
-// Compute all values at a place of the search. Values beyond a bound are put on the bound.
+// Compute the values of all unknowns at a place of the search. A value beyond a bound is put on the bound.
 static void values_at(const search *s, const double *x, double *value)
 {
     for (int i = 0; i < s->fit->unknowns; i++) value[i] = s->fit->unknown[i].value;
@@ -57,8 +59,8 @@ static double squares(const double *residual, int count)
     return sum;
 }
 
-// Compute one column of the Jacobian by difference quotients. With `both`, they are two-sided, which is more accurate.
-// A side on which the model has no solution is left out.
+// Compute one column of the Jacobian by difference quotients. If `both` is true, the quotients are two-sided, which is
+// more accurate. A side on which the model has no solution is left out.
 static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
 {
     const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
@@ -75,9 +77,9 @@ static bool column(search *s, const double *x, const double *here, int k, bool b
     return true;
 }
 
-// Keep an unknown at its bound if S would fall beyond the bound. The unknown's column of the Jacobian then contains
-// only the extra residual of the bound (`wall`). With the column of the model, every step would cross the bound and be
-// rejected, and the steps would shrink until the other unknowns did not move either.
+// Keep an unknown at its bound if the sum of squares S would decrease beyond the bound. The unknown's column of the
+// Jacobian then contains only the extra residual of the bound (`wall`). With the model's own column, every step would
+// cross the bound and be rejected. The steps would then shrink until the other unknowns did not move either.
 static void stay_inside(const search *s, const double *x, const double *residual, int k, double *out)
 {
     const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
@@ -96,7 +98,7 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     (void)count;
     if (what == 1) {
         if (residuals_at(s, x, residual)) return 0;
-        // the model has no solution at x, so large residuals make MINPACK step back
+        // the model has no solution at x; large residuals make MINPACK step back
         for (int i = 0; i < rows; i++) residual[i] = 1e10;
         return 0;
     }
@@ -109,8 +111,9 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
     return 0;
 }
 
-// List the free unknowns, allocate the residuals, and compute them at the unknowns' values. Return false if memory runs
-// out or if the model has no solution there. The caller frees s->residual in any case.
+// List the free unknowns, allocate the residuals, and compute the residuals at the present values of the unknowns.
+// Return false if memory runs out or if the model has no solution at these values. The caller frees s->residual in any
+// case.
 static bool search_open(search *s, kn_fit *fit)
 {
     *s = (search){.fit = fit};
@@ -130,19 +133,20 @@ static bool search_open(search *s, kn_fit *fit)
     return residuals_at(s, s->x, s->residual);
 }
 
-// Search from the unknowns' values for the nearest minimum. Set the values, and return the sum there, or INFINITY if
-// there is no solution.
+// Search for the minimum nearest to the present values of the unknowns. Set the unknowns to the values at the minimum
+// and return the sum of squares there. Return INFINITY if there is no solution.
 static double descend(kn_fit *fit)
 {
     search s;
     int ipvt[KN_FIT_UNKNOWNS], nfev, njev;
     double small[5][KN_FIT_UNKNOWNS], value[KN_FIT_UNKNOWNS], sum = INFINITY;
     if (search_open(&s, fit)) {
-        for (int k = 0; k < s.count; k++) small[0][k] = 1; // the scale of every unknown is one logarithm
+        // scale 1 for every unknown, since the search's variables are logarithms
+        for (int k = 0; k < s.count; k++) small[0][k] = 1;
         if (s.count > 0)
             lmder(minpack_asks, &s, s.rows, s.count, s.x, s.residual, s.jacobian, s.rows, 1e-10, 1e-8, 1e-12, 200,
                   small[0], 2, 1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], s.spare);
-        // Put the result on or within the bounds, note which bounds were reached, and compute the sum there.
+        // Put the result within the bounds, note which bounds were reached, and compute the sum of squares there.
         values_at(&s, s.x, value);
         for (int i = 0; i < fit->unknowns; i++) fit->unknown[i].value = value[i];
         for (int k = 0; k < s.count; k++) {
@@ -156,8 +160,8 @@ static double descend(kn_fit *fit)
     return sum;
 }
 
-// Invert a symmetric matrix in place by its Cholesky factor. Return false if it is not positive definite. A pivot below
-// 1e-12 of its diagonal element counts as 0, since rounding errors are that large.
+// Invert a symmetric matrix in place by its Cholesky factor. Return false if the matrix is not positive definite. A
+// pivot below 1e-12 of its diagonal element counts as 0, since rounding errors are that large.
 static bool invert(int n, double a[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS])
 {
     double l[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0}, inverse[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS] = {0};
@@ -199,7 +203,7 @@ static bool curve(kn_fit *fit)
         if (moves) seen[count++] = k;
         else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
     }
-    // Form J'J of these columns and invert it.
+    // Form J'J of these columns (J: the Jacobian) and invert it.
     for (int a = 0; a < count; a++)
         for (int b = 0; b < count; b++) {
             const double *at = s.jacobian + rows * (size_t)a, *bt = s.jacobian + rows * (size_t)b;
@@ -215,7 +219,7 @@ static bool curve(kn_fit *fit)
     return ok;
 }
 
-// Set the results of a search: sum, degrees of freedom, scale and covariance.
+// Set the results of a search: sum of squares, degrees of freedom, scale and covariance.
 static bool finish(kn_fit *fit, double sum)
 {
     int count = 0;
@@ -258,7 +262,7 @@ double kn_fit_sum(const kn_fit *fit, const double value[KN_FIT_UNKNOWNS])
     return sum;
 }
 
-// ---- intervals
+// ---- intervals of the unknowns
 
 double kn_fit_held(const kn_fit *fit, int unknown, double value)
 {
@@ -269,20 +273,20 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
     return isfinite(sum) ? sum : NAN;
 }
 
-// One side of a profile interval of one unknown. For each value of this unknown, a search fits the other unknowns. The
-// search starts from the fit at the nearest value inside the interval. A start from outside might lie where the
-// residuals have no gradient, and the search would stay there.
+// The search for one end of a profile interval of one unknown. At each value of this unknown, the other unknowns are
+// fitted. Each of these fits starts from the fit at the nearest value inside the interval. A start from outside might
+// lie where the residuals have no gradient, and the search would stay there.
 typedef struct side {
-    kn_fit fit; // copy of the fit, in which the profiled unknown is fixed; its sum and its scale stay those of the best
+    kn_fit fit; // copy of the fit in which the unknown is fixed; its sum and scale stay those of the best fit
     int unknown;
-    // best: best value of the profiled unknown, as a logarithm unless linear; t: rise of S at the end of the interval,
-    // in standard deviations
+    // best: best value of the unknown, as a logarithm unless the unknown is linear; t: rise of the sum of squares S at
+    // the end of the interval, in standard deviations
     double best, t;
-    double within[KN_FIT_UNKNOWNS]; // values of all unknowns in the fit inside the interval that is nearest to its end
+    double within[KN_FIT_UNKNOWNS]; // values of all unknowns in the outermost fit that is still inside the interval
 } side;
 
-// Return by how many standard deviations S has risen if the unknown has the value `in`, which is a logarithm unless the
-// unknown is linear.
+// Return by how many standard deviations the sum of squares S has risen if the unknown has the value `in`. `in` is a
+// logarithm unless the unknown is linear.
 static double risen(side *p, double in)
 {
     kn_fit_unknown *u = &p->fit.unknown[p->unknown];
@@ -294,8 +298,8 @@ static double risen(side *p, double in)
     return z;
 }
 
-// Find the value at which the rise of S reaches t, between the value `a` inside the interval and the value `b` outside.
-// The method is the Illinois variant of regula falsi.
+// Find the value at which the rise of the sum of squares reaches t. The value lies between `a`, inside the interval,
+// and `b`, outside. The method is the Illinois variant of regula falsi.
 static double reach(side *p, double a, double za, double b, double zb)
 {
     const double t = p->t;
@@ -313,14 +317,14 @@ static double reach(side *p, double a, double za, double b, double zb)
     return b;
 }
 
-// Step from the best value towards one bound, with doubling steps, until the rise of S reaches t. Set *open if the rise
-// does not reach t before the bound.
+// Step from the best value towards one bound, with doubling steps, until the rise of the sum of squares reaches t. Set
+// *open if the rise does not reach t before the bound.
 static double walk(const kn_fit *fit, int unknown, double t, double toward, bool *open)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
     side p = {.fit = *fit, .unknown = unknown, .t = t};
     double from = p.best = inwards(u), end = toward > 0 ? highest(u) : lowest(u), z = 0;
-    // The first step is the half width of the interval by curvature, if the curvature is known.
+    // The first step is half the width of the interval by curvature, if the curvature is known.
     double guess = t * fit->scale * sqrt(fit->covariance[unknown][unknown]), span = u->linear ? u->high - u->low : 1;
     double step = isfinite(guess) && guess > 1e-9 * span ? fmin(guess, span / 2) : 0.02 * span;
     kn_fit_values(fit, p.within);
@@ -337,7 +341,8 @@ static double walk(const kn_fit *fit, int unknown, double t, double toward, bool
     return end;
 }
 
-// Return the interval by curvature, in the search's variable. It ends at the bounds.
+// Return the interval by curvature. Its ends are values of the search's variable (a logarithm unless the unknown is
+// linear), limited to the bounds.
 static kn_fit_interval by_curvature(const kn_fit *fit, int unknown, double t)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
@@ -376,7 +381,7 @@ kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confid
     return near || u->fixed ? out : kn_fit_interval_by(fit, unknown, confidence, KN_FIT_PROFILE);
 }
 
-// ---- a straight line
+// ---- a straight line through readings
 
 double kn_line_slope(int count, const double *t, const double *x, const double *weight, double *mean_t, double *mean_x)
 {
@@ -418,12 +423,13 @@ double kn_fit_runs(int readings, const double *residual)
 
 double kn_fit_aicc(int readings, int unknowns, double sum)
 {
-    double n = readings, p = unknowns + 1; // the scale of the residuals counts as one more unknown
+    // the scale of the residuals counts as one more unknown, besides the unknowns of the model
+    double n = readings, p = unknowns + 1;
     if (n - p - 1 <= 0) return INFINITY;
     return n * log(sum / n) + 2 * p + 2 * p * (p + 1) / (n - p - 1);
 }
 
-// Return the quantile of the normal distribution by Newton's method on erf.
+// Return the quantile of the normal distribution, by Newton's method on the error function erf.
 static double normal_quantile(double confidence)
 {
     double z = 2;
@@ -431,7 +437,7 @@ static double normal_quantile(double confidence)
     return z;
 }
 
-// Return the share of Student's distribution between -t and t, by Simpson's rule.
+// Return the probability between -t and t in Student's distribution, by Simpson's rule.
 static double student_share(double t, double nu)
 {
     enum { PARTS = 400 };
@@ -445,7 +451,7 @@ double kn_fit_student(double confidence, double freedom)
 {
     double z = normal_quantile(confidence);
     if (freedom > 1e4) return z;
-    // Bracket the quantile, then bisect.
+    // Enclose the quantile between `low` and `high`, then bisect.
     double low = z, high = z;
     while (student_share(high, freedom) < confidence) high *= 2;
     for (int i = 0; i < 60; i++) {

@@ -29,20 +29,20 @@
 #define KN_FIT_UNKNOWNS 70
 
 typedef struct kn_fit_unknown {
-    const char *name, *unit; // for the caller; may be NULL
+    const char *name, *unit; // name and unit for messages of the caller; may be NULL
     double value;            // in: start of the search; out: best value
     double low, high;        // bounds of the value; `low` must be > 0 unless `linear` is true
     bool linear;             // the search uses the value itself, not its logarithm
     bool fixed;              // the search keeps this unknown at `value`
-    bool at_bound;           // out: the best value lies on a bound, since S would fall beyond the bound
+    bool at_bound;           // out: the best value lies on a bound, and the sum of squares would decrease beyond it
 } kn_fit_unknown;
 
 typedef struct kn_fit {
     int unknowns;
     kn_fit_unknown unknown[KN_FIT_UNKNOWNS];
     int readings; // n, the number of readings; must exceed the number of unknowns
-    // Callback: compute residual[readings] for the values of the unknowns, which are all within their bounds. Return
-    // false if the model has no solution for these values.
+    // Callback: compute residual[readings] for the given values of the unknowns, which are all within their bounds.
+    // Return false if the model has no solution for these values.
     bool (*misfit)(void *of, const double value[KN_FIT_UNKNOWNS], double *residual);
     void *of; // passed to misfit
     // The following fields are set by kn_fit_run.
@@ -52,11 +52,12 @@ typedef struct kn_fit {
     // C = (J'J)^-1, the covariance of the searched variables (logarithms, unless linear) divided by s^2; the row of a
     // fixed unknown is 0
     double covariance[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
-    bool singular; // J'J has no inverse: some combination of unknowns does not change the residuals
+    // J'J has no inverse (J: Jacobian), since some combination of unknowns does not change the residuals
+    bool singular;
 } kn_fit;
 
-// Search from the unknowns' values for the best values nearby. Return false if memory runs out, or if the model has no
-// solution at the start.
+// Search for the best values near the present values of the unknowns. Return false if memory runs out, or if the model
+// has no solution at the start.
 bool kn_fit_run(kn_fit *fit);
 
 // Run the fit from several starts and keep the best result. Each start holds the values of all unknowns. Return false
@@ -66,29 +67,30 @@ bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNO
 void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS]); // copy the values of all unknowns
 
 double kn_fit_sum(const kn_fit *fit,
-                  const double value[KN_FIT_UNKNOWNS]); // S at `value`; NAN: the model has no solution
+                  // return the sum of squares S at `value`; NAN: the model has no solution
+                  const double value[KN_FIT_UNKNOWNS]);
 
 typedef enum kn_fit_how { KN_FIT_CURVATURE, KN_FIT_PROFILE } kn_fit_how;
 
 typedef struct kn_fit_interval {
     kn_fit_how how;
     double low, high; // ends of the interval of the unknown's value, not of its logarithm
-    // whether the data leave the unknown without a lower or upper limit; `low` or `high` is then the bound of the
+    // whether the data give the unknown no lower limit, and no upper limit; `low` or `high` is then the bound of the
     // search
     bool open_low, open_high;
 } kn_fit_interval;
 
-// Return the interval of an unknown at a confidence such as 0.95. The method is "curvature" if the resulting interval
-// lies within 5 % of the best value, else "profile". kn_fit_interval_by uses the given method.
+// Return the interval of an unknown at a confidence such as 0.95. The method is "curvature" if all of the resulting
+// interval lies within 5 % of the best value, or else "profile". kn_fit_interval_by uses the given method.
 kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confidence);
 kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confidence, kn_fit_how how);
 
-// Return the least S with one unknown held at `value` and all others free. The search starts from the best values.
-// Return NAN if the model has no solution.
+// Return the least sum of squares S if one unknown is held at `value` and all others are free. The search starts from
+// the best values. Return NAN if the model has no solution.
 double kn_fit_held(const kn_fit *fit, int unknown, double value);
 
-// Fit a straight line x(t) by weighted least squares. Return its slope, or 0 if all times are equal, and set the
-// weighted means, through which the line passes. `weight` NULL: all weights are 1.
+// Fit a straight line x(t) by weighted least squares. Return its slope, or 0 if all times are equal. Set *mean_t and
+// *mean_x to the weighted means, through which the line passes. `weight` NULL: all weights are 1.
 double kn_line_slope(int count, const double *t, const double *x, const double *weight, double *mean_t, double *mean_x);
 
 // Apply Wald and Wolfowitz's runs test to residuals in the order of time. A run is a series of successive residuals of

@@ -1,4 +1,4 @@
-#include "clients/identify/measured_series.h"
+#include "clients/identify/measured_curve_parts.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include <math.h>
@@ -17,7 +17,7 @@ void kn_curve_free(kn_curve *c)
     memset(c, 0, sizeof *c);
 }
 
-// ---- messages
+// ---- messages about a file
 
 void kn_curve_say(const kn_curve_file *f, const char *format, ...)
 {
@@ -54,8 +54,8 @@ int kn_curve_need_height(const kn_curve_file *f)
 {
     if (isfinite(f->height_m)) return KN_EXIT_OK;
     return kn_curve_refuse(f, 0, -1,
-                           "a displacement without the specimen's height, expected a line '# height: 1 cm' or --height "
-                           "'1 cm'");
+                           "a displacement without the specimen's height, "
+                           "expected a line '# height: 1 cm' or --height '1 cm'");
 }
 
 int kn_curve_need_area(const kn_curve_file *f)
@@ -71,9 +71,10 @@ void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, 
     kn_curve_say(f, "initial height %.5g mm, from the %s", 1e3 * height_m, source);
 }
 
-// ---- readings
+// ---- readings of a curve
 
-// Copy `count` items of `size` bytes. An empty copy still gets memory, so that NULL means out of memory.
+// Copy `count` items of `size` bytes. If `count` is 0, memory is allocated all the same, so that NULL always means out
+// of memory.
 static void *copy(const void *from, int count, size_t size)
 {
     void *to = malloc((size_t)(count > 0 ? count : 1) * size);
@@ -81,7 +82,7 @@ static void *copy(const void *from, int count, size_t size)
     return to;
 }
 
-// Fill the arrays of a curve from the table.
+// Fill the arrays of a curve from the given rows and columns of the table.
 static int take_rows(kn_curve_file *f, kn_curve *c, bool shared, const kn_curve_rows *rows)
 {
     kn_table_reader *s = &f->table;
@@ -104,7 +105,7 @@ static int take_rows(kn_curve_file *f, kn_curve *c, bool shared, const kn_curve_
     return ok && c->line && c->weight ? KN_EXIT_OK : short_of_memory(f);
 }
 
-// a series of fewer than FEW successive rows counts as single rows out of place, not as a new table
+// if time falls back for fewer than FEW successive rows, these rows are out of place and no new table begins
 enum { FEW = 3 };
 
 // Return whether the time between row i and the next row is longer than `longer_s`.
@@ -115,9 +116,10 @@ static bool strides(const kn_table_reader *s, const double *t, int i, double lon
     return next < s->rows && t[next] - t[i] > longer_s;
 }
 
-// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. Return 0 if one or two rows are only out of
-// place. In that case one of the first FEW rows continues the old time: it is at most three old steps after `last`, the
-// largest time so far, and the next row follows within ten old steps. Longer steps belong to another table.
+// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. These rows begin a second table, unless one or
+// two of them are only out of place. In the latter case return 0: one of the first FEW rows then continues the old
+// time. Its time is between `last`, the largest time so far, and three old steps later, and the row after it follows
+// within ten old steps.
 static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
 {
     double before = t[at];
@@ -136,15 +138,15 @@ int kn_curve_range_end(const kn_table_reader *s, int time, int begin)
 {
     const double *t = s->column[time].value;
     double first = NAN, last = NAN, step = 0, before = NAN;
-    // number of rows at which time falls; in a disordered file time falls often, and may rise in three successive rows
-    // by chance
+    // number of rows at which time falls; in a disordered file time falls often, and three successive rows may rise by
+    // chance
     int falls = 0;
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
         if (isnan(first)) first = last = before = t[i];
         if (t[i] > last) step = t[i] - last;
-        // A second table begins if time falls back into the first half of its range and then rises for enough rows. If
-        // time fell before, the file may be in disorder, so more rows must rise.
+        // A second table begins here if time falls back into the first half of its range and then rises for enough
+        // rows. If time has fallen before, the file may be in disorder, so more rows must rise.
         if (t[i] < before) {
             if (i - begin >= KN_CURVE_LEAST && i - begin >= 4 * falls && t[i] <= 0.5 * (last + first) &&
                 rows_anew(s, t, i, last, step) >= (falls ? KN_CURVE_LEAST : FEW))
@@ -169,8 +171,8 @@ static int check_enough(const kn_curve_file *f, const kn_curve *c, const char *n
     return kn_curve_refuse(f, c->line[0], -1, "%s is %g in all readings, expected one that changes", name, c->value[0]);
 }
 
-// If a number that was computed from cells is out of range, print an error and return an exit code. The table has
-// already checked the numbers in the cells themselves.
+// Check the numbers that were computed from cells, such as a strain. If a number is too large, print an error and
+// return an exit code. The table has already checked the numbers in the cells themselves.
 static int check_sane(const kn_curve_file *f, const kn_curve *c)
 {
     const double *const all[] = {c->time_s, c->value, c->other, c->load};
@@ -203,7 +205,8 @@ int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name)
 
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
 {
-    // The signs are changed only if the sum of the negative values is twenty times the sum of the positive values.
+    // Change the signs only if the sum of the negative values is more than twenty times the sum of the positive values,
+    // in magnitude.
     double below = 0, above = 0;
     for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
     if (!(below > 20 * above)) return;
@@ -224,17 +227,17 @@ double kn_curve_begin(const kn_curve_file *f, const kn_curve *c)
 {
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = c->time_s[0], span = c->time_s[c->count - 1] - first;
-    if (first <= span) return 0; // readings may also begin before the load
+    if (first <= span) return 0; // the load came at time 0, before or after the first reading
     kn_curve_say(f,
-                 "time does not begin near 0: it is counted from the first reading, %.6g s; a line '# begin: TIME' "
-                 "sets another begin",
+                 "time does not begin near 0: it is counted from the first reading, %.6g s; "
+                 "a line '# begin: TIME' sets another begin",
                  first);
     return first;
 }
 
-// ---- curves
+// ---- curves: name, arrays, noise
 
-// Name the curve after its file without folder and ending, and after the part of the file.
+// Name the curve after its file (without folder and ending) and after `part`, its part of the file.
 static void name_curve(kn_curve *c, const char *file, const char *part)
 {
     const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file, *dot = strrchr(base, '.');
@@ -263,7 +266,7 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *ch
     // The noise of single readings is estimated before thinning.
     kn_curve_take_noise(c);
     if (!kn_curve_thin(c, KN_CURVE_READINGS, changes, change_s)) return short_of_memory(f);
-    free(c->load); // the load has become the steps of the curve
+    free(c->load); // the load is now stored as the load steps of the curve
     c->load = NULL;
     if (c->count < before)
         kn_curve_say(f, "%s: %d readings thinned to %d means, denser after a change of load", c->name, before,
@@ -273,7 +276,7 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *ch
 
 // ---- relaxation: the stress of a specimen that is held at a strain
 
-typedef struct relax_columns { // indices of columns of the table; -1: the table has no such column
+typedef struct relax_columns { // indices of columns of the table; -1: the table lacks the column
     int time, value, strain;
     kn_column_quantity what, strain_is;
 } relax_columns;
@@ -295,7 +298,7 @@ static int choose_relax(kn_curve_file *f, relax_columns *c)
     return kn_curve_refuse(f, 0, -1, "no column of stress, load or modulus, expected one, e.g. 'stress_kPa'");
 }
 
-// Compute the strain from displacement or height. Without a note, the first height is the initial one.
+// Compute the strain from displacement or height. If no note or option gives the initial height, use the first height.
 static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
     if (what == KN_DISPLACEMENT && kn_curve_need_height(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
@@ -333,7 +336,7 @@ static double ramp_end(const kn_curve *c, int reached)
     return reached - middle < 3 || !(slope > 0) ? c->time_s[reached] : t + (c->strain - c->other[middle]) / slope;
 }
 
-// Keep the readings from the last one without strain to the end of the hold.
+// Keep the readings from the last one without strain up to the end of the hold.
 static int keep_hold(kn_curve_file *f, kn_curve *c)
 {
     c->strain = held(c);
@@ -354,8 +357,8 @@ static int keep_hold(kn_curve_file *f, kn_curve *c)
     return KN_EXIT_OK;
 }
 
-// Return the time at which the hold begins if the file has no column of strain: the time of the largest stress, if the
-// stress rises up to that reading.
+// Return the time at which the hold begins, for a file without a column of strain. If the stress rises at first, this
+// is the time of the largest stress, or else the result of kn_curve_begin.
 static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
 {
     int peak = 0;
@@ -372,13 +375,12 @@ static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
 
 static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_is)
 {
-    // The file has a column of strain: find the hold in it.
+    // If the file has a column of strain, find the hold in it.
     if (c->other) {
         int code = to_strain(f, c, strain_is);
         return code == KN_EXIT_OK ? keep_hold(f, c) : code;
     }
-    // The file has no column of strain, so the strain comes from a note or option, and the hold begins at the largest
-    // stress.
+    // Without a column of strain, the strain comes from a note or an option, and the hold begins at the largest stress.
     if (isfinite(f->strain)) c->strain = f->strain;
     if (c->strain >= 1)
         return kn_complain(f->table.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
@@ -391,7 +393,7 @@ static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_
     return KN_EXIT_OK;
 }
 
-// Compute the stress from load or modulus. The section grows with the strain unless it is constant.
+// Compute the stress from load or modulus. The section grows with the strain, unless c->constant_area is true.
 static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
     if (what == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
@@ -401,7 +403,7 @@ static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
                                "10 %%' or '# section: constant', --strain or --constant-area");
     for (int i = 0; i < c->count; i++) {
         const double strain = c->other ? c->other[i] : c->strain;
-        // Compute the stress: a load is divided by the current area, a modulus is multiplied by the strain.
+        // Divide a load by the current area. Multiply a modulus by the strain.
         if (what == KN_LOAD) c->value[i] *= (c->constant_area ? 1 : 1 - strain) / f->area_m2;
         else if (what == KN_MODULUS && c->strain > 0) c->value[i] *= strain;
     }
@@ -443,7 +445,7 @@ static int load_relax(kn_curve_file *f)
 
 // ---- sweeps: storage and loss modulus over frequency
 
-// Indices of columns of the table; -1: the table has no such column. `modulus`, `tangent` and `phase` are searched only
+// Indices of columns of the table; -1: the table lacks the column. `modulus`, `tangent` and `phase` are searched only
 // if the table lacks G' or G''.
 typedef struct sweep_columns {
     int frequency, storage, loss, modulus, tangent, phase;
@@ -467,12 +469,12 @@ static int choose_sweep(kn_curve_file *f, sweep_columns *c)
         return kn_curve_refuse(f, 0, -1, "no frequency, expected a column like 'frequency_hz' or 'omega [rad/s]'");
     if (is_whole(c) || ((c->storage >= 0 || c->modulus >= 0) && (c->tangent >= 0 || c->phase >= 0))) return KN_EXIT_OK;
     return kn_curve_refuse(f, 0, -1,
-                           "no storage and loss modulus, expected two columns like G' [Pa] and G'' [Pa], or |G*| and "
-                           "tan delta or phase angle");
+                           "no storage and loss modulus, expected two columns: "
+                           "G' [Pa] and G'' [Pa], or |G*| [Pa] and tan delta or phase angle");
 }
 
-// Check that the phase angle is between 0 and 90 degrees. Beyond a right angle, cosine and tangent change their signs,
-// so a later complaint would name negative moduli, which are not in the file.
+// Check that the phase angle is between 0 and 90 degrees. Beyond 90 degrees the computed moduli would be negative, and
+// a later error would name moduli that are not in the file.
 static int check_phase(kn_curve_file *f, const kn_curve *c)
 {
     const double right = acos(-1.0) / 2;
@@ -512,7 +514,7 @@ static int load_sweep(kn_curve_file *f)
     kn_curve *c = NULL;
     int code = choose_sweep(f, &cols);
     if (code != KN_EXIT_OK) return code;
-    // Read G' or |G*| first, and G'', tan delta or the phase angle second.
+    // The first column holds G' or |G*|. The second column holds G'', tan delta or the phase angle.
     const int first = cols.storage >= 0 ? cols.storage : cols.modulus;
     const int second = is_whole(&cols) ? cols.loss : cols.tangent >= 0 ? cols.tangent : cols.phase;
     code = kn_curve_read(f, 3, (int[]){cols.frequency, first, second});
@@ -527,7 +529,7 @@ static int load_sweep(kn_curve_file *f)
     return kn_curve_finish(f, c, 0, NULL);
 }
 
-// ---- one file
+// ---- loading one file
 
 static int bad_note(const kn_curve_file *f, const char *key)
 {
@@ -538,7 +540,7 @@ static int bad_note(const kn_curve_file *f, const char *key)
                                     key, s->note[n].value);
 }
 
-// Read the notes. The notes of a file override the options, which apply to all files.
+// Read the notes. A note of the file overrides the option of that name, which applies to all files.
 static int take_notes(kn_curve_file *f)
 {
     const kn_curve_options *o = f->opt;
@@ -550,7 +552,7 @@ static int take_notes(kn_curve_file *f)
                  {"release", "s", &f->release_s, o->release_s}, {"strain", "1", &f->strain, o->strain}};
     int code = KN_EXIT_OK;
     for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
-        // A note overrides the option. A value must be from 1e-15 to 1e15.
+        // Take the value of the note, or else of the option. A note's value must be from 1e-15 to 1e15.
         *notes[i].value = NAN;
         code = kn_table_reader_note(&f->table, notes[i].key, notes[i].unit, notes[i].value);
         const double value = *notes[i].value;
@@ -560,13 +562,13 @@ static int take_notes(kn_curve_file *f)
     f->begin_s = NAN;
     if (code == KN_EXIT_OK) code = kn_table_reader_note(&f->table, "begin", "s", &f->begin_s);
     f->constant_area = o->constant_area;
-    // The note "section: constant" works like --constant-area.
+    // The note "section: constant" means the same as the option --constant-area.
     for (int n = 0; n < f->table.notes; n++)
         f->constant_area |= !strcmp(f->table.note[n].key, "section") && !strcmp(f->table.note[n].value, "constant");
     return code;
 }
 
-// Notes may be above or below the table, so they are read after all rows.
+// Read the rows, then the notes, since notes may be above or below the table.
 int kn_curve_read(kn_curve_file *f, int count, const int wanted[])
 {
     int code = kn_table_reader_read(&f->table, count, wanted);
@@ -579,7 +581,7 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, load_relax, load_sweep};
     kn_curve_file *f = malloc(sizeof *f);
     if (!f) return kn_complain(options->subcommand, KN_EXIT_DEVICE, "%s: out of memory", file);
-    // Open the table and let the loader of this kind read it.
+    // Open the table and let the loader for this kind of curve read it.
     *f = (kn_curve_file){.opt = options, .kind = kind, .curve = curve, .count = count};
     const int before = *count;
     int code = kn_table_reader_open(&f->table, file, options->units, options->subcommand);

@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
 #define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
-// Measured curves from CSV files of rheometers, texture analysers and spreadsheets (table_reader.h reads the text). The values
-// are converted to SI, sorted by time, and thinned to as many readings as a fit needs. Every change to the readings is
-// printed on stdout.
+// Measured curves from CSV files of rheometers, texture analysers and spreadsheets. table_reader.h reads the text. The
+// values are converted to SI, sorted by time, and thinned to as many readings as a fit needs. Every change to the
+// readings is printed on stdout.
 //
 //     creep   Columns: time, and one of strain, displacement, height or compliance. The load is either a column of load
 //             or stress, whose changes are the load steps, or it is given by the notes or options. A file may have
@@ -44,9 +44,10 @@ typedef enum kn_curve_kind {
 typedef struct kn_curve_step { // a load that acts from time_s until the next step
     double time_s;
     double stress_pa; // nominal stress W/S0: load W over initial area S0 [Pa]
-    // The load was applied between the readings at early_s and late_s. Two straight lines are drawn, through the
-    // strains before and through the strains after the change of load. time_s is where both lines meet. If noise hides
-    // the corner, time_s is the middle between early_s and late_s. If the time is known exactly, all three are equal.
+    // The load was applied between the readings at early_s and late_s. Two straight lines are drawn: through the
+    // strains before the change of load and through the strains after it. time_s is where both lines meet. If noise
+    // hides the corner, time_s is the middle between early_s and late_s. If the time is known exactly, early_s, late_s
+    // and time_s are equal.
     double early_s, late_s;
 } kn_curve_step;
 
@@ -71,7 +72,7 @@ typedef struct kn_curve {
     // the next fields are for creep curves only
     int steps;                          // number of load steps
     kn_curve_step step[KN_CURVE_STEPS]; // load steps; step[0] is at time 0; a stress of 0 Pa means no load
-    bool constant_area;                 // stress is taken as the nominal stress, not as nominal stress x (1 - strain)
+    bool constant_area;                 // true: the stress is the nominal stress W/S0; false: it is W/S0 (1 - strain)
     double height_m, area_m2;           // size of the specimen; 0: unknown, since the file gives strain and stress
     // the next fields are for relaxation curves only
     double strain;  // the strain that is held; 0: the strain is unknown, and value[] holds a modulus
@@ -87,7 +88,7 @@ typedef struct kn_curve_options {
     double strain; // relax: the strain that is held during the relaxation
     bool constant_area;
     const char *units;      // units of columns whose names have no unit, such as "time=s,modulus=Pa"; NULL: not given
-    const char *subcommand; // "identify creep"; named in error messages
+    const char *subcommand; // name of the subcommand in error messages, such as "identify creep"
 } kn_curve_options;
 
 // Append the curves of a file to curve[] and increase *count. A file with several columns headed by their loads has one
@@ -107,9 +108,9 @@ double kn_curve_noise(int count, const double *time_s, const double *value);
 double kn_curve_largest(const kn_curve *curve); // return the largest entry of value[], or 0 if all are negative
 
 // Find the time at which a load was applied from the strain that it causes. Under a constant load the strain rises ever
-// more slowly. The straight line through its first readings therefore meets the initial level at the time of the load
-// or before, never later. This holds for any material, with or without flat readings before the load. The result is
-// thus a lower limit of the time of the load.
+// more slowly. The straight line through the first readings under load therefore meets the initial level of the strain
+// at the time of the load or before, never later. This holds for any material, with or without flat readings before the
+// load. The meeting time is thus a lower limit of the time of the load.
 //
 // Return the time at which the straight line through the first rising strains meets the initial level of the strain.
 // The initial level is the mean of the first three readings if these are flat, or else 0. Set *least_s to the earliest

@@ -1,10 +1,10 @@
-#include "clients/identify/measured_series.h"
+#include "clients/identify/measured_curve_parts.h"
 #include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { ARRAYS = 5 }; // arrays of doubles of a curve
+enum { ARRAYS = 5 }; // number of arrays of doubles in a kn_curve
 
 static double *array_of(const kn_curve *c, int i)
 {
@@ -50,9 +50,9 @@ static int by_time(const void *a, const void *b)
     return (p->index > q->index) - (p->index < q->index);
 }
 
-// Return the length of the longest series of readings that are in order already. The other readings are the ones out of
-// place. If one of four hundred readings was moved to the end, one reading is out of place, not all the readings after
-// its proper place. `last` is scratch for `count` numbers.
+// Return the length of the longest series of readings that are in order already. The other readings are out of place.
+// For example, a reading that was moved to the end counts as one reading out of place, although all readings after its
+// proper place have moved up. `last` is scratch for `count` numbers.
 static int longest_in_order(const place *order, int count, int *last)
 {
     int longest = 0;
@@ -63,7 +63,7 @@ static int longest_in_order(const place *order, int count, int *last)
             if (last[middle] < order[i].index) low = middle + 1;
             else high = middle;
         }
-        last[low] = order[i].index; // last[i]: the smallest last index of all ordered series of length i + 1
+        last[low] = order[i].index; // last[i]: smallest index at which an ordered series of i + 1 readings can end
         longest += low == longest;
     }
     return longest;
@@ -80,7 +80,7 @@ int kn_curve_sort(kn_curve *c)
     if (order && room) {
         for (int i = 0; i < c->count; i++) order[i] = (place){c->time_s[i], i};
         qsort(order, (size_t)c->count, sizeof *order, by_time);
-        // The scratch memory for doubles is also used for line numbers.
+        // The memory for doubles also serves as scratch for indices and line numbers.
         moved = c->count - longest_in_order(order, c->count, (int *)room);
         for (int k = 0; k < ARRAYS; k++) {
             double *values = array_of(c, k);
@@ -96,7 +96,8 @@ int kn_curve_sort(kn_curve *c)
     return moved;
 }
 
-// Replace readings from..end-1 by one mean at `to`. Return the variance of their times.
+// Replace the readings from..end-1 by their mean, which is stored at the index `to`. Return the variance of the times
+// of these readings.
 static double average(kn_curve *c, int to, int from, int end)
 {
     double n = 0, time = 0, square = 0, value = 0, other = 0;
@@ -129,7 +130,8 @@ static double range(const kn_curve *c)
     return high - low;
 }
 
-// Return whether reading i has the time and load of the one before and no jump between them.
+// Return whether reading i has the time and the load of the reading before it, and the two values differ by at most
+// `jump`.
 static bool is_twin(const kn_curve *c, int i, double jump)
 {
     return c->time_s[i - 1] == c->time_s[i] && (!c->load || c->load[i - 1] == c->load[i]) &&
@@ -149,14 +151,15 @@ int kn_curve_merge(kn_curve *c)
     return out;
 }
 
-// ---- thinning
+// ---- thinning the readings
 
-typedef struct piece { // readings between two changes of load
+typedef struct piece { // readings between two successive changes of load
     int begin, end;
     double from_s;
 } piece;
 
-// Return the first of begin..end-1 that is not before time_s, by bisection.
+// Return the index of the first reading in begin..end-1 whose time is at least time_s, or `end` if there is none. The
+// method is bisection.
 static int first_from(const kn_curve *c, int begin, int end, double time_s)
 {
     while (begin < end) {
@@ -167,14 +170,15 @@ static int first_from(const kn_curve *c, int begin, int end, double time_s)
     return begin;
 }
 
-// Return the end of the group that begins at `begin`: times since the change grow by less than the factor.
+// Return the end of the group of readings that begins at `begin`. Within a group, the times since the last change of
+// load differ by less than `factor`.
 static int group_end(const kn_curve *c, const piece *p, int begin, double factor)
 {
     int end = first_from(c, begin, p->end, p->from_s + factor * (c->time_s[begin] - p->from_s));
     return end > begin ? end : begin + 1;
 }
 
-// Count the groups of a piece. Stop counting above `enough`.
+// Count the groups of a piece. Stop counting when there are more than `enough`.
 static int groups(const kn_curve *c, const piece *p, double factor, int enough)
 {
     int n = 0;
@@ -182,7 +186,8 @@ static int groups(const kn_curve *c, const piece *p, double factor, int enough)
     return n;
 }
 
-// Find the smallest factor that leaves at most `most` groups, by bisection of its logarithm.
+// Find the smallest factor for which the piece has at most `most` groups. The logarithm of the factor is found by
+// bisection.
 static double choose_factor(const kn_curve *c, const piece *p, int most)
 {
     double low = 0, high = log(2);
@@ -195,9 +200,9 @@ static double choose_factor(const kn_curve *c, const piece *p, int most)
     return exp(high);
 }
 
-// Correct the means for curvature. The mean of a bent curve differs from its value at the mean time by half the
-// curvature times the variance of the times. The error is small beside the noise of one reading, but not beside that of
-// the mean of ten thousand.
+// Correct the means for curvature. On a bent curve, a mean of readings differs from the value at their mean time by
+// half the curvature times the variance of the times. This error is small compared with the noise of one reading, but
+// not compared with the noise of a mean of ten thousand readings.
 static void straighten(kn_curve *c, int begin, int end, const double *variance)
 {
     double before = c->value[begin], bend = 0;
@@ -208,11 +213,11 @@ static void straighten(kn_curve *c, int begin, int end, const double *variance)
         c->value[i] -= 0.5 * bend * variance[i];
         before = here;
     }
-    // the last mean has a neighbour on one side only, so the curvature at the previous mean is used
+    // the last mean has a neighbour on one side only, so use the curvature at the mean before it
     c->value[end - 1] -= 0.5 * bend * variance[end - 1];
 }
 
-// Thin one piece into the readings from `to` on. Return the end of the new readings.
+// Thin one piece, and store the means from the index `to` on. Return the index after the last mean.
 static int thin_piece(kn_curve *c, const piece *p, int most, int to, double *variance)
 {
     const int begin = to;
@@ -231,7 +236,8 @@ bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s)
     double *variance = malloc((size_t)c->count * sizeof *variance);
     if (!variance) return false;
     int to = 0, pieces = 1;
-    // Changes outside the time of the readings do not begin a piece. Each piece gets an equal share of `most`.
+    // A change of load before the first reading or after the last one begins no piece. Each piece gets an equal share
+    // of `most`.
     for (int i = 0; i < changes; i++) pieces += change_s[i] > c->time_s[0] && change_s[i] <= c->time_s[c->count - 1];
     piece p = {.from_s = c->time_s[0]};
     for (int i = 0; i <= changes; i++) {
@@ -245,7 +251,7 @@ bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s)
     return true;
 }
 
-// ---- noise
+// ---- noise of the readings
 
 // largest number of triples of neighbouring readings from which the noise is estimated; so many triples suffice for a
 // file of ten million readings, and are sorted quickly
@@ -276,8 +282,9 @@ static double gauge(int count, const double *value)
 
 static double share(const double *weight, int i) { return weight ? 1 / weight[i] : 1; }
 
-// Return the distance of the middle value from the line through its two neighbours. Independent noise of variance 1
-// gives this distance the variance 1 + a^2 + b^2, so the distance is divided by its root.
+// Return the distance of the middle value from the line through its two neighbours, scaled to the noise of one reading.
+// If each value has independent noise of variance 1, the distance has the variance 1 + a^2 + b^2, where a and b are the
+// shares of the neighbours in the line. The distance is divided by the root of this variance.
 static double bend(const double *t, const double *y, const double *weight)
 {
     const double span = t[2] - t[0];
@@ -302,7 +309,8 @@ static double noise_of(int count, const double *time_s, const double *value, con
         pairs++;
         if (isfinite(size)) sizes[n++] = size;
     }
-    // A coarse gauge repeats its readings. The noise of such readings is the standard deviation of rounding.
+    // Under a coarse gauge, neighbouring readings are often equal. The noise is then the standard deviation of rounding
+    // to the steps of the gauge.
     if (2 * same > pairs) {
         noise = gauge(count, value) / sqrt(12);
     } else if (n > 0) {
@@ -318,7 +326,7 @@ double kn_curve_noise(int count, const double *time_s, const double *value)
     return noise_of(count, time_s, value, NULL);
 }
 
-// Return the noise of the logarithms of both moduli together.
+// Return the noise of a sweep: the root mean square of the noise of ln G' and the noise of ln G''.
 static double noise_of_sweep(const kn_curve *c)
 {
     double *log_hz = malloc(3 * (size_t)c->count * sizeof *log_hz);

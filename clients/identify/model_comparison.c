@@ -10,17 +10,18 @@
 enum { EARLY, LATE };
 
 #define RUNS 3.0 // limit of kn_fit_runs, in standard deviations; residuals above the limit are not noise
-// Models whose AICc differs from the best by at most this much count as equally supported (Burnham and Anderson, Model
-// selection, 2.6)
+// A model counts as equally supported if its AICc is at most this much above the least AICc (Burnham and Anderson,
+// Model selection, 2.6)
 #define NEAR_AICC 2
-// NEAR_HELD: models whose late error is at most this many times the least one count as equally good. BELOW: the late
-// stresses count as lower if their least is below this share of the least early stress.
+// NEAR_HELD: a model counts as equally good on the late part if its error there is at most this many times the least
+// error. BELOW: the late stresses count as lower than the early ones if the least late stress is below this share of
+// the least early stress.
 #define NEAR_HELD 1.1
 #define BELOW 0.98
 
 // ---- early and late readings
 
-// Allocate both parts of a curve, in one block of memory.
+// Allocate the arrays of both parts of a curve, in one block of memory.
 static bool room(kn_compared_curve *c, int count)
 {
     double *block = calloc(4 * (size_t)count + 1, sizeof *block);
@@ -38,7 +39,8 @@ static void put(kn_compared_curve *c, int part, double time_s, double value)
     c->largest = fmax(c->largest, fabs(value));
 }
 
-// Take the bins of a relaxation. Time counts from the end of the rise, if the strain has one.
+// Take the means of a relaxation over bins of time. Time counts from the end of the rise of the strain, if the curve
+// has a rise.
 static bool take_relax(kn_compared_curve *c, double cut_option_s, double *cut_s)
 {
     kn_time_bins b;
@@ -52,14 +54,15 @@ static bool take_relax(kn_compared_curve *c, double cut_option_s, double *cut_s)
     if (!kn_time_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
-    // Early is up to a tenth of the time if two decades were measured, else up to half of it.
+    // Without a given cut, the early part ends at a tenth of the last time if the readings span two decades of time, or
+    // else at half of the last time.
     *cut_s = cut_option_s > 0 ? cut_option_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
     for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
     kn_time_bins_free(&b);
     return ok;
 }
 
-// Take the readings of a creep curve. Every load has an early half and a late half.
+// Take the readings of a creep curve. Each span between two changes of load has an early half and a late half.
 static bool take_creep(kn_compared_curve *c, double cut_option_s, double *cut_s)
 {
     const kn_curve *curve = c->curve;
@@ -69,12 +72,13 @@ static bool take_creep(kn_compared_curve *c, double cut_option_s, double *cut_s)
         while (k + 1 < curve->steps && curve->time_s[i] > curve->step[k + 1].time_s) k++;
         const double from = curve->step[k].time_s;
         const double until = k + 1 < curve->steps ? fmin(curve->step[k + 1].time_s, end) : end;
-        // Find the load of this reading. The reading is early if its time since the change of load is below the cut.
+        // Find the load of this reading. The reading is early if its time since the last change of load is at most the
+        // cut.
         const double cut = cut_option_s > 0 ? cut_option_s : (until - from) / 2;
         if (k == 0) *cut_s = cut;
         put(c, curve->time_s[i] - from <= cut ? EARLY : LATE, curve->time_s[i], curve->value[i]);
     }
-    // This fails if there are too many changes of load. The two yardsticks then have no solution.
+    // Opening the superposition fails if the load changes too often. The two yardstick models then have no solution.
     kn_superposition_open(&c->superposition, curve);
     return true;
 }
@@ -98,7 +102,7 @@ static bool take(kn_model_comparison *m, int curves, const kn_curve *curve, doub
     return true;
 }
 
-// ---- one fit
+// ---- fitting one model
 
 typedef struct work {
     kn_model_comparison *m;
@@ -106,15 +110,15 @@ typedef struct work {
     double *scratch;
 } work;
 
-// Compute the residuals of one part of all curves. With `scale`, they are in the units of the fit, else shares of the
-// reading or of the curve's largest strain.
+// Compute the residuals of one part (early or late) of all curves. If `scale` is true, the residuals are in the units
+// of the fit. Otherwise they are shares of the reading (relaxation) or of the curve's largest strain (creep).
 static bool residuals(const work *w, const double *value, int part, bool scale, double *residual)
 {
     for (int c = 0, n = 0; c < w->m->curves; c++) {
         kn_compared_curve *curve = &w->m->curve[c];
         const kn_compared_part *p = &curve->part[part];
         const double most = curve->largest;
-        // A creep residual is divided by the noise, or by a small share of the largest strain if that is larger.
+        // A creep residual is divided by the noise, or by a small share of the largest strain if this share is larger.
         const double unit = scale ? fmax(curve->curve->noise, KN_COMPARISON_COARSE * most) : most;
         if (!kn_constitutive_predict(w->model, value, w->m->curve, c, p->count, p->time_s, w->scratch)) return false;
         for (int i = 0; i < p->count; i++, n++) {
@@ -132,7 +136,7 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     return residuals(of, value, EARLY, true, residual);
 }
 
-// Return the error of one part: a mean of shares in relaxation, a root mean square in creep.
+// Return the relative error of one part: the mean absolute error in relaxation, the root mean square error in creep.
 static double error_of(const work *w, const double *value, int part, double *residual)
 {
     const int count = part == EARLY ? w->m->early : w->m->late;
@@ -142,8 +146,8 @@ static double error_of(const work *w, const double *value, int part, double *res
     return w->m->relax ? sum / count : sqrt(sum / count);
 }
 
-// Return whether the data leave the unknown undetermined: it is at a bound, or its standard deviation is at least 1
-// (logarithm) or at least the value itself (linear unknown).
+// Return whether the data leave the unknown undetermined: its best value is at a bound, or its standard deviation is
+// too large. The limit of the standard deviation is 1 for a logarithm, and the value itself for a linear unknown.
 static bool is_loose(const kn_fit *fit, int unknown)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
@@ -172,9 +176,9 @@ static void fit_model(kn_model_comparison *m, const kn_constitutive_model *model
         (kn_model_comparison_row){.model = *model, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
     row->unknowns = fit.unknowns = kn_constitutive_unknowns(model, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
-    // row that was fitted before, which may be the same model with fewer parameters
+    // the last row so far, which may hold this model with fewer parameters
     const kn_model_comparison_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
-    // The search of a model with more parameters may continue from the fit with fewer.
+    // The search of a model with more parameters may start from the fit of the model with fewer parameters.
     const bool follows = last && last->fitted && last->model.kind == model->kind;
     const int starts = kn_constitutive_starts(model, m->curves, m->curve, follows ? last->unknowns : 0,
                                               follows ? last->unknown : NULL, start);
@@ -189,8 +193,8 @@ static void fit_model(kn_model_comparison *m, const kn_constitutive_model *model
     row->held = error_of(&w, value, LATE, residual);
 }
 
-// Fit all models of the experiment in turn. Variants that share a name get one row, which keeps the one with the lower
-// AICc on the early part.
+// Fit all models of the experiment in turn. Variants of a model that share a name get one row. The row keeps the
+// variant with the lower AICc on the early part.
 static bool fit_all(kn_model_comparison *m)
 {
     kn_constitutive_model model[KN_CONSTITUTIVE_MAX];
@@ -211,7 +215,7 @@ static bool fit_all(kn_model_comparison *m)
 bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s, char *error,
                              size_t error_size)
 {
-    // Each message is written to `error` before the check that may fail with it.
+    // Each message is written to `error` before the check to which it belongs.
     *m = (kn_model_comparison){0};
     snprintf(error, error_size, "%d relaxation curves at once, expected at most %d", curves, KN_COMPARISON_HOLDS);
     if (curve->kind == KN_CURVE_RELAX && curves > KN_COMPARISON_HOLDS) return false;
@@ -248,10 +252,11 @@ int kn_model_comparison_best(const kn_model_comparison *m)
     return best;
 }
 
-// Return the error of the late part. Errors below KN_COMPARISON_SAME count as equal.
+// Return the error of the late part. An error below KN_COMPARISON_SAME is raised to this limit, so that all such errors
+// are equal.
 static double held_of(const kn_model_comparison_row *row) { return fmax(row->held, KN_COMPARISON_SAME); }
 
-// Return the row that is best on the later part, or -1. `yardsticks`: whether the yardsticks are included.
+// Return the row with the least error on the late part, or -1. `yardsticks`: whether the yardstick models are included.
 static int best_held(const kn_model_comparison *m, bool yardsticks)
 {
     int best = -1;
@@ -277,7 +282,7 @@ static void append_name(char *text, size_t size, const kn_model_comparison_row *
     append(text, size, "%s%s%s%s", row->model.name, *letters ? " (" : "", letters, *letters ? ")" : "");
 }
 
-// Return whether the row is as good as the best on the early part.
+// Return whether the row describes the early part as well as the best row does.
 static bool describes(const kn_model_comparison *m, int i)
 {
     const kn_model_comparison_row *row = &m->row[i], *best = &m->row[kn_model_comparison_best(m)];
@@ -285,13 +290,13 @@ static bool describes(const kn_model_comparison *m, int i)
     return row->fitted && (both_fine || row->aicc <= best->aicc + NEAR_AICC);
 }
 
-// Return whether the row is as good as the best on both parts.
+// Return whether the row describes both parts as well as the best row of each part does.
 static bool supported(const kn_model_comparison *m, int i)
 {
     return describes(m, i) && held_of(&m->row[i]) <= NEAR_HELD * held_of(&m->row[best_held(m, true)]);
 }
 
-// Append the names of the rows that satisfy the condition. Return their number.
+// Append the names of the rows for which the function `those` returns true. Return the number of these rows.
 static int append_names(const kn_model_comparison *m, bool (*those)(const kn_model_comparison *m, int i), char *text,
                         size_t size)
 {
@@ -304,8 +309,9 @@ static int append_names(const kn_model_comparison *m, bool (*those)(const kn_mod
     return count;
 }
 
-// Return whether the damper models fail only at stresses below all fitted stresses. At such low stresses a damper that
-// depends on the stress may have another value, by a P0 above them. A model that fails only there is thus not excluded.
+// Return whether the models with the papers' damper fail only at stresses below all fitted stresses. A P0 above these
+// low stresses would give the damper another value there. A failure at such stresses therefore does not exclude the
+// papers' damper.
 static bool is_below_all(const kn_model_comparison *m)
 {
     bool any = false;
@@ -316,7 +322,7 @@ static bool is_below_all(const kn_model_comparison *m)
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
 
-// State which rows are as good as the best on both parts. If there are none, state which are best on either part.
+// Name the rows that are as good as the best on both parts. If there are none, name the best rows of either part.
 static void say_support(const kn_model_comparison *m, char *text, size_t size)
 {
     bool any = false;
@@ -324,13 +330,13 @@ static void say_support(const kn_model_comparison *m, char *text, size_t size)
     if (any) {
         append(text, size, "the data support ");
         append_names(m, supported, text, size);
-        append(text, size, ": best on the fitted part (AICc within 2) and on the later part (within 1.1 times)");
+        append(text, size, ": best on the fitted part (AICc within 2) and on the later part (error within 1.1 times)");
         return;
     }
     const int count = append_names(m, describes, text, size);
     append(text, size, " describe%s the fitted part best, ", count > 1 ? "" : "s");
     append_name(text, size, &m->row[best_held(m, true)]);
-    append(text, size, " the later part%s", is_below_all(m) ? "" : ": none does both");
+    append(text, size, " the later part%s", is_below_all(m) ? "" : ": no model does both");
 }
 
 // If a yardstick is best on the later part, also name the best model of springs and dampers.
@@ -340,7 +346,7 @@ static void say_elements(const kn_model_comparison *m, char *text, size_t size)
     if (element < 0 || element == any) return;
     append(text, size, "; a yardstick wins; among springs and dampers, ");
     append_name(text, size, &m->row[element]);
-    append(text, size, " comes nearest, with an error of %.3g %% on the later part, against %.3g %%",
+    append(text, size, " comes nearest, with an error of %.3g %% on the later part, against %.3g %% of the yardstick",
            100 * m->row[element].held, 100 * m->row[any].held);
 }
 
@@ -354,15 +360,15 @@ void kn_model_comparison_verdict(const kn_model_comparison *m, char *text, size_
     }
     say_support(m, text, size);
     say_elements(m, text, size);
-    // Explain that the later stresses are below the fitted ones, if that is the reason of the failure.
+    // If the models fail because the later stresses are below the fitted ones, say so.
     if (is_below_all(m))
-        append(
-            text, size,
-            ". The later stresses, down to %.3g Pa, are below all fitted ones, %.3g Pa and more: the fit has not seen "
-            "the damper there, nor a P0 between them, so this does not rule out thinning; a later --cut shows more",
-            m->late_pa, m->early_pa);
+        append(text, size,
+               ". The later stresses (down to %.3g Pa) are below all fitted stresses (%.3g Pa and more). "
+               "The fit shows neither the damper at such stresses nor a P0 above them. "
+               "So the failure does not rule out a thinning damper; a later --cut shows more",
+               m->late_pa, m->early_pa);
     for (int i = 0; i < m->rows; i++) {
-        // If the residuals of all models have long runs of one sign, no model has the shape of the data.
+        // Runs of one sign in the residuals of all models mean that no model has the shape of the data.
         known |= !isnan(m->row[i].runs);
         noise |= m->row[i].runs <= RUNS || m->row[i].early < KN_COMPARISON_FINE;
     }
@@ -399,18 +405,17 @@ static void print_row(const kn_model_comparison *m, const kn_model_comparison_ro
 void kn_model_comparison_print(const kn_model_comparison *m)
 {
     char text[1000];
-    printf("\nmodels      fitted to %d readings up to %.4g s%s, tested on the %d after that\n", m->early, m->cut_s,
+    printf("\nmodels      fitted to %d readings up to %.4g s%s, tested on the %d later readings\n", m->early, m->cut_s,
            m->relax ? " of the hold" : " of each load", m->late);
     printf("            %s\n", m->relax
                                    ? "errors: mean of |model/measured - 1|; readings are means in 20 bins per decade"
                                    : "errors: root mean square, relative to the curve's largest strain");
     printf("%-42s %2s %9s %9s %9s %5s\n", "", "n", "fitted %", "later %", "AICc", "runs");
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
-    printf("letters: figure 2 of the first paper. n: parameters. AICc: difference from the best model. runs: number of "
-           "sign runs,\n"
-           "in standard deviations below that of noise; above 3 the model has another shape than the data. (?): not "
-           "determined\n"
-           "by the fitted part, at a bound or arbitrary\n");
+    printf(
+        "letters: elements in figure 2 of the first paper. n: number of parameters. AICc: difference from the best.\n"
+        "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+        "above 3, the model has another shape than the data. (?): not determined by the fitted part\n");
     kn_model_comparison_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }

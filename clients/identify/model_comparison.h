@@ -28,19 +28,20 @@
 #define KN_COMPARISON_FINE 1e-4
 #define KN_COMPARISON_SAME 1e-3
 #define KN_COMPARISON_MAX 12
-// largest number of relaxation curves in one comparison; each curve adds an unknown stress to the papers' damper
+// largest number of relaxation curves in one comparison; each curve adds an unknown stress to the models with the
+// papers' damper
 #define KN_COMPARISON_HOLDS 6
 
 typedef struct kn_model_comparison_row {
     kn_constitutive_model model;
     int unknowns;                            // number of unknowns
-    kn_fit_unknown unknown[KN_FIT_UNKNOWNS]; // [unknowns] with the best values
-    // whether the early readings do not determine the unknown: its best value is at a bound, or the standard deviation
-    // of the unknown is too large
+    kn_fit_unknown unknown[KN_FIT_UNKNOWNS]; // [unknowns] the unknowns and their best values
+    // whether the early readings leave the unknown undetermined: its best value is at a bound, or its standard
+    // deviation is too large
     bool loose[KN_FIT_UNKNOWNS];
     bool fitted;
     double early, held; // relative errors of the early part and of the late part
-    double aicc, runs;  // AICc and kn_fit_runs of the early residuals; the curves follow one after the other
+    double aicc, runs;  // AICc of the fit; result of kn_fit_runs for the early residuals of all curves in succession
 } kn_model_comparison_row;
 
 typedef struct kn_model_comparison {
@@ -54,12 +55,12 @@ typedef struct kn_model_comparison {
 } kn_model_comparison;
 
 // Run the comparison. The early part ends at `cut_s`, counted from the time at which the strain was reached
-// (relaxation) or from each change of load (creep); 0: chosen as described at the top of this file. Return false with
-// one sentence in `error` if the early or the late part has too few readings, or if memory runs out. Call
-// kn_model_comparison_free in any case.
+// (relaxation) or from each change of load (creep). If `cut_s` is 0, the end is chosen as described at the top of this
+// file. Return false with one sentence in `error` if the early or the late part has too few readings, or if memory runs
+// out. Call kn_model_comparison_free in any case.
 bool kn_model_comparison_run(kn_model_comparison *m, int curves, const kn_curve *curve, double cut_s, char *error,
                              size_t error_size);
-void kn_model_comparison_free(kn_model_comparison *models); // a zeroed struct is allowed
+void kn_model_comparison_free(kn_model_comparison *models); // the struct may be all zeros
 
 int kn_model_comparison_best(const kn_model_comparison *models); // return the index of the row with the least AICc
 
@@ -67,7 +68,8 @@ int kn_model_comparison_best(const kn_model_comparison *models); // return the i
 void kn_model_comparison_verdict(const kn_model_comparison *models, char *text, size_t size);
 
 void kn_model_comparison_print(const kn_model_comparison *models); // print the table and the verdict
-void kn_model_comparison_tell(const kn_model_comparison *models);  // --json: add the table under the name "models"
+// add the table to the JSON output under the name "models"
+void kn_model_comparison_tell(const kn_model_comparison *models);
 
 // Write a row's parameters to `text` as one line, such as "tau1 12.3 s, k1 4.56 kPa".
 void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text, size_t size);

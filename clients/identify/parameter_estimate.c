@@ -81,7 +81,8 @@ static int may_write(const char *subcommand, const char *path)
                        "%s: exists and was not written by knead identify, expected another name", path);
 }
 
-// The keys of a material in a scene, in their order, and the dampers that have them.
+// The keys of a material in a scene, in the order in which they are written. `dampers` is a bit mask of the kinds of
+// damper that have the key.
 enum {
     EVERY = 15,
     CONSTANT = 1 << KN_DAMPER_CONSTANT,
@@ -102,7 +103,7 @@ static const struct {
             {"p0", "Pa", offsetof(kn_material, p0_pa), THINNING | RAMP},
             {"p1", "Pa", offsetof(kn_material, p1_pa), THINNING | RAMP}};
 
-// Write the interval of one parameter as a comment, or the reason why the parameter is not known.
+// Write the interval of one parameter as a comment. If the data do not determine the parameter, write the reason.
 static void comment(FILE *f, const kn_parameter_estimate *n)
 {
     char said[200];
@@ -124,7 +125,7 @@ static void print_material(FILE *f, const kn_material *m, int count, const kn_pa
         const double *value = (const double *)(const void *)((const char *)m + keys[k].at);
         snprintf(text, sizeof text, "  %s: %.9g %s", keys[k].key, *value, keys[k].unit);
         fprintf(f, "%-32s", text);
-        // The names of the parameters are the papers': P0 where the key is p0.
+        // The papers' names P0 and P1 belong to the keys p0 and p1, so ignore the case.
         for (int i = 0, found = 0; i < count && !found; i++) {
             found = !strcasecmp(number[i].name, keys[k].key);
             if (found) comment(f, &number[i]);
@@ -136,7 +137,8 @@ static void print_material(FILE *f, const kn_material *m, int count, const kn_pa
 int kn_material_file_try(const char *subcommand, const char *path)
 {
     struct stat there;
-    // kn_beside_open refuses these files, too. Check before a link is followed.
+    // kn_beside_open refuses a path that is no regular file, too. The check here comes first, since may_write would
+    // follow a link.
     if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode))
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: is no regular file, expected a file that may be replaced",
                            path);
@@ -159,7 +161,7 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
 {
     char *text = NULL, error[512];
     size_t size = 0;
-    // Parse a scene around the material, so that the limits are those of scenes.
+    // Parse a small scene with this material, so that the limits of a scene apply.
     FILE *f = open_memstream(&text, &size);
     snprintf(why, why_size, "out of memory");
     if (!f) return false;
@@ -169,8 +171,7 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
             DOUGH_KG_M3);
     print_material(f, material, 0, NULL);
     kn_scene *scene = fclose(f) == 0 ? kn_scene_parse("scene", text, size, NULL, 0, error, sizeof error) : NULL;
-    // From the parser's complaint, drop the position in this internal text, and drop the alternative notation at the
-    // end.
+    // From the parser's error, drop the position in this internal text, and the alternative notation at the end.
     if (!scene && size) {
         const char *words = strstr(error, ": ") ? strstr(error, ": ") + 2 : error, *end = strstr(words, " (or ");
         snprintf(why, why_size, "%.*s", end ? (int)(end - words) : (int)strlen(words), words);
@@ -190,7 +191,7 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
     if (code != KN_EXIT_OK) return code;
     if (!kn_material_served(material, why, sizeof why))
         return kn_complain(subcommand, KN_EXIT_FAILED, "--out %s: not written, no scene accepts it: %s", path, why);
-    // Write to a file beside the path and rename it once it is complete.
+    // Write to a temporary file beside the path, and rename it when it is complete.
     if (!kn_beside_open(&out, path, why, sizeof why)) return kn_complain(subcommand, KN_EXIT_DEVICE, "%s", why);
     FILE *f = out.file;
     fprintf(f,

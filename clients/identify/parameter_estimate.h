@@ -1,13 +1,13 @@
 #ifndef KN_CLIENTS_IDENTIFY_PARAMETER_ESTIMATE_H
 #define KN_CLIENTS_IDENTIFY_PARAMETER_ESTIMATE_H
-// An identified parameter: its value and how well the data determine the value. A material of identified parameters is
-// written as a file that a scene loads.
+// An identified parameter: its value, and how well the data determine this value. Identified parameters form a
+// material, which is written as a file that a scene loads.
 #include "clients/identify/least_squares.h"
 #include "core/material.h"
 #include <jansson.h>
 
-// The six parameters of the papers' element, in the order of every array of them. If the damper is constant,
-// KN_ESTIMATE_ALPHA is its damping c2.
+// Indices of the six parameters of the papers' element in all arrays of parameters. If the damper is constant, the
+// entry KN_ESTIMATE_ALPHA holds its damping c2.
 enum {
     KN_ESTIMATE_K1,
     KN_ESTIMATE_C1,
@@ -46,7 +46,7 @@ void kn_parameter_estimate_set(kn_parameter_estimate *number, const char *name, 
 void kn_parameter_estimate_text(const kn_parameter_estimate *number, char *text, size_t size);
 
 void kn_parameter_estimate_tell(
-    json_t *to, const kn_parameter_estimate *number); // --json: add an object under the parameter's name
+    json_t *to, const kn_parameter_estimate *number); // add an object under the parameter's name to the JSON output
 
 #define KN_SOURCE_MAX 300
 // Format the source of a material for a comment, such as "dough.csv and others": the first file's name without its

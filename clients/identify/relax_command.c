@@ -13,49 +13,50 @@
 static const char help[] =
     "usage: knead identify relax FILE... [OPTION]...\n\n"
     "Fit the material of a virtual object to stress relaxation: how the stress fell while a specimen was held compressed.\n"
-    "The result is k1 and c1, which restore the shape, and the damper alpha exp(-beta P) between P0 and P1, which relaxes\n"
-    "the stress.\n\n"
+    "The spring k1 and the dashpot c1 of the result restore the shape of an object.\n"
+    "In series with them, the damper alpha exp(-beta P) relaxes the stress. The stress P is limited to P0 .. P1.\n\n"
     "    knead identify relax ramp.csv --height 1cm --area 1cm^2 --out dough.yaml\n"
     "    knead identify relax modulus.csv --strain 5% --png fit.png\n\n"
-    "A file is a table with a name and a unit above each column: time; stress, load or modulus; and strain, displacement or\n"
-    "height if they were recorded. Lines before the table may give values that hold for the whole file:\n"
+    "A file is a table with a name and a unit above each column. It has the time, and stress, load or modulus.\n"
+    "If strain, displacement or height were recorded, they are further columns.\n"
+    "Lines before the table may give values that hold for the whole file:\n"
     "    # strain: 10 %       # height: 1 cm       # area: 1 cm^2       # begin: 1.5 s\n"
     "    time (s); load (gf)\n"
-    "If the file contains the rise to the strain, rise and hold are fitted together and determine all parameters; a slow\n"
-    "rise, about 2 %/s, is best. A hold alone determines c1/k1, alpha/k1 and beta, and a lower bound of k1, which is exact\n"
-    "if nothing had flowed by the first reading. A modulus without --strain gives no material.\n\n"
+    "If the file contains the rise of the strain, rise and hold are fitted together and determine all parameters.\n"
+    "A slow rise, about 2 %/s, is best. A hold alone determines c1/k1, alpha/k1 and beta, and a lower bound of k1.\n"
+    "This bound is exact if nothing had flowed by the first reading. A modulus without --strain gives no material.\n\n"
     "  --strain S             held strain, for files that do not state it, e.g. 10% or 0.1\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
-    "  --constant-area        stress is load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
-    "  --noise relative       weight residuals relative to the stress, over readings averaged in 20 bins per decade of\n"
-    "                         time, so that each decade counts the same (default)\n"
-    "  --noise constant       weight residuals in Pa, each reading the same: for noise of the instrument\n"
+    "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
+    "  --noise relative       noise as a share of the stress; each decade of time has 20 means of readings (default)\n"
+    "  --noise constant       equal noise at all stresses, as of an instrument; each reading counts the same\n"
     KN_IDENTIFY_OUTPUT_HELP
-    "\nThe output gives the best parameters with 95 % intervals. The intervals are valid if the model is right and the noise\n"
-    "is independent; the output tells if that is so, and which parameters these curves cannot determine. It also compares\n"
-    "other models, which are fitted to the early part and tested on the later one.\n"
+    "\nThe output gives the best parameters and their 95 % intervals.\n"
+    "The intervals are valid if the model is right and the noise is independent. The output says whether this is so.\n"
+    "It also names the parameters that the curves do not determine.\n"
+    "Other models are compared: they are fitted to the early part of the curves and tested on the later part.\n"
     "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
 #define FAR 0.05
 #define NUMERICS 5e-4 // largest relative misfit that averages and finite differences leave even for a perfect curve
 
-// Return a sentence on how well the curves determine the scale k1, and which parameters depend on k1.
+// Return a sentence on the scale k1: how well the curves determine k1, and which parameters depend on it.
 static const char *scale_words(const kn_relaxation_fit *r)
 {
     switch (r->scale) {
     case KN_RELAXATION_RISE: return "The scale, k1, follows from the rise of the stress with the strain.";
     case KN_RELAXATION_BOUND:
-        return "A hold determines c1/k1, alpha/k1 and beta, but not k1: this is its lower bound, and c1 and alpha "
-               "scale with it.";
+        return "A hold determines c1/k1, alpha/k1 and beta, but gives k1 only a lower bound. "
+               "The bound is used as k1, and c1 and alpha scale with it.";
     case KN_RELAXATION_MODULUS: break;
     }
-    return "Stresses are in units of the modulus: beta, P0 and P1 refer to the stress divided by the held strain, "
-           "which --strain gives.";
+    return "Stresses are in units of the modulus: beta, P0 and P1 refer to the stress divided by the held strain. "
+           "Use --strain to state the held strain.";
 }
 
-// Return whether there is a material that no scene accepts.
+// Return whether the fit gives a material that no scene accepts.
 static bool is_refused(const kn_relaxation_fit *r, char *why, size_t size)
 {
     return r->scale != KN_RELAXATION_MODULUS && !kn_material_served(&r->material, why, size);
@@ -71,44 +72,45 @@ static void doubt(kn_identification *w)
         const char *name = k->curve->name;
         if (k->misfit > FAR)
             kn_identify_note(w,
-                             "%s: the fit is off by %.2g %% on average: this is not the papers' element, and its "
-                             "parameters mean little",
+                             "%s: the fit is off by %.2g %% on average: "
+                             "the specimen does not behave as the papers' element, and the parameters mean little",
                              name, 100 * k->misfit);
         // Runs of one sign mean that the model has another shape than the data.
         if (k->runs > 3 && k->misfit > NUMERICS)
             kn_identify_note(w,
-                             "%s: the residuals have runs of one sign (%.2g standard deviations): the model has "
-                             "another shape than the data, and the intervals are too narrow",
+                             "%s: the residuals have runs of one sign (%.2g standard deviations): "
+                             "the model has another shape than the data, and the intervals are too narrow",
                              name, k->runs);
-        // The rise follows the strain column instead of a straight line, so the noise of the column affects c1.
+        // If the strain did not rise on a straight line, the recorded strain is used, and the noise of this strain
+        // affects c1.
         if (k->rises && !k->ramp.straight)
             kn_identify_note(w,
-                             "%s: the strain did not rise in a straight line (%.2g %% off): the recorded strain is "
-                             "used, and its noise affects c1",
+                             "%s: the strain did not rise in a straight line (%.2g %% off): "
+                             "the recorded strain is used, and its noise affects c1",
                              name, 100 * k->ramp.apart);
         // In a fast rise, c1 carries most of the stress.
         if (k->rises && k->ramp.strain / (k->ramp.end_s - k->ramp.start_s) > 0.05)
             kn_identify_note(w,
-                             "%s: in a rise this fast, %.3g %% a second, c1 carries most of the stress, and little is "
-                             "known of the others; about 2 %% a second is best",
+                             "%s: in a rise this fast, %.3g %% a second, c1 carries most of the stress, "
+                             "so the other parameters are hardly known; about 2 %% a second is best",
                              name, 100 * k->ramp.strain / (k->ramp.end_s - k->ramp.start_s));
     }
     if (r->scale != KN_RELAXATION_RISE && r->ratio[0].known != KN_KNOWN && r->ratio[1].known != KN_KNOWN) {
-        // If beta P stays below 1, the fall is nearly exponential and determines only the sum of the two time
-        // constants.
+        // If beta times the stress stays below 1, the fall is nearly exponential and determines only the sum of the two
+        // time constants.
         const double b = r->number[KN_ESTIMATE_BETA].value * r->highest_pa;
         kn_identify_note(w, "c1/k1 and alpha/k1 are not known separately%s",
-                         b < 1 ? ": the stress falls exponentially, and their sum is its time constant" : "");
+                         b < 1 ? ": the stress falls exponentially, so only the sum of both is known" : "");
     }
     if (is_refused(r, why, sizeof why)) kn_identify_note(w, "no scene accepts this material: %s", why);
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_ESTIMATE_C1].value > 0) return;
-    kn_identify_note(w, "c1 is 0: with any c1, reaching the strain at once would have taken an infinite stress; the "
-                        "virtual material has none, and answers at once with a spring");
+    kn_identify_note(w, "c1 is 0: with c1 above 0, reaching the strain at once would have taken an infinite stress. "
+                        "The material answers a sudden strain with its spring k1");
 }
 
-// ---- printed results
+// ---- printed results of relax
 
-// Print the parameters that this experiment determines: in Pa after a rise, else the ratios to k1.
+// Print the parameters that the curves determine: in Pa and Pa s after a rise, otherwise as ratios to k1.
 static void print_numbers(const kn_relaxation_fit *r)
 {
     const bool rise = r->scale == KN_RELAXATION_RISE;
@@ -130,9 +132,9 @@ static void print_curves(const kn_relaxation_fit *r)
         printf("%-20s %9s %9d %9d %9d %9.2g %6s\n", k->curve->name, strain, k->curve->count, k->rise.count,
                k->hold.count, 100 * k->misfit, kn_identify_runs(k->runs, runs));
     }
-    printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|. runs: number of sign runs, in "
-           "standard\n"
-           "deviations below that of noise; above 3 the model has another shape than the data\n");
+    printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|.\n"
+           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model has another shape than the data\n");
 }
 
 static void tell_json(const kn_relaxation_fit *r)
@@ -154,7 +156,7 @@ static void tell_json(const kn_relaxation_fit *r)
     }
 }
 
-// ---- the plot
+// ---- the plot of --png
 
 enum { SHOWN = 4 }; // number of models that are drawn
 
@@ -173,7 +175,7 @@ static void add_curve(kn_figure_panel p[2], const kn_relaxation_curve *k, double
     kn_identify_plot(&p[1], name, k->hold.count, k->hold.time_s, left, 1, KN_FIGURE_POINTS, hue);
 }
 
-// Add one model's prediction for the first curve.
+// Add one model's prediction for the first curve to the panel of models.
 static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, int row, int place)
 {
     const kn_model_comparison_row *r = &m->row[row];
@@ -182,15 +184,15 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, in
     if (!r->fitted ||
         !kn_constitutive_predict(&r->model, value, m->curve, 0, KN_IDENTIFY_POINTS, d->time_s, d->model_pa[place]))
         return;
-    // Values far below the readings would flatten the plot.
+    // Leave out values far below the readings, since they would flatten the plot.
     for (int i = 0; i < KN_IDENTIFY_POINTS; i++)
         if (d->model_pa[place][i] < d->cut_pa[1]) d->model_pa[place][i] = NAN;
     kn_identify_plot(p, r->model.name, KN_IDENTIFY_POINTS, d->time_s, d->model_pa[place], 1e-3,
                      r->model.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2);
 }
 
-// Add up to four different models: the best on the later part among all laws, the best among the elements, the next
-// best of all, and the best of the springs and dampers.
+// Add up to four different models in this order: the best of all on the later part, the best that is no yardstick, the
+// next best of all, and the best of springs and dampers.
 static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
 {
     const kn_compared_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];
@@ -203,7 +205,7 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
     d->cut_pa[0] = early->value[0];
     d->cut_pa[1] = late->count ? late->value[late->count - 1] / 2 : early->value[0] / 10;
     kn_identify_plot(p, NULL, 2, d->cut_s, d->cut_pa, 1e-3, KN_FIGURE_DASHES, 0);
-    // Choose the models in this order, and draw each model only once.
+    // Draw each model only once.
     bool taken[KN_COMPARISON_MAX] = {false};
     for (int place = 0; place < SHOWN; place++) {
         int best = -1;
@@ -218,12 +220,14 @@ static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
     }
 }
 
-// Draw the stress over time with the fit, the residuals, and the predictions of other models beside the first curve.
+// Draw the panels: stress over time with the fit, residuals, and, if other models were compared, their predictions for
+// the first curve.
 static int draw(kn_identification *w, const char *path)
 {
     static const char since[] = "time since the strain was reached, s";
     const kn_relaxation_fit *r = &w->relax;
-    static drawing d; // too large for the stack, as are the panels
+    // the drawing is too large for the stack; so are the panels
+    static drawing d;
     static kn_figure_panel p[3];
     int count = 0;
     for (int c = 0; c < r->curves; c++) count += r->curve[c].hold.count;
@@ -241,7 +245,7 @@ static int draw(kn_identification *w, const char *path)
     return code;
 }
 
-// ---- the page
+// ---- the page of --report
 
 // Write the table of models.
 static void tell_models(kn_document *d, const kn_model_comparison *m)
@@ -298,7 +302,7 @@ static int report(kn_identification *w, kn_document *d)
                                   w->relax.scale != KN_RELAXATION_MODULUS && !is_refused(&w->relax, why, sizeof why));
 }
 
-// ---- the other steps of the experiment
+// ---- the other steps of the experiment relax
 
 static int fit(kn_identification *w)
 {
@@ -306,7 +310,7 @@ static int fit(kn_identification *w)
     const kn_relaxation_fit_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
     if (!kn_relaxation_fit_run(&w->relax, w->curves, w->curve, &how, error, sizeof error))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
-    // A modulus without its strain makes no material.
+    // A modulus gives no material if its strain is unknown.
     if (w->opt.out && w->relax.scale == KN_RELAXATION_MODULUS)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "--out %s: no material without the held strain, expected it in the file or by --strain",
@@ -324,7 +328,7 @@ static void tell(kn_identification *w)
     if (!kn_identify_compare(w, error)) printf("\nmodels      not compared: %s\n", error);
 }
 
-// Write the fitted means of all curves with the fit.
+// Write the fitted stress beside the means of the readings to which it was fitted, for all curves.
 static bool csv_rows(const kn_identification *w, FILE *f)
 {
     for (int c = 0; c < w->relax.curves; c++) {

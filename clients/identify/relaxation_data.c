@@ -1,4 +1,4 @@
-// The readings of relaxation curves as a fit needs them: the rise of the strain, means over time, and checks.
+// The readings of relaxation curves in the form that a fit needs: the rise of the strain, means over time, and checks.
 #include "clients/identify/least_squares.h"
 #include "clients/identify/relaxation_fit.h"
 #include "core/algebra/algebra.h"
@@ -8,7 +8,7 @@
 
 enum { RISE_LEAST = 5 };
 #define FALLS 0.98
-// Readings of the rise below this share of the largest stress are left out, since their logarithms are mostly noise.
+// In a rise, stresses below this share of the largest stress are left out, since their logarithms are mostly noise.
 #define LEAST_RISE 0.05
 
 // ---- the rise of the strain
@@ -29,14 +29,15 @@ static double held(const kn_curve *c)
     return median;
 }
 
-// Return the strain of the two lines at time t.
+// Return the strain at time t on the lines of the ramp: 0, then rising, then held.
 static double follow(const kn_strain_ramp *r, double t)
 {
     if (t <= r->start_s) return 0;
     return t >= r->end_s ? r->strain : r->strain * (t - r->start_s) / (r->end_s - r->start_s);
 }
 
-// Use the strain column itself up to the held strain, with at most as many readings as fit into step[].
+// Use the strain column itself instead of straight lines, up to the held strain. Thin it to as many readings as fit
+// into step[].
 static void take_column(kn_strain_ramp *r, const kn_curve *c, int end)
 {
     const int most = KN_VOIGT_CHAIN_STEPS - 2;
@@ -57,8 +58,8 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
-    // The rise is fitted between 10 % and 90 % of the held strain: readings low..high-1. If the rise has fewer than
-    // three readings, the line goes through the readings at its two ends.
+    // Fit a line to the rise between 10 % and 90 % of the held strain: readings low..high-1. If these are fewer than
+    // three, draw the line through the reading before them and the reading after them.
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
@@ -71,7 +72,7 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     double mean_s, mean;
     const double rate = kn_line_slope(last - first + 1, c->time_s + first, c->other + first, NULL, &mean_s, &mean);
     if (!(rate > 0)) return false;
-    r->start_s = mean_s - mean / rate; // where the line reaches strain 0
+    r->start_s = mean_s - mean / rate; // time at which the line has the strain 0
     r->end_s = r->start_s + r->strain / rate;
     r->steps = 2;
     r->step[0] = (kn_voigt_chain_step){r->start_s, 0};
@@ -84,17 +85,19 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     return true;
 }
 
-// ---- means over time
+// ---- means of readings over time
 
-// The bins of a rise are equal spans of time, those of a hold are equal spans of ln(time).
+// Bins of time over which readings are averaged. In a rise the bins are equal spans of time, in a hold equal spans of
+// ln(time).
 typedef struct grid {
     const kn_strain_ramp *rise; // NULL: a hold
     double begin_s;             // time from which the bins count
     double corner_s;            // time at which the strain was reached; NAN: no corner
-    double least;               // smaller values are left out
+    double least;               // in a rise: values below this limit are left out
 } grid;
 
-// Return whether a reading is beside the corner between rise and hold, where the stress jumps within a sample.
+// Return whether a reading is next to the corner between rise and hold. There the stress changes within one sampling
+// period.
 static bool beside_corner(const kn_curve *c, int i, double corner_s)
 {
     const double before = i > 0 ? c->time_s[i - 1] : -INFINITY;
@@ -113,8 +116,8 @@ static double bin_of(const grid *g, const kn_curve *c, int i)
     return floor(share * KN_RELAXATION_RISE_BINS);
 }
 
-// Divide the sums of the last bin. In a hold the value is a geometric mean, unless the values of the bin differ too
-// much: readings near 0 have no useful logarithm.
+// Turn the sums of the last bin into means. In a hold the value is a geometric mean, unless the least value is at most
+// half of the arithmetic mean: readings near 0 have no useful logarithm.
 static void close_bin(kn_time_bins *b, bool geometric, double ln_value, double least)
 {
     const int k = b->count - 1;
@@ -124,7 +127,7 @@ static void close_bin(kn_time_bins *b, bool geometric, double ln_value, double l
     if (geometric && least > 0.5 * b->value[k]) b->value[k] = exp(ln_value / b->weight[k]);
 }
 
-// Append the means of the readings in the bins of the grid.
+// Append the means of the readings in each bin of the grid.
 static void average(kn_time_bins *b, const kn_curve *c, const grid *g)
 {
     double last = -INFINITY, ln_value = 0, least = INFINITY;
@@ -172,9 +175,10 @@ void kn_time_bins_free(kn_time_bins *b)
     *b = (kn_time_bins){0};
 }
 
-// ---- the curves of a fit
+// ---- preparing the curves for a fit
 
-// Average the rise. Stresses near 0 are skipped, since they are mostly noise. A rise with too few means is dropped.
+// Average the readings of the rise. Stresses near 0 are skipped, since they are mostly noise. A rise with fewer than
+// RISE_LEAST means is dropped.
 static void take_rise(kn_relaxation_curve *to)
 {
     const kn_curve *c = to->curve;
@@ -187,7 +191,7 @@ static void take_rise(kn_relaxation_curve *to)
     if (!to->rises) to->rise.count = 0;
 }
 
-// Split one curve.
+// Split one curve into means of its rise and means of its hold.
 static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 {
     kn_strain_ramp *ramp = &to->ramp;
@@ -199,7 +203,7 @@ static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
         take_rise(to);
         hold.begin_s = hold.corner_s = ramp->end_s;
     }
-    // The means of the hold follow those of the rise in the same arrays.
+    // Store the means of the hold after those of the rise, in the same arrays.
     const int n = to->rise.count;
     to->hold = (kn_time_bins){0, to->rise.time_s + n, to->rise.value + n, to->rise.weight + n, to->rise.line + n};
     average(&to->hold, curve, &hold);
@@ -230,9 +234,9 @@ static bool take(kn_relaxation_fit *r, int curves, const kn_curve *curve, char *
     return true;
 }
 
-// Return whether all files or no file have a strain, and whether all stresses are positive, as their logarithms
-// require. If not, write an error to `error`. With constant noise only the first mean of a hold must be positive, since
-// the stress of every model is positive there.
+// Check that all files or no file have a strain, and that all stresses are positive, since their logarithms are fitted.
+// If not, write an error to `error` and return false. With constant noise, only the first mean of a hold must be
+// positive, since every model has a positive stress there.
 static bool check(const kn_relaxation_fit *r, bool constant_noise, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {
@@ -262,8 +266,8 @@ static double quarter(const kn_time_bins *b, bool last)
     return sum;
 }
 
-// Return whether the stress of every hold falls; if not, write an error to `error`. A stress that does not fall has no
-// relaxation time, so the search would run to ever larger values.
+// Check that the stress of every hold falls. If not, write an error to `error` and return false. A stress that does not
+// fall has no relaxation time, so the search would run to ever larger values.
 static bool check_falls(const kn_relaxation_fit *r, char *error, size_t size)
 {
     for (int c = 0; c < r->curves; c++) {

@@ -13,16 +13,16 @@ _Static_assert((int)P1 == KN_ESTIMATE_P1, "the unknowns begin with the six param
 typedef struct work {
     kn_relaxation_fit *r;
     kn_relaxation_fit_options options;
-    kn_fit fit;             // the unknowns are the parameters of the enum, followed by a stress Pi for each curve
-    double c1_low, c1_high; // bounds of c1 when it is free; a fixed unknown's bounds are its value
-    // lowest: least stress measured in the holds; highest: largest stress measured in holds and rises
+    kn_fit fit;             // the unknowns are K1 to P1, followed by a stress Pi for each curve
+    double c1_low, c1_high; // bounds of c1 while it is free; the bounds of a fixed unknown equal its value
+    // lowest: least measured stress of the holds; highest: largest measured stress of holds and rises
     double lowest, highest;
 } work;
 
-// ---- the element's stress
+// ---- the stress of the papers' element
 
-// Compute the stress during the rise, and at the first reading of the hold. P1 is limited so that exp(beta P1) does not
-// overflow.
+// Compute the stress at the means of the rise and at the first mean of the hold. P1 is limited so that exp(beta P1)
+// does not overflow.
 static bool by_chain(const kn_material *m, const kn_relaxation_curve *c, double *out)
 {
     kn_voigt_chain chain = kn_voigt_chain_of(m);
@@ -34,8 +34,8 @@ static bool by_chain(const kn_material *m, const kn_relaxation_curve *c, double 
            out[c->rise.count] > 0;
 }
 
-// Predict one curve: the rise by the chain and the hold in closed form from the chain's last stress, or the hold alone
-// from Pi.
+// Predict the stress of one curve. If the curve has a rise, a Voigt chain computes the rise, and the closed form of the
+// hold begins with the last stress of the chain. Otherwise the closed form begins with the unknown Pi.
 static bool predict(const double *v, const kn_relaxation_curve *c, int number, double *out)
 {
     const kn_material m = kn_estimate_material(v);
@@ -47,7 +47,7 @@ static bool predict(const double *v, const kn_relaxation_curve *c, int number, d
         begin_s = c->hold.time_s[0];
     }
     const kn_held_element held = kn_held_element_of(&m, begin_pa);
-    // out[] holds the times first, then the stresses
+    // out[] first holds the times, and then the stresses in their place
     for (int i = 0; i < c->hold.count; i++) out[i] = c->hold.time_s[i] - begin_s;
     kn_held_element_stress(&held, c->hold.count, out, out);
     return true;
@@ -55,7 +55,8 @@ static bool predict(const double *v, const kn_relaxation_curve *c, int number, d
 
 static int means(const kn_relaxation_curve *c) { return c->rise.count + c->hold.count; }
 
-// Compute the residuals: of the stress in units of its noise, or of its logarithm.
+// Compute the residuals of one curve. With constant noise they are differences of the stress, in units of the noise.
+// Otherwise they are differences of the logarithm of the stress.
 static bool difference(const work *w, const kn_relaxation_curve *c, const double *fit, double *residual)
 {
     const kn_time_bins *b = &c->rise;
@@ -72,24 +73,24 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     const work *w = of;
     for (int c = 0, n = 0; c < w->r->curves; c++) {
         const kn_relaxation_curve *k = &w->r->curve[c];
-        double *out = residual + n; // out and residual share memory
+        double *out = residual + n; // the predicted stresses and their residuals share memory
         if (!predict(value, k, c, out) || !difference(w, k, out, out)) return false;
         n += means(k);
     }
     return true;
 }
 
-// ---- the search
+// ---- the search for the parameters
 
-// The first search is for the holds alone, since their closed form is cheap. It uses the unknowns and the starts of the
-// papers' element among the constitutive models.
+// State of the first search, which fits the holds alone, since their closed form is cheap to compute. The unknowns and
+// the starts are those of the papers' damper among the constitutive models.
 typedef struct holds {
-    work alone; // whose curves have no rise
+    work alone; // state of a fit in which no curve has a rise
     kn_constitutive_model model;
     kn_compared_curve curve[KN_RELAXATION_CURVES];
 } holds;
 
-// Turn the unknowns of the model into those of this fit, with k1 = 1.
+// Convert the unknowns of the constitutive model to the unknowns of this fit, with k1 = 1.
 static void expand(const holds *h, const double *from, double to[KN_FIT_UNKNOWNS])
 {
     int n = 2;
@@ -110,7 +111,7 @@ static bool misfit_of_holds(void *of, const double value[KN_FIT_UNKNOWNS], doubl
     return misfit(&h->alone, v, residual);
 }
 
-// Find the best fit of the holds without P0. Return false if there is none.
+// Find the best fit of the holds without P0 and P1. Return false if the search fails.
 static bool fit_holds(const work *w, bool c1, double out[KN_FIT_UNKNOWNS])
 {
     kn_relaxation_fit r = *w->r;
@@ -142,13 +143,14 @@ static void leave_out(kn_fit_unknown *u, double value)
     u->value = u->low = u->high = value;
 }
 
-// Set the unknowns to these values and bound them around these values. c1, P0 and P1 are fixed.
+// Set the unknowns to the values v[], with bounds around these values. c1, P0 and P1 are fixed for now.
 static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
 {
     kn_fit *fit = &w->fit;
     double scale = 1;
     *fit = (kn_fit){.readings = w->r->readings, .misfit = misfit, .of = w, .unknowns = BEGIN + w->r->curves};
-    for (int c = 0; c < w->r->curves; c++) // k1 by equation (1) of the header, at the begin of the hold
+    // For each curve with a rise, compute k1 by equation (1) of the header, at the begin of the hold.
+    for (int c = 0; c < w->r->curves; c++)
         if (w->r->curve[c].rises)
             scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
@@ -158,7 +160,7 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     const double fastest = fit->unknown[ALPHA].value * exp(-v[BETA] * w->highest);
     w->c1_low = NEVER_C1 * fastest;
     w->c1_high = 1e3 * fit->unknown[ALPHA].value;
-    // alpha scales with exp(beta P), so its range is far wider.
+    // The search range of alpha is far wider, since alpha scales with exp(beta P).
     fit->unknown[ALPHA].low /= 1e20, fit->unknown[ALPHA].high *= 1e20;
     fit->unknown[K1].fixed = w->r->scale != KN_RELAXATION_RISE;
     for (int c = 0; c < w->r->curves; c++) {
@@ -180,8 +182,8 @@ static void let(kn_fit_unknown *u, double low, double high)
 
 static double aicc_of(const kn_fit *fit) { return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum); }
 
-// Fit the element without P0 and P1, with or without c1. The starts are the best fit of the holds, with larger k1 and
-// c1 if a rise determines them. With c1, the fit without it is a start, too.
+// Fit the element without P0 and P1, with or without c1. One start is the best fit of the holds. If a rise determines k1
+// and c1, further starts have larger k1 and c1. If c1 is an unknown, the fit without c1 is one more start.
 static bool fit_base(work *w, bool c1, const kn_fit *without)
 {
     static const double more[4] = {1, 1.5, 3, 1}, dash[4] = {1, 1, 1, 4};
@@ -203,15 +205,15 @@ static bool fit_base(work *w, bool c1, const kn_fit *without)
     return kn_fit_run_from(&w->fit, starts, start);
 }
 
-// Add P0 or P1 to the fit in w->fit. The starts are several shares of the stresses, since a clamp beyond the stresses
-// has no gradient.
+// Make P0 or P1 an unknown of w->fit, starting at several shares of the measured stresses. A start outside the measured
+// stresses would have no effect on the fit, so the search could not move it.
 static bool add_clamp(work *w, int which)
 {
     static const double below[3] = {1.15, 1.8, 3.5}, above[2] = {0.85, 0.65};
     const int starts = which == P0 ? 3 : 2;
     double start[3][KN_FIT_UNKNOWNS];
     kn_fit_unknown *u = w->fit.unknown;
-    // search only within the measured stresses
+    // search P1 within the measured stresses, and P0 also below them
     let(&u[which], which == P0 ? w->lowest / 100 : w->lowest, w->highest);
     for (int s = 0; s < starts; s++) {
         kn_fit_values(&w->fit, start[s]);
@@ -220,7 +222,7 @@ static bool add_clamp(work *w, int which)
     return kn_fit_run_from(&w->fit, starts, start);
 }
 
-// Find the lowest stress of the holds and the highest of all readings.
+// Find the lowest measured stress of the holds, and the highest of all readings.
 static void measured(work *w)
 {
     w->lowest = INFINITY;
@@ -234,9 +236,9 @@ static void measured(work *w)
     }
 }
 
-// Keep w->fit as the best if its AICc is lower than the best so far by more than 2. A fit with more parameters must
-// achieve that. P0 and P1, if they are unknowns, must be well within the measured stresses: at the end of the range they
-// have no effect.
+// Keep w->fit as the best fit if its AICc is below the least AICc so far by more than 2, as a fit with more parameters
+// must achieve. If P0 or P1 is an unknown, it must be well within the measured stresses, since it has no effect at the
+// end of their range.
 static void consider(work *w, bool ok, kn_fit *best, double *least)
 {
     const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
@@ -277,18 +279,18 @@ static bool choose(work *w)
     return isfinite(least);
 }
 
-// ---- parameters and intervals
+// ---- values and intervals of the parameters
 
-// Return by how much the sum of squares S exceeds the rise that chance explains, if this unknown, which the fit does
-// not contain, is held at a value. A result above 0 excludes the value.
+// Hold an unknown at a value and fit the others. Return by how much the sum of squares S then rises beyond the rise
+// that chance explains. A result above 0 excludes the value.
 static double excess(const kn_fit *fit, int unknown, double value, double t)
 {
     const double sum = kn_fit_held(fit, unknown, value);
     return isnan(sum) ? 1 : sum - fit->sum - t * t * fit->scale * fit->scale;
 }
 
-// Return the bound of an unknown: the value, from `from` (where the unknown has no effect) up to `to`, beyond which the
-// data exclude it.
+// Return the bound of an unknown that is not in the fit: the value beyond which the data exclude it. The bound lies
+// between `from`, where the unknown has no effect, and `to`.
 static double bound(const work *w, int unknown, double from, double to)
 {
     const double t = kn_fit_student(w->options.confidence, w->fit.freedom);
@@ -301,7 +303,7 @@ static double bound(const work *w, int unknown, double from, double to)
     return exp(a);
 }
 
-// Store an unknown with its interval.
+// Store the value and the interval of the unknown i.
 static void know(const work *w, int i, kn_parameter_estimate *n, const char *name, const char *unit)
 {
     kn_parameter_estimate_set(n, name, unit, w->fit.unknown[i].value,
@@ -309,7 +311,7 @@ static void know(const work *w, int i, kn_parameter_estimate *n, const char *nam
     // A c1 that may be 0 is set to 0.
     if (i != C1 || n->known != KN_AT_MOST) return;
     n->value = 0;
-    snprintf(n->words, sizeof n->words, "cannot be told from 0; 0 is used");
+    snprintf(n->words, sizeof n->words, "these curves do not show whether this parameter is above 0; 0 is used");
 }
 
 // Store a one-sided bound as the interval of a parameter.
@@ -320,7 +322,8 @@ static void put_bound(kn_parameter_estimate *number, int i, bool at_most, double
                               (kn_fit_interval){KN_FIT_PROFILE, low, high, at_most, !at_most});
 }
 
-// Return the lower bound (1) of k1 over all curves. Each is a lower bound, so the largest counts.
+// Return the lower bound of k1 by equation (1) of the header. Every curve gives a lower bound, so the largest one
+// counts.
 static double least_k1(const kn_relaxation_fit *r, const kn_fit *fit)
 {
     double k1 = 0;
@@ -332,7 +335,7 @@ static double least_k1(const kn_relaxation_fit *r, const kn_fit *fit)
     return k1;
 }
 
-// Determine P0 or P1: with an interval if it is in the fit, else with a bound.
+// Store P0 or P1: with an interval if it is an unknown of the fit, otherwise with a bound.
 static void know_clamp(work *w, int i)
 {
     kn_relaxation_fit *r = w->r;
@@ -342,15 +345,15 @@ static void know_clamp(work *w, int i)
         know(w, i, n, kn_estimate_name[i], kn_estimate_unit[i]);
         return;
     }
-    const double idle = p0 ? r->lowest_pa : r->highest_pa; // the clamp has no effect here
+    const double idle = p0 ? r->lowest_pa : r->highest_pa; // a value of P0 or P1 without effect on the fit
     put_bound(r->number, i, p0, bound(w, i, idle, p0 ? 0.99 * r->highest_pa : 1.01 * r->lowest_pa));
     n->value = idle;
     snprintf(n->words, sizeof n->words, "fitting %s does not improve the fit; the %s measured stress is used", n->name,
              p0 ? "lowest" : "highest");
 }
 
-// Determine k1, c1 and alpha of a hold without a rise. The fit gives c1 and alpha as ratios to k1. In Pa and Pa s they
-// are given for k1 at its lower bound.
+// Store k1, c1 and alpha of holds without a rise. The fit gives c1 and alpha as ratios to k1. Their values in Pa s are
+// for k1 at its lower bound.
 static void know_without_rise(work *w)
 {
     kn_relaxation_fit *r = w->r;
@@ -361,8 +364,8 @@ static void know_without_rise(work *w)
     know(w, ALPHA, &r->ratio[1], "alpha/k1", "s");
     put_bound(n, K1, false, k1);
     snprintf(n[K1].words, sizeof n->words, "%s",
-             modulus ? "a hold without its strain does not determine it"
-                     : "exact if nothing had flowed by the first reading; c1 and alpha scale with it");
+             modulus ? "a hold without its strain does not determine this parameter"
+                     : "this bound is exact if nothing had flowed by the first reading; c1 and alpha scale with k1");
     for (int i = C1; i <= ALPHA; i++) {
         n[i] = r->ratio[i - C1];
         n[i].name = kn_estimate_name[i];
@@ -374,7 +377,8 @@ static void know_without_rise(work *w)
     for (int i = K1; modulus && i <= ALPHA; i++) n[i].known = KN_UNKNOWN;
 }
 
-// Store all parameters with their intervals, or only the values, for repeated fits.
+// Store all parameters with their intervals. With the option no_intervals, store only the values, for callers that
+// repeat the fit many times.
 static void know_all(work *w)
 {
     kn_parameter_estimate *n = w->r->number;
@@ -391,7 +395,8 @@ static void know_all(work *w)
     know_clamp(w, P1);
 }
 
-// Compute fit, residuals and misfit of every curve, and the lowest and highest stress of the fit at the readings.
+// Compute fit, residuals and misfit of every curve, the lowest fitted stress of the holds, and the highest fitted
+// stress.
 static void judge(work *w)
 {
     kn_relaxation_fit *r = w->r;

@@ -46,9 +46,10 @@
 // of the strain, and thus to the noise of the column.
 typedef struct kn_strain_ramp {
     int steps; // number of entries in step[]
-    // corners of the strain over time; `value` is the strain; the last one is held
+    // corners of the strain over time, as pairs of time and strain; the last strain is held
     kn_voigt_chain_step step[KN_VOIGT_CHAIN_STEPS];
-    // time at which the strain begins to rise, time at which it is held, held strain
+    // start_s: time at which the strain begins to rise; end_s: time at which the held strain is reached; strain: held
+    // strain
     double start_s, end_s, strain;
     bool straight; // true: straight lines are used; false: the strain column is used
     double apart;  // largest distance of the strain column from the two straight lines, as a share of the held strain
@@ -61,8 +62,8 @@ bool kn_strain_ramp_of(kn_strain_ramp *ramp, const kn_curve *curve);
 typedef struct kn_time_bins {
     int count;      // number of bins, and of entries in each array below
     double *time_s; // [count] arithmetic mean of the bin's times since the strain was reached [s]
-    // [count] geometric mean of the bin's stresses or moduli; their arithmetic mean in a rise, or if the least of them
-    // is at most half of the arithmetic mean
+    // [count] geometric mean of the bin's stresses or moduli. The mean is arithmetic in a rise, or if the least value
+    // of the bin is at most half of the arithmetic mean.
     double *value;
     double *weight; // [count] number of readings in the bin
     int *line;      // [count] line number in the file of the first reading of the bin
@@ -71,7 +72,7 @@ typedef struct kn_time_bins {
 // Average the readings of `curve` after the time `begin_s` over equal widths of ln(time). If no reading is later,
 // bins->count is 0. Return false if memory runs out; the bins are then empty.
 bool kn_time_bins_make(kn_time_bins *bins, const kn_curve *curve, double begin_s);
-void kn_time_bins_free(kn_time_bins *bins); // a zeroed struct is allowed
+void kn_time_bins_free(kn_time_bins *bins); // the struct may be all zeros
 
 // largest number of relaxation curves; each curve adds at most one unknown to the six parameters, 12 unknowns in all
 #define KN_RELAXATION_CURVES 6
@@ -104,18 +105,18 @@ typedef struct kn_relaxation_fit {
     bool p0, p1;                    // whether P0 is an unknown of the fit, and whether P1 is one
     int curves, readings;
     kn_relaxation_curve curve[KN_RELAXATION_CURVES];
-    double lowest_pa, highest_pa; // least and largest stress of the fit at the readings
+    double lowest_pa, highest_pa; // least fitted stress at the means of the holds; largest fitted stress at all means
 } kn_relaxation_fit;
 
 typedef struct kn_relaxation_fit_options {
     double confidence;   // confidence of the intervals, such as 0.95
-    bool constant_noise; // the noise has the same size for all stresses, not the same share of each stress
+    bool constant_noise; // the noise is as large at every stress, instead of being a fixed share of the stress
     bool no_intervals;   // compute the values of the parameters without their intervals
 } kn_relaxation_fit_options;
 
-// Run the fit. Return false with one sentence in `error` if there are too many curves or too few readings, if a stress
-// is not positive, or if memory runs out. Call kn_relaxation_fit_free in any case. `r` keeps pointers to the curves,
-// which must stay valid as long as `r` is used.
+// Run the fit. Return false with one sentence in `error` if there are too many curves or too few readings, if no fit is
+// possible (for example, if a stress is not positive or does not fall), or if memory runs out. Call
+// kn_relaxation_fit_free in any case. `r` keeps pointers to the curves, which must stay valid as long as `r` is used.
 bool kn_relaxation_fit_run(kn_relaxation_fit *r, int curves, const kn_curve *curve,
                            const kn_relaxation_fit_options *options, char *error, size_t error_size);
 void kn_relaxation_fit_free(kn_relaxation_fit *r);

@@ -1,10 +1,12 @@
 // The command `knead identify sweep`: find springs and dampers from storage and loss modulus over frequency.
 #include "clients/identify/identify.h"
+#include "clients/identify/constitutive_models.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/cli/result.h"
 #include "clients/cli/curve_table.h"
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,36 +14,277 @@
 // clang-format off
 static const char help[] =
     "usage: knead identify sweep FILE... [OPTION]...\n\n"
-    "Fit springs and dampers to the storage modulus G' and the loss modulus G'' over frequency. Every element of the first\n"
-    "paper's figure 2 that such a measurement can distinguish is fitted, and the output names the one that the data support.\n\n"
+    "Fit springs and dampers to the storage modulus G' and the loss modulus G'' over frequency.\n"
+    "All elements of the first paper's figure 2 that a sweep can tell apart are fitted.\n"
+    "The output names the element that the data support.\n\n"
     "    knead identify sweep sweep.csv --out putty.yaml --png fit.png\n\n"
-    "A file is a table with a name and a unit above each column: frequency, Hz or rad/s; G' and G'', or |G*| with tan\n"
-    "delta or the phase angle. Several files are of one material.\n\n"
-    "  --shear           read the moduli as moduli of shear; the result is for compression, three times as much for a\n"
-    "                    material that keeps its volume\n"
+    "A file is a table with a name and a unit above each column. It has the frequency in Hz or rad/s, and the moduli.\n"
+    "The moduli are G' and G'', or |G*| with tan delta or the phase angle. All files must be of one material.\n\n"
+    "  --shear           read the moduli as shear moduli; those of the result, for compression, are three times as large\n"
+    "                    (true for a material that keeps its volume)\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. omega=rad/s,storage=Pa\n"
-    "  --out FILE        the material, for `material: FILE` in a scene, every parameter with its interval beside it; the\n"
-    "                    best supported of the elements that a scene can have: s|d, s-d, (s|d)-d; nothing is written if the\n"
-    "                    element is off by more than 30 % on average\n"
+    "  --out FILE        the material, for `material: FILE` in a scene; the interval of every parameter is in a comment.\n"
+    "                    The element is the best supported one that a scene can have: s|d, s-d or (s|d)-d.\n"
+    "                    Nothing is written if this element is off by more than 30 % on average\n"
     "  --density D       density of the material, written to the file (default: 1.2 g/cm^3, with a remark)\n"
     "  --report DIR      folder for a page, DIR/index.html, with all results, the plot, the moduli and the material\n"
     "  --png FILE        plot of moduli, fit and residuals, by gnuplot\n"
     "  --csv FILE        table of moduli and fit\n"
     "  --json            print the results as JSON\n\n"
-    "In a sweep of small amplitude, a damper that depends on the stress shows c2 at rest, but not beta, P0 and P1. For these\n"
-    "use knead identify creep or relax.\n"
+    "A sweep of small amplitude shows a stress-dependent damper only at rest: it gives c2, but not beta, P0 and P1.\n"
+    "To find beta, P0 and P1, use knead identify creep or relax.\n"
     "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
-static const char at_rest[] =
-    "a sweep of small amplitude shows the damper at rest, c2 = c_max, not how it thins: beta, P0 "
-    "and P1 need creep or relax";
+static const char at_rest[] = "a sweep of small amplitude shows the damper at rest, c2 = c_max, not how it thins: "
+                              "beta, P0 and P1 need creep or relax";
+
+// ---- the fit of springs and dampers
+
+enum { STARTS = 16 };
+#define NONE 1e10 // a spring or damper that is stiffer or softer than all measured moduli by this factor has no effect
+// relative accuracy of the best rheometer; a smaller misfit comes from rounding and must not decide between elements
+#define EXACT 1e-4
+
+typedef struct work {
+    const kn_curve *curve;
+    int curves, readings;
+    double scale;
+    const kn_element *element;
+} work;
+
+static void modulus(const kn_element *e, const double *moduli, double hz, double *storage, double *loss)
+{
+    kn_oneport_modulus(e, e->root, moduli, 2 * acos(-1.0) * hz, storage, loss);
+}
+
+// Compute storage and loss modulus of a row's fitted element at one frequency.
+static void row_modulus(const kn_sweep_fit_row *row, double frequency_hz, double *storage_pa, double *loss_pa)
+{
+    double moduli[KN_ELEMENT_MAX];
+    for (int i = 0; i < row->net.element.leaves; i++) moduli[i] = row->net.part[i].modulus;
+    modulus(&row->net.element, moduli, frequency_hz, storage_pa, loss_pa);
+}
+
+// Compute the residuals: differences of ln G' at all frequencies, followed by differences of ln G''.
+static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const work *w = of;
+    for (int c = 0, n = 0; c < w->curves; c++)
+        for (int i = 0; i < w->curve[c].count; i++, n++) {
+            double storage, loss;
+            modulus(w->element, value, w->curve[c].time_s[i], &storage, &loss);
+            if (!(storage > 0 && loss > 0)) return false;
+            residual[n] = log(storage / (w->scale * w->curve[c].value[i]));
+            residual[w->readings + n] = log(loss / (w->scale * w->curve[c].other[i]));
+        }
+    return true;
+}
+
+// Add one row for each class of elements in the catalogue. The Voigt form represents the class.
+static void add_classes(kn_sweep_fit *s)
+{
+    kn_element_class class[KN_CATALOGUE];
+    s->rows = kn_element_classes(class, false);
+    for (int i = 0; i < s->rows; i++) {
+        kn_sweep_fit_row *row = &s->row[i];
+        char error[64];
+        memcpy(row->expression, class[i].name, sizeof row->expression);
+        memcpy(row->letters, class[i].letters, sizeof row->letters);
+        row->name = kn_oneport_name(&class[i].oneport);
+        // parsing cannot fail, since the Voigt form is an expression
+        kn_element_parse(&row->net.element, row->expression, error, sizeof error);
+        row->parts = row->net.element.leaves;
+        row->aicc = INFINITY;
+    }
+}
+
+// ---- fitting one element
+
+// Return a pseudo-random number in 0..1. Every run gets the same sequence.
+static double random_share(unsigned *seed)
+{
+    *seed = *seed * 1664525u + 1013904223u;
+    return (*seed >> 8) / 16777216.0;
+}
+
+static bool is_spring(const kn_element *e, int leaf)
+{
+    for (int i = 0; i < e->nodes; i++)
+        if (e->node[i].leaf == leaf && e->node[i].kind == KN_ELEMENT_SPRING) return true;
+    return false;
+}
+
+// Choose a random start. Each spring gets one of the measured moduli. Each damper gets a measured modulus divided by
+// its angular frequency.
+static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
+{
+    for (int leaf = 0; leaf < w->element->leaves; leaf++) {
+        const kn_curve *c = &w->curve[(int)(random_share(seed) * w->curves)];
+        const int i = (int)(random_share(seed) * c->count);
+        const double size = w->scale * (random_share(seed) < 0.5 ? c->value[i] : c->other[i]);
+        start[leaf] = is_spring(w->element, leaf) ? size : size / (2 * acos(-1.0) * c->time_s[i]);
+    }
+}
+
+// Set the bounds of every spring and damper (part) far beyond the measured moduli and frequencies.
+static void bounds(const work *w, kn_fit *fit)
+{
+    double least = INFINITY, most = 0, slow = INFINITY, fast = 0;
+    for (int c = 0; c < w->curves; c++)
+        for (int i = 0; i < w->curve[c].count; i++) {
+            least = fmin(least, w->scale * fmin(w->curve[c].value[i], w->curve[c].other[i]));
+            most = fmax(most, w->scale * fmax(w->curve[c].value[i], w->curve[c].other[i]));
+            slow = fmin(slow, 2 * acos(-1.0) * w->curve[c].time_s[i]);
+            fast = fmax(fast, 2 * acos(-1.0) * w->curve[c].time_s[i]);
+        }
+    for (int leaf = 0; leaf < fit->unknowns; leaf++) {
+        const bool spring = is_spring(w->element, leaf);
+        fit->unknown[leaf] = (kn_fit_unknown){.low = (spring ? least : least / fast) / NONE,
+                                              .high = (spring ? most : most / slow) * NONE};
+    }
+}
+
+// Search state: place the fitted parts of a smaller element within a larger element. Each part of the smaller element
+// takes the place of a part of its kind. The remaining parts are put at a bound where they have no effect. The
+// placement with the least sum of squares is kept. If the larger element contains the smaller one, this sum equals that
+// of the smaller element.
+typedef struct nesting {
+    kn_fit *fit; // fit of the larger element
+    const kn_element *element;
+    const kn_sweep_fit_row *within;
+    double at[KN_FIT_UNKNOWNS], *best, least;
+} nesting;
+
+// Try all placements by recursion over the leaves (springs and dampers) of the larger element.
+static void nest(nesting *n, int leaf, unsigned placed)
+{
+    const kn_element *small = &n->within->net.element;
+    if (leaf == n->element->leaves) {
+        const double sum = placed + 1 == 1u << small->leaves ? kn_fit_sum(n->fit, n->at) : (double)NAN;
+        if (!(sum < n->least)) return;
+        n->least = sum;
+        memcpy(n->best, n->at, sizeof n->at);
+        return;
+    }
+    for (int i = 0; i < small->leaves; i++) {
+        if (placed & 1u << i || is_spring(small, i) != is_spring(n->element, leaf)) continue;
+        n->at[leaf] = n->within->net.part[i].modulus;
+        nest(n, leaf + 1, placed | 1u << i);
+    }
+    for (int high = 0; high < 2; high++) {
+        n->at[leaf] = high ? n->fit->unknown[leaf].high : n->fit->unknown[leaf].low;
+        nest(n, leaf + 1, placed);
+    }
+}
+
+// Add starts from the fitted elements with fewer parts. If this element contains such an element, its sum of squares
+// cannot end above the sum of the contained element.
+static int start_within(kn_fit *fit, const kn_element *element, const kn_sweep_fit *found,
+                        double start[][KN_FIT_UNKNOWNS])
+{
+    int count = 0;
+    for (int i = 0; i < found->rows; i++) {
+        const kn_sweep_fit_row *row = &found->row[i];
+        if (!row->fitted || row->parts >= element->leaves) continue;
+        nesting n = {.fit = fit, .element = element, .within = row, .best = start[count], .least = INFINITY};
+        nest(&n, 0, 0);
+        count += isfinite(n.least);
+    }
+    return count;
+}
+
+// Write the name of a part: k1, c1 or c2 if a scene can have the element, otherwise s1, d1, ...
+static void call(const kn_sweep_fit_row *row, int leaf, char name[8])
+{
+    const double m = row->net.part[leaf].modulus;
+    const bool spring = is_spring(&row->net.element, leaf);
+    kn_element_leaf_name(&row->net.element, leaf, name);
+    if (row->is_material)
+        snprintf(name, 8, "%s", spring ? "k1" : row->material.damper && m == row->material.c2_pa_s ? "c2" : "c1");
+}
+
+// Fill a row from its finished fit: parts, material, AICc, runs, misfit and intervals.
+static void judge(kn_sweep_fit_row *row, kn_fit *fit, double confidence)
+{
+    static const char *const names[] = {"k1", "c1", "c2", "s1", "s2", "s3", "s4", "d1", "d2", "d3", "d4"};
+    double value[KN_FIT_UNKNOWNS], *residual = calloc((size_t)fit->readings, sizeof *residual);
+    kn_fit_values(fit, value);
+    for (int i = 0; i < fit->unknowns; i++) row->net.part[i].modulus = value[i];
+    row->is_material = kn_network_material(&row->net, &row->material);
+    row->aicc = kn_fit_aicc(fit->readings, fit->unknowns, fit->sum + fit->readings * EXACT * EXACT);
+    row->runs = NAN;
+    if (residual && fit->misfit(fit->of, value, residual)) {
+        row->runs = kn_fit_runs(fit->readings, residual);
+        for (int i = 0; i < fit->readings; i++) row->error += fabs(expm1(residual[i])) / fit->readings;
+    }
+    free(residual);
+    for (int i = 0; i < fit->unknowns; i++) {
+        char name[8];
+        call(row, i, name);
+        size_t n = 0;
+        while (n + 1 < sizeof names / sizeof *names && strcmp(names[n], name) != 0) n++;
+        kn_parameter_estimate_set(&row->number[i], names[n], is_spring(&row->net.element, i) ? "Pa" : "Pa*s", value[i],
+                                  kn_fit_interval_of(fit, i, confidence));
+    }
+}
+
+// Fit one element from random starts and from the smaller elements that have been fitted.
+static void fit_row(const work *all, const kn_sweep_fit *found, kn_sweep_fit_row *row, double confidence)
+{
+    work w = *all;
+    unsigned seed = 1;
+    double start[STARTS + KN_SWEEP_FIT_ROWS][KN_FIT_UNKNOWNS];
+    w.element = &row->net.element;
+    kn_fit fit = {.readings = 2 * w.readings, .unknowns = row->parts, .misfit = misfit, .of = &w};
+    bounds(&w, &fit);
+    for (int s = 0; s < STARTS; s++) place(&w, &seed, start[s]);
+    if (row->parts > KN_SWEEP_FIT_PARTS || fit.readings <= fit.unknowns + 2) return;
+    const int starts = STARTS + start_within(&fit, w.element, found, start + STARTS);
+    row->fitted = kn_fit_run_from(&fit, starts, start);
+    if (row->fitted) judge(row, &fit, confidence);
+}
+
+// Choose the row with the fewest parts among those within KN_SWEEP_FIT_NEAR of the least AICc. material: only rows that
+// a scene can have.
+static int choose(const kn_sweep_fit *s, bool material)
+{
+    double least = INFINITY;
+    int best = -1;
+    for (int i = 0; i < s->rows; i++)
+        if (s->row[i].fitted && (s->row[i].is_material || !material)) least = fmin(least, s->row[i].aicc);
+    for (int i = 0; i < s->rows; i++) {
+        const kn_sweep_fit_row *row = &s->row[i];
+        if (!row->fitted || (material && !row->is_material) || row->aicc > least + KN_SWEEP_FIT_NEAR) continue;
+        const bool fewer = best < 0 || row->parts < s->row[best].parts;
+        if (fewer || (row->parts == s->row[best].parts && row->aicc < s->row[best].aicc)) best = i;
+    }
+    return best;
+}
+
+// Run the fit. `scale` multiplies the moduli: a scale of 3 converts shear moduli to parameters for compression.
+// `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no element
+// could be fitted.
+static bool run_fit(kn_sweep_fit *s, int curves, const kn_curve *curve, double scale, double confidence)
+{
+    *s = (kn_sweep_fit){0};
+    for (int c = 0; c < curves; c++) s->readings += curve[c].count;
+    const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
+    add_classes(s);
+    // fit smaller elements first, since larger elements start from them
+    for (int parts = 1; parts <= KN_SWEEP_FIT_PARTS; parts++)
+        for (int i = 0; i < s->rows; i++)
+            if (s->row[i].parts == parts) fit_row(&w, s, &s->row[i], confidence);
+    s->best = choose(s, false);
+    s->material = choose(s, true);
+    return s->best >= 0;
+}
+
+// ---- notes on doubtful results
 
 #define FAR 0.05    // misfit above which noise must explain it, as in relax
 #define ABSURD 0.30 // a material whose relative misfit exceeds this limit does not describe the data and is not written
 #define FLOOR 1e-3  // a relative misfit below this limit cannot be felt, so it does not lead to a note
-
-// ---- notes on what is doubtful
 
 static double noise(const kn_identification *w)
 {
@@ -50,14 +293,15 @@ static double noise(const kn_identification *w)
     return most;
 }
 
-// Return whether the element that a scene can load does not fit the data, with one sentence on its misfit. The mean of
-// |x| of normal deviates is 0.8 of their standard deviation, so a misfit of twice the noise is more than noise.
+// Return whether the element that a scene can load fails to describe the data. In that case write one sentence on its
+// misfit. For normal noise the mean of |x| is 0.8 standard deviations, so a misfit of twice the noise is more than
+// noise.
 static bool doubt(const kn_identification *w, char *text, size_t size)
 {
     const kn_sweep_fit *s = &w->sweep;
     if (s->material < 0) return false;
     const kn_sweep_fit_row *m = &s->row[s->material], *best = &s->row[s->best];
-    // The element is rejected if another element is much better supported, or if its misfit exceeds the noise.
+    // The element fails if another element is much better supported, or if its misfit exceeds the noise.
     const bool rejected = m->error > FLOOR && m->aicc > best->aicc + KN_SWEEP_FIT_NEAR;
     const bool beyond_noise = m->error > FAR && m->error > 2 * noise(w);
     if (!rejected && !beyond_noise) return false;
@@ -79,7 +323,7 @@ static bool is_served(const kn_identification *w, char *why, size_t size)
     return w->sweep.material < 0 || kn_material_served(&w->sweep.row[w->sweep.material].material, why, size);
 }
 
-// ---- printed results
+// ---- printed results of sweep
 
 static void numbers_of(const kn_sweep_fit_row *row, char *text, size_t size)
 {
@@ -106,8 +350,8 @@ static void verdict(const kn_sweep_fit *s, char *text, size_t size)
     size_t n = strlen(text);
     if (best->runs > 3 && best->error > 5e-4)
         snprintf(text + n, size - n,
-                 "; but the residuals have runs of one sign: the model has another shape than the data, and the "
-                 "intervals are too narrow");
+                 "; but the residuals have runs of one sign: "
+                 "the model has another shape than the data, and the intervals are too narrow");
     n = strlen(text);
     if (s->material >= 0 && s->material != s->best)
         snprintf(text + n, size - n,
@@ -127,10 +371,9 @@ static void print(kn_identification *w)
         printf("%-16s %-9s %2d %8.3g %9.1f %6s  %s\n", r->expression, r->letters, r->parts, 100 * r->error,
                r->aicc - s->row[s->best].aicc, kn_identify_runs(r->runs, runs), text);
     }
-    printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element. runs: "
-           "number of sign\n"
-           "runs of the residuals, in standard deviations below that of noise; above 3 the model has another shape "
-           "than the data\n");
+    printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element.\n"
+           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model has another shape than the data\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
     if (doubt(w, text, sizeof text)) kn_identify_note(w, "%s", text);
@@ -161,7 +404,7 @@ static void tell_json(const kn_sweep_fit *s)
     kn_result_text(kn_result(), "verdict", text);
 }
 
-// ---- files
+// ---- files: table, material, plot and page
 
 static bool csv_rows(const kn_identification *w, FILE *f)
 {
@@ -169,7 +412,7 @@ static bool csv_rows(const kn_identification *w, FILE *f)
         const kn_curve *c = &w->curve[k];
         for (int i = 0; i < c->count; i++) {
             double storage, loss;
-            kn_sweep_fit_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
+            row_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
             kn_table_text(c->name, f);
             fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], w->modulus_scale * c->value[i],
                     w->modulus_scale * c->other[i], storage, loss);
@@ -178,20 +421,20 @@ static bool csv_rows(const kn_identification *w, FILE *f)
     return true;
 }
 
-// Write the material. An element with a misfit above ABSURD is refused.
+// Write the material. An element with a misfit above ABSURD (30 %) is refused.
 static int write_material(const kn_identification *w, const char *path)
 {
     const kn_sweep_fit_row *row = &w->sweep.row[w->sweep.material];
     char origin[1200], source[KN_SOURCE_MAX], doubts[400];
     if (is_absurd(w))
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
-                           "--out %s: not written, %s is %.3g %% off on average: no element that a scene can load "
-                           "describes these data",
+                           "--out %s: not written, %s is %.3g %% off on average: "
+                           "no element that a scene can load describes these data",
                            path, row->expression, 100 * row->error);
     snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
              kn_material_source(w->opt.file[0], w->opt.files, source), row->expression, w->sweep.readings,
              100 * row->error, w->modulus_scale > 1 ? ", moduli of shear times 3" : "",
-             row->material.damper == KN_DAMPER_NONE ? "It has no damper in series, so no deformation remains"
+             row->material.damper == KN_DAMPER_NONE ? "This element has no damper in series, so no deformation remains"
                                                     : at_rest);
     const size_t n = strlen(origin);
     if (doubt(w, doubts, sizeof doubts)) snprintf(origin + n, sizeof origin - n, "\n# Beware: %s.", doubts);
@@ -199,14 +442,14 @@ static int write_material(const kn_identification *w, const char *path)
                                   row->number);
 }
 
-typedef struct drawing { // moduli of two elements
+typedef struct drawing { // moduli of two elements over frequency
     double hz[KN_IDENTIFY_POINTS], storage[2][KN_IDENTIFY_POINTS], loss[2][KN_IDENTIFY_POINTS];
 } drawing;
 
-// Add the moduli of one element as lines: the chosen one solid, the other one dashed.
+// Add the moduli of one element as lines: solid for the chosen element, dashed for the other one.
 static void add_row(kn_figure_panel *p, drawing *d, const kn_sweep_fit_row *row, int k)
 {
-    for (int i = 0; i < KN_IDENTIFY_POINTS; i++) kn_sweep_fit_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
+    for (int i = 0; i < KN_IDENTIFY_POINTS; i++) row_modulus(row, d->hz[i], &d->storage[k][i], &d->loss[k][i]);
     const kn_figure_look look = k ? KN_FIGURE_DASHES : KN_FIGURE_LINE;
     kn_identify_plot(p, row->expression, KN_IDENTIFY_POINTS, d->hz, d->storage[k], 1, look, k ? 8 : 0);
     kn_identify_plot(p, NULL, KN_IDENTIFY_POINTS, d->hz, d->loss[k], 1, look, k ? 8 : 0);
@@ -218,7 +461,7 @@ static void add_curve(const kn_identification *w, kn_figure_panel p[2], const kn
     double *other = left + w->sweep.readings;
     for (int i = 0; i < c->count; i++) {
         double storage, loss;
-        kn_sweep_fit_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
+        row_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
         left[i] = 100 * (w->modulus_scale * c->value[i] / storage - 1);
         other[i] = 100 * (w->modulus_scale * c->other[i] / loss - 1);
     }
@@ -231,11 +474,12 @@ static void add_curve(const kn_identification *w, kn_figure_panel p[2], const kn
 
 static int draw(kn_identification *w, const char *path)
 {
-    static drawing d; // too large for the stack, as are the panels
+    // the drawing is too large for the stack; so are the panels
+    static drawing d;
     static kn_figure_panel p[2];
     const kn_sweep_fit *s = &w->sweep;
     double low = INFINITY, high = 0;
-    // residuals of storage, then of loss, of all curves
+    // residuals of the storage modulus of all curves, followed by residuals of the loss modulus
     double *left = calloc(2 * (size_t)s->readings + 1, sizeof *left);
     if (!left) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
     p[0] = (kn_figure_panel){
@@ -249,7 +493,7 @@ static int draw(kn_identification *w, const char *path)
     }
     kn_identify_points(low, high, d.hz);
     add_row(&p[0], &d, &s->row[s->best], 0);
-    // Draw the nearest material of a scene, too, if it is another element.
+    // If the nearest element that a scene can have is another one, draw its moduli, too.
     if (s->material >= 0 && s->material != s->best) add_row(&p[0], &d, &s->row[s->material], 1);
     int code = kn_figure_draw(w->opt.subcommand, path, "storage and loss modulus", p, 2, 2);
     free(left);
@@ -283,12 +527,12 @@ static int report(kn_identification *w, kn_document *d)
     return kn_identify_page_files(w, d, "moduli.csv", "moduli and fit", s->material >= 0 && served && !is_absurd(w));
 }
 
-// ---- the other steps of the experiment
+// ---- the other steps of the experiment sweep
 
 static int fit(kn_identification *w)
 {
     w->modulus_scale = w->opt.shear ? 3 : 1;
-    if (kn_sweep_fit_run(&w->sweep, w->curves, w->curve, w->modulus_scale, 0.95)) return KN_EXIT_OK;
+    if (run_fit(&w->sweep, w->curves, w->curve, w->modulus_scale, 0.95)) return KN_EXIT_OK;
     return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                        "%s: no element fits; expected storage and loss moduli at 4 frequencies or more",
                        w->opt.file[0]);

@@ -20,7 +20,8 @@ int kn_table_reader_complain(const kn_table_reader *s, int line, int at, const c
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s:%d:%d: %s", s->file, line, at, text);
 }
 
-// Read the file once more, up to the line. Positions are not stored, since a file may have ten million rows.
+// Find the position by reading the file once more, up to the line. Positions are not stored, since a file may have ten
+// million rows.
 int kn_table_reader_at(const kn_table_reader *s, int line, int column)
 {
     struct stat is;
@@ -44,7 +45,7 @@ void kn_table_reader_close(kn_table_reader *s)
     s->line = NULL;
 }
 
-// ---- notes
+// ---- notes in a file
 
 static void take_note(kn_table_reader *s)
 {
@@ -52,7 +53,7 @@ static void take_note(kn_table_reader *s)
     if (s->notes < KN_TABLE_NOTES && kn_note_read(s->lines.text, s->lines.number, &note)) s->note[s->notes++] = note;
 }
 
-// If two notes have the same key, their values must agree.
+// If several notes have this key, their values must agree.
 int kn_table_reader_note(const kn_table_reader *s, const char *key, const char *unit, double *value)
 {
     char error[120];
@@ -72,14 +73,14 @@ int kn_table_reader_note(const kn_table_reader *s, const char *key, const char *
     return KN_EXIT_OK;
 }
 
-// ---- where the table begins
+// ---- finding the begin of the table
 
 static char separator_of(const char *line)
 {
     return strchr(line, '\t') ? '\t' : strchr(line, ';') ? ';' : strchr(line, ',') ? ',' : ' ';
 }
 
-typedef struct census { // what one line of the file contains
+typedef struct census { // numbers of cells of each kind in one line of the file
     int cells, numbers, missing;
     bool first; // whether the first cell is a number
 } census;
@@ -99,21 +100,21 @@ static census count_cells(const char *line, char separator)
     return n;
 }
 
-typedef struct candidate { // a line of words that may hold the names
-    int line, cells;       // number of the line, and of its cells; line 0: no such line so far
+typedef struct candidate { // a line of words that may hold the names of the columns
+    int line, cells;       // line: number of the line, 0: no such line so far; cells: number of its cells
     char separator;
 } candidate;
 
-// State of the search for the table.
+// State of the search for the start of the table.
 typedef struct search {
-    candidate plain, commented; // the last plain line of words, and the last commented one
+    candidate plain, commented; // last line of words without a comment sign, and last one with a comment sign
     int data;                   // line number of the first row of numbers; 0: not found so far
-    char of_rows;               // separator of that row
+    char of_rows;               // separator of the first row of numbers
 } search;
 
-// Return whether the line is a row of numbers below a line of names with `cells` cells. At least half of its cells are
-// numbers or missing, and it has no more cells than there are names. One number after a word is not a row:
-// "Diameter;25" stands before tables.
+// Return whether the line is a row of numbers below a line of names with `cells` cells. In a row, at least half of the
+// cells are numbers or missing, and there are no more cells than names. A line with a word and one number, such as
+// "Diameter;25", is no row, since such lines stand before tables.
 static bool is_row(const char *line, char separator, int cells)
 {
     census n = count_cells(line, separator);
@@ -121,7 +122,7 @@ static bool is_row(const char *line, char separator, int cells)
     return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
 }
 
-// Return the separator of the line's cells if it is a row below these names. Return 0 if it is not a row.
+// Return the separator of the cells if the line is a row below these names, or 0 if the line is no row.
 static char row_separator(const char *line, const candidate *names)
 {
     if (!names->line) return 0;
@@ -129,7 +130,8 @@ static char row_separator(const char *line, const candidate *names)
     return count_cells(line, ' ').numbers > 1 && is_row(line, ' ', names->cells) ? ' ' : 0;
 }
 
-// Look at one line: a row ends the search, a line of words becomes the candidate for the names.
+// Look at one line of the file. A row of numbers ends the search. A line of words becomes the new candidate for the
+// names.
 static void look_at(search *found, const kn_lines *l)
 {
     const char *line = l->text + strspn(l->text, " \t");
@@ -137,7 +139,7 @@ static void look_at(search *found, const kn_lines *l)
     const bool comment = *line == '#';
     if (comment) line += strspn(line, "# \t");
     if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
-    // A row is tried against the plain candidate first, then against the commented one.
+    // Try the line as a row below the plain candidate first, then as a row below the commented candidate.
     const char separator = separator_of(line);
     const census n = count_cells(line, separator);
     char of_rows = row_separator(line, &found->plain);
@@ -182,8 +184,7 @@ static bool find_table(kn_table_reader *s)
 {
     search found = {0}, before = {0};
     int units = 0;
-    // Read up to the first row of numbers. Remember the candidate before the last one, in case the last line holds only
-    // units.
+    // Read up to the first row of numbers. Keep the last two lines of words, since the last one may hold only units.
     while (!found.data && kn_lines_next(&s->lines)) {
         const search was = found;
         look_at(&found, &s->lines);
@@ -191,7 +192,8 @@ static bool find_table(kn_table_reader *s)
         before = was;
         if (is_units(s->lines.text, found.plain.separator)) units = found.plain.line;
     }
-    // The line of units counts only if it is directly the last candidate and another candidate is above it.
+    // The line of units counts only if it is the last line of words above the numbers and another line of words is
+    // above it.
     const bool below = units > 0 && units == found.plain.line && before.plain.line > 0;
     const candidate *names = below ? &before.plain : found.plain.line ? &found.plain : &found.commented;
     s->header_line = names->line;
@@ -201,9 +203,9 @@ static bool find_table(kn_table_reader *s)
     return found.data > 0;
 }
 
-// ---- names and units
+// ---- names and units of the columns
 
-// Read the names. If blanks separate the cells, "Time (s)" is one name: a bracket is joined to the name before it.
+// Read the names. If blanks separate the cells, "Time (s)" is one name: a bracket is joined to the word before it.
 static bool take_names(kn_table_reader *s, const char *line)
 {
     kn_text_cell c;
@@ -227,7 +229,7 @@ static bool take_names(kn_table_reader *s, const char *line)
     return true;
 }
 
-// Read a row of units below the names. A unit that a name already has is kept.
+// Read a row of units below the names. A column keeps the unit that its name contains.
 static void take_units(kn_table_reader *s, const char *line)
 {
     kn_text_cell c;
@@ -238,8 +240,8 @@ static void take_units(kn_table_reader *s, const char *line)
     }
 }
 
-// Return whether the name contains the word. A name in --units means every column without a unit that has this word in
-// its name.
+// Return whether the name of a column contains the word. A word in --units stands for every column that has no unit and
+// has this word in its name.
 static bool has_word(const char *name, const char *word)
 {
     const size_t length = strlen(word);
@@ -248,7 +250,8 @@ static bool has_word(const char *name, const char *word)
     return false;
 }
 
-// Give the unit to all columns that contain the word and have no unit. Return false if no column contains the word.
+// Give the unit to all columns that have the word in their name and have no unit. Return false if no name contains the
+// word.
 static bool give_unit(kn_table_reader *s, const char *word, const kn_column_unit *unit, const char *unit_text)
 {
     bool any = false;
@@ -271,7 +274,7 @@ static int take_given(kn_table_reader *s, const char *units)
         char item[KN_HEADING_NAME], error[100];
         kn_heading named;
         kn_column_unit m;
-        // Each item is a name and a unit with '=' between.
+        // Each item of the list has the form name=unit.
         const size_t length = strcspn(at, ",");
         snprintf(item, sizeof item, "%.*s", (int)length, at);
         at += length + (at[length] == ',');
@@ -289,7 +292,7 @@ static int take_given(kn_table_reader *s, const char *units)
     return KN_EXIT_OK;
 }
 
-// Say why no table was found.
+// Report why no table was found.
 static int no_table(const kn_table_reader *s)
 {
     if (*s->lines.error)
@@ -310,7 +313,7 @@ int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units
     if (!find_table(s)) return no_table(s);
     if (!kn_lines_rewind(&s->lines))
         return kn_table_reader_complain(s, 1, 1, "no numbers in the first 256 kB, expected a table");
-    // The header was found by reading ahead. Now read from the first line again and take names, units and notes.
+    // The header was found by reading ahead. Go back to the first line, then take names, units and notes.
     const int last = s->units_line ? s->units_line : s->header_line;
     while (s->lines.number < last && kn_lines_next(&s->lines)) {
         const char *line = s->lines.text;
@@ -323,9 +326,9 @@ int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units
     return take_given(s, units);
 }
 
-// ---- rows
+// ---- rows of numbers
 
-// Make room for one more row in all wanted columns. Double the room each time.
+// Make room for one more row in all wanted columns. When the room is used up, double it.
 static bool grow(kn_table_reader *s, int count, const int wanted[])
 {
     if (s->rows < s->room) return true;
@@ -343,8 +346,8 @@ static bool grow(kn_table_reader *s, int count, const int wanted[])
     return ok;
 }
 
-// Print the error that a cell holds text in place of a number, and return an exit code. The text is an error since the
-// names were not repeated below it.
+// Print the error that cells hold text in place of numbers, and return an exit code. Text is no error if the names are
+// repeated below it: then it is the heading of the next interval.
 static int bad_text(const kn_table_reader *s)
 {
     const char *text = s->strange.text;
@@ -354,10 +357,10 @@ static int bad_text(const kn_table_reader *s)
     const bool thousands = strchr(text, ',') && strchr(text, '.');
     return kn_table_reader_complain(
         s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
-        thousands ? " without separators of thousands" : ", or nothing where a reading is missing");
+        thousands ? " without thousands separators" : ", or nothing where a reading is missing");
 }
 
-// Remember the first text found in place of a number. Count the lines with such text and without any number.
+// Remember the first text found in place of a number. Count the lines that hold such text and no number.
 static void set_aside(kn_table_reader *s, const kn_table_column *column, const kn_text_cell *c, bool numbers)
 {
     s->strange.lines += !numbers;
@@ -368,7 +371,7 @@ static void set_aside(kn_table_reader *s, const kn_table_column *column, const k
     kn_text_cell_text(s->strange.text, sizeof s->strange.text, c);
 }
 
-// Return whether the row filter `only` excludes the row.
+// Return whether this cell excludes its row by the filter s->only. Count the excluded rows.
 static bool is_other(kn_table_reader *s, int index, const kn_text_cell *c)
 {
     char text[KN_HEADING_NAME];
@@ -379,8 +382,8 @@ static bool is_other(kn_table_reader *s, int index, const kn_text_cell *c)
     return other;
 }
 
-// Read one row. slot[i] is the column of cell i, or -1. `cells` is the number of names. A line with text in place of a
-// number is remembered. The text becomes an error if another row follows.
+// Read one row. slot[i] is the column of cell i, or -1. `cells` is the number of names. If a requested cell holds text
+// in place of a number, skip the row and remember the text. The text becomes an error if another row follows.
 static int take_row(kn_table_reader *s, int cells, const int slot[])
 {
     kn_text_cell c, bad = {0};
@@ -388,7 +391,7 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
     const kn_table_column *of_bad = NULL;
     const char *line = s->lines.text;
     for (const char *at = line; kn_text_cell_next(s->of_rows, &at, &c); index++) {
-        // Cells of columns that were not asked for may hold anything. Empty cells beyond the last name are ignored.
+        // Cells of columns that were not requested may hold anything. Empty cells beyond the last name are ignored.
         double value = NAN;
         if (index >= cells && c.length == 0) continue;
         if (index >= cells)
@@ -410,7 +413,7 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
     for (; index < cells; index++) // if the row has too few cells, the absent cells count as missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
-    // skip a row with text in place of a number, or without any number in the requested columns
+    // skip the row if a requested cell holds text, or if no requested cell holds a number
     if (of_bad || numbers == 0) return KN_EXIT_OK;
     if (s->strange.name) return bad_text(s);
     s->line[s->rows++] = s->lines.number;
@@ -447,7 +450,7 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
     // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
     const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
     *repeated = words && is_repeated(s, text);
-    // The names are repeated, so the text before them was the heading of the instrument's next interval.
+    // The names are repeated, so the text above them was the heading of the instrument's next interval and is no error.
     if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
     return *repeated || (below && is_units(text, s->separator));
 }
@@ -457,14 +460,14 @@ int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
     int slot[KN_TABLE_COLUMNS], code = KN_EXIT_OK;
     const int cells = s->columns ? s->column[s->columns - 1].index + 1 : 0;
     bool repeated = false;
-    // Map the cells of a row to the wanted columns.
+    // slot[i]: the wanted column to which cell i of a row belongs
     for (int i = 0; i < KN_TABLE_COLUMNS; i++) slot[i] = -1;
     for (int i = 0; i < count; i++) slot[s->column[wanted[i]].index] = wanted[i];
     while (code == KN_EXIT_OK && kn_lines_next(&s->lines)) {
         if (is_skipped(s, &repeated)) continue;
         if ((int64_t)(s->rows + 1) * count > KN_TABLE_CELLS)
             return kn_table_reader_complain(s, s->lines.number, 1,
-                                            "more than %d rows of %d columns, expected fewer: thin it, "
+                                            "more than %d rows of %d columns, expected fewer: thin the file, "
                                             "e.g. awk 'NR < 9 || NR %% 10 == 0'",
                                             s->rows, count);
         // Read the row into the next free place.
@@ -476,10 +479,10 @@ int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
     if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
         return kn_table_reader_complain(s, s->header_line, s->column[s->only.column].at,
-                                        "%d rows, all of another %s than '%s', expected rows of it", s->only.left_out,
+                                        "none of the %d rows has the %s '%s', expected rows with it", s->only.left_out,
                                         s->column[s->only.column].heading.name, s->only.text);
     if (code == KN_EXIT_OK && s->rows == 0)
-        return kn_table_reader_complain(s, s->header_line, 1, "no numbers below %s, expected rows of them",
+        return kn_table_reader_complain(s, s->header_line, 1, "no numbers below the name %s, expected rows of numbers",
                                         s->column[wanted[0]].heading.name);
     return code;
 }

@@ -5,7 +5,7 @@
 //
 //     notes, anything                        before the table; skipped
 //     # load: 50 gf                          a note, which is read anywhere in the file
-//     time [s];height [mm];status            names with units (column_quantity.h), or names alone and
+//     time [s];height [mm];status            names with units (kn_heading_read), or names alone and
 //     s;mm;                                  units in a row of their own below them
 //     0,3;9,96;M-                            a row; a column that is not requested may hold any text
 //
@@ -17,14 +17,16 @@
 // contains. Decimal commas are read if the separator is not a comma, and in quoted cells like "0,5". A reading is
 // missing if its cell is empty, -, nan, NA or #N/A. Instruments repeat the names and units above each interval of a
 // measurement. Repeated names, the units below them and the text above them are skipped.
-#include "clients/identify/column_quantity.h"
+#include "core/scene/units.h"
+#include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 
 // ---- the lines of a text file of any size, read in little memory (text_table.c)
 //
-// The text may be UTF-8 with or without a byte order mark, Latin-1, or UTF-16, which instruments on Windows write. Lines
-// end with LF, CR LF or CR. A file that contains a NUL character or a line of more than KN_LINES_LONGEST characters is
-// no text, so the file is refused.
+// The text may be UTF-8 with or without a byte order mark, Latin-1, or UTF-16, which instruments on Windows write.
+// Lines end with LF, CR LF or CR. A file that contains a NUL character or a line of more than KN_LINES_LONGEST
+// characters is no text, so the file is refused.
 
 #define KN_LINES_LONGEST 65536
 
@@ -33,7 +35,7 @@ typedef struct kn_lines {
     int number;      // number of the last line read, from 1 on
     char *text;      // last line read, without its line end, terminated by NUL; valid until the next line is read
     char error[100]; // reason why no line could be read; empty: the file has ended
-    // private
+    // the next fields are private to text_table.c
     char *buffer;
     size_t begin, end; // the unread part of the buffer is buffer[begin..end-1]
     bool filled_once, back_impossible, at_end;
@@ -64,7 +66,7 @@ typedef enum kn_text_cell_content { KN_CELL_NUMBER, KN_CELL_MISSING, KN_CELL_TEX
 bool kn_text_cell_next(char separator, const char **at, kn_text_cell *cell);
 
 // Read the number in a cell. Set *comma if the number has a decimal comma, and *point if it has a decimal point. A
-// comma is no decimal mark if the comma is the separator and the cell is not quoted.
+// comma counts as a decimal comma only if the separator is not a comma or the cell is quoted.
 kn_text_cell_content kn_text_cell_read(const kn_text_cell *cell, char separator, double *value, bool *comma,
                                        bool *point);
 
@@ -82,6 +84,52 @@ typedef struct kn_note {
 // Read a note. Return false if the line is not a note. A key has at most three words, so that a sentence with a colon
 // is not taken for a note.
 bool kn_note_read(const char *text, int line, kn_note *note);
+
+// ---- the name of a column and its unit (column_quantity.c)
+//
+// Parse the name and unit above a column of numbers, and quantities in notes, in the spellings of instruments and
+// people:
+//
+//     time_s   time (s)   time [s]   t / s   Time, s   Strain %   displacement_mm 10 gf   ω [rad/s]   G' (kPa)
+//
+// The known units are those of core/scene/units.h, and min, h, sec, %, percent, kHz, mPa, GPa, kN, uN, bar and dyn. The
+// unit `-` or `1` means that the quantity has no dimension. Powers may be written with ², ^2 or 2, products with ·, .
+// or *, and micro as µ. After an underscore a unit may be in small letters, since _pa can only mean Pa.
+
+#define KN_HEADING_NAME 80
+
+// A unit. A number in this unit is number * times / over in SI units. Two factors are kept, since 5/1000 is exactly
+// 0.005 but 5 * 0.001 need not be.
+typedef struct kn_column_unit {
+    kn_unit dimension; // only the powers of m, kg, s and rad in this struct are used
+    double times, over;
+} kn_column_unit;
+
+typedef struct kn_heading {
+    char name[KN_HEADING_NAME]; // name as written in the file, without the unit
+    // the name in a form for comparison: small letters, single blanks between words, Greek letters spelt out, primes
+    // as '
+    char word[KN_HEADING_NAME];
+    char unit_text[KN_HEADING_NAME]; // unit as written in the file; empty: the heading has no unit
+    bool has_unit;
+    kn_column_unit unit;
+} kn_heading;
+
+// Parse a unit. If the unit is unknown, return false and write one clause to `error`, which may be NULL.
+bool kn_column_unit_parse(kn_column_unit *m, const char *text, char *error, size_t error_size);
+// Return whether `m` has the dimension of `unit`, such as "Pa"; "1" means no dimension.
+bool kn_column_unit_is(const kn_column_unit *m, const char *unit);
+double kn_column_unit_si(const kn_column_unit *m, double number); // return a number in the unit `m` converted to SI
+
+void kn_heading_read(kn_heading *h, const char *text); // parse a heading; the name is always set and may be empty
+
+// Read a quantity like "50 gf", "0,5 cm", "10 %" or "1 min" and convert it to SI. The quantity must have the dimension
+// of `unit`. A number without a unit is accepted only if `unit` is "1". If `unit` is "N", a mass is read as its weight:
+// "50 g" is 50 gf. On failure return false with one clause in `error`.
+bool kn_heading_quantity(const char *text, const char *unit, double *value, char *error, size_t error_size);
+
+// Replace control characters by '?', since names and notes are shown on terminals.
+void kn_text_clean(char *text);
 
 // ---- the table
 //
@@ -117,7 +165,7 @@ typedef struct kn_table_reader {
         int column;   // the column that holds the text
         int left_out; // number of rows that were not read, since their cell differs from `text`
     } only;
-    // private
+    // the next fields are private to table_reader.c
     kn_lines lines;
     // separator: separator in the line of names; of_rows: separator in the rows, which may be another one
     char separator, of_rows;
@@ -129,7 +177,7 @@ typedef struct kn_table_reader {
         // first text, and its position in that line
         int lines, line, at;
         char text[32];
-        const char *name; // name of the column in which text was found instead of a number; NULL: no such column
+        const char *name; // name of the column in which the text was found; NULL: no text was found
     } strange;
 } kn_table_reader;
 
@@ -153,5 +201,50 @@ int kn_table_reader_at(const kn_table_reader *s, int line, int column);
 __attribute__((format(printf, 4, 5))) int kn_table_reader_complain(const kn_table_reader *s, int line, int at,
                                                                    const char *format, ...);
 void kn_table_reader_close(kn_table_reader *s);
+
+// ---- the quantity of a column (column_quantity.c)
+//
+// The physical quantity of a column (time, height, load ...) is found from its name, in the spellings of instruments,
+// and from its unit.
+
+typedef enum kn_column_quantity {
+    KN_TIME,
+    KN_HEIGHT,
+    KN_DISPLACEMENT,
+    KN_STRAIN,
+    KN_COMPLIANCE,
+    KN_LOAD,
+    KN_STRESS,
+    KN_MODULUS,
+    KN_FREQUENCY,
+    KN_STORAGE,
+    KN_LOSS,
+    KN_TANGENT,
+    KN_PHASE
+} kn_column_quantity;
+
+// return the name of a quantity, such as "time", "height" or "storage modulus"
+const char *kn_column_quantity_name(kn_column_quantity quantity);
+
+// Return the index of the column that holds a quantity, or -1. A column that certainly holds it (kn_column_is_sure) is
+// preferred. If two columns match equally well, or if the only matching column has no unit or a unit of another
+// dimension, print an error and set *code to an exit code. If `code` is NULL, print nothing.
+int kn_column_find(kn_table_reader *s, kn_column_quantity quantity, int *code);
+
+// Return whether the quantity in a column that was found is certain. It is certain if the column has a unit, or if the
+// quantity needs no unit and the column's name is the quantity's own word or letter. An uncertain column may hold
+// something else, so a column that certainly holds another usable quantity is preferred.
+bool kn_column_is_sure(const kn_heading *column, kn_column_quantity quantity);
+
+// Return the column of the first of `count` quantities for which the table has a column, and set *found to that
+// quantity. A column whose quantity is certain (kn_column_is_sure) is preferred to an uncertain one. If there is no
+// column, return -1. On an error print the error, set *code to an exit code and return -1. *code must be KN_EXIT_OK
+// before the call.
+int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity *wanted, kn_column_quantity *found,
+                         int *code);
+
+// Find several columns of one quantity that are headed by their loads, such as "10 gf [mm]" or "displacement_mm 10 gf".
+// Store the index of each column in column[] and its load in load_n[]. Return the number of columns, at most `most`.
+int kn_column_find_loads(const kn_table_reader *s, int most, int column[], double load_n[]);
 
 #endif

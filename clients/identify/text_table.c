@@ -9,7 +9,7 @@
 #include <strings.h>
 #include <sys/stat.h>
 
-// ---- lines
+// ---- lines of a text file
 
 // size of the buffer [bytes]; the header of a table is searched only in the first buffer of a file
 enum { ROOM = 1 << 18 };
@@ -22,8 +22,8 @@ static bool fail(kn_lines *l, const char *why)
     return false;
 }
 
-// Write one unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?', since no name or unit
-// contains one.
+// Write one code unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?', since no name or unit
+// contains them.
 static size_t put_wide(char *to, unsigned unit)
 {
     if (unit >= 0xd800 && unit < 0xe000) unit = '?';
@@ -39,7 +39,7 @@ static size_t put_wide(char *to, unsigned unit)
     return 3;
 }
 
-// Fill the buffer from a UTF-16 file, as long as a whole chunk fits even at 3 bytes per unit.
+// Fill the buffer from a UTF-16 file. Read chunk by chunk, as long as a whole chunk fits even at 3 bytes per code unit.
 static void fill_wide(kn_lines *l)
 {
     unsigned char raw[8192];
@@ -66,7 +66,7 @@ static void fill_bytes(kn_lines *l)
 static void recognise(kn_lines *l)
 {
     const unsigned char *b = (const unsigned char *)l->buffer;
-    // A byte order mark of UTF-16: read the file again from there.
+    // The file begins with a byte order mark of UTF-16: read it again from behind the mark.
     if (l->end >= 2 && ((b[0] == 0xff && b[1] == 0xfe) || (b[0] == 0xfe && b[1] == 0xff))) {
         l->wide = b[0] == 0xff ? 1 : 2;
         l->at_end = false;
@@ -146,7 +146,7 @@ bool kn_lines_next(kn_lines *l)
     return true;
 }
 
-// ---- cells
+// ---- cells of a line
 
 bool kn_text_cell_next(char separator, const char **at, kn_text_cell *c)
 {
@@ -167,8 +167,8 @@ bool kn_text_cell_next(char separator, const char **at, kn_text_cell *c)
         while (*p && *p != separator && !(separator == ' ' && *p == '\t')) p++;
         c->length = (int)(p - c->text);
     }
-    // Strip blanks at the end and step over the separator. Only a separator other than a blank leaves an empty cell
-    // behind.
+    // Strip blanks at the end of the cell and step over the separator. At the end of the line, an empty cell follows a
+    // separator other than a blank.
     while (c->length > 0 && isspace((unsigned char)c->text[c->length - 1])) c->length--;
     if (separator == ' ') p += strspn(p, " \t");
     else if (*p) p++;
@@ -220,7 +220,7 @@ kn_text_cell_content kn_text_cell_read(const kn_text_cell *c, char separator, do
     snprintf(text, sizeof text, "%.*s", c->length, c->text);
     for (size_t i = 0; i < sizeof missing / sizeof *missing; i++)
         if (!strcasecmp(text, missing[i])) return KN_CELL_MISSING;
-    // A cell with other characters than those of a number is text. A decimal comma is turned into a point for strtod.
+    // A cell with characters that numbers do not contain is text. Turn a decimal comma into a point for strtod.
     if (strspn(text, "+-0123456789.,eE") != (size_t)c->length || !strpbrk(text, "0123456789")) return KN_CELL_TEXT;
     char *mark = may && !strchr(text, '.') ? strchr(text, ',') : NULL, *end;
     if (mark) *mark = '.', *comma = true;
@@ -240,7 +240,7 @@ void kn_text_cell_text(char *to, size_t size, const kn_text_cell *c)
     kn_text_clean(to);
 }
 
-// ---- notes
+// ---- notes in a file
 
 bool kn_note_read(const char *text, int line, kn_note *note)
 {
@@ -256,7 +256,8 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     }
     while (n > 0 && isspace((unsigned char)note->key[n - 1])) n--;
     note->key[n] = '\0';
-    size_t length = strcspn(value, ";\t"); // spreadsheets fill up lines with separators, so cut the value there
+    // spreadsheets fill up lines with separators, so cut the value at the first one
+    size_t length = strcspn(value, ";\t");
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);
     kn_text_clean(note->value);

@@ -6,7 +6,7 @@
 
 enum { FEWEST = 10, HALF_LINE = 10, STARTS = 3 };
 
-// ---- stage 1: fit of equation 5 to the recovery
+// ---- stage 1: fit of the first paper's equation 5 to the recovery
 
 typedef struct recovery {
     const kn_curve *curve;
@@ -32,7 +32,7 @@ static bool recovery_misfit(void *of, const double *value, double *residual)
     return true;
 }
 
-// Fit equation 5 to the readings after the release.
+// Fit equation 5 of the first paper to the readings after the release.
 static bool fit_recovery(kn_two_stage *s, const kn_curve *c)
 {
     recovery r = {c, *s};
@@ -54,7 +54,7 @@ static void subtract_voigt(kn_two_stage *s, const kn_curve *c)
 {
     double k1 = s->material.k1_pa, tau = s->material.c1_pa_s / k1, x = 0, from_s = c->step[0].time_s;
     double from_pa = c->step[0].stress_pa;
-    // The exact solution of c1 x' + k1 x = P for a linear P over one interval.
+    // Add the exact solution of c1 x' + k1 x = P over one interval, in which the stress P is linear in time.
     for (int i = 0; i < s->count; i++) {
         double h = c->time_s[i] - from_s, to_pa = s->stress_pa[i], gone = -expm1(-h / tau);
         double slope = h > 0 ? (to_pa - from_pa) / h : 0;
@@ -68,9 +68,9 @@ static void subtract_voigt(kn_two_stage *s, const kn_curve *c)
 
 // ---- stage 3: damping c2 and its law
 
-// Return the slope of the best line through the readings around one reading: HALF_LINE on either side. Thinned readings
-// (means) are denser just after the load was applied. There the line spans as long a time as the same number of evenly
-// spaced readings would.
+// Return the slope of the best straight line through HALF_LINE readings on either side of the reading `at`. Thinned
+// readings (means) are denser just after the load was applied. There the line takes more readings, so that it spans as
+// long a time as with evenly spaced readings.
 static double slope_around(const kn_curve *c, const double *x, int count, int at)
 {
     const double *t = c->time_s, half_s = 0.999 * HALF_LINE * (t[count - 1] - t[0]) / (count - 1);
@@ -81,7 +81,8 @@ static double slope_around(const kn_curve *c, const double *x, int count, int at
     return kn_line_slope(to - from + 1, t + from, x + from, c->weight + from, &mean_t, &mean_x);
 }
 
-// Residuals of equation 6 for the logarithm of c2. The unknowns are alpha, beta, P0 and P1.
+// Compute the residuals of the first paper's equation 6 for the logarithm of c2. The unknowns are alpha, beta, P0 and
+// P1.
 static bool damper_misfit(void *of, const double *value, double *residual)
 {
     const kn_two_stage *s = of;
@@ -93,7 +94,7 @@ static bool damper_misfit(void *of, const double *value, double *residual)
     return true;
 }
 
-// Compute c2 = P/v from the slope v of the damper's displacement, and fit equation 6 to it.
+// Compute c2 = P/v from the slope v of the damper's strain, and fit the first paper's equation 6 to it.
 static bool fit_damper(kn_two_stage *s, const kn_curve *c)
 {
     double low = INFINITY, high = 0, mean = 0, top = c->step[0].stress_pa;
@@ -129,8 +130,8 @@ static bool fit_damper(kn_two_stage *s, const kn_curve *c)
     return true;
 }
 
-// Find strain and stress at the release. If the last entry under load is a single reading, its strain is used. If it is
-// a mean of several readings, its time is earlier, so its strain is extrapolated.
+// Find strain and stress at the release from the last entry under load. If this entry is a mean of several readings,
+// its time is earlier than the release, so its strain is extrapolated. The strain of a single reading is used as it is.
 static void at_release(kn_two_stage *s, const kn_curve *c)
 {
     const int last = s->count - 1;

@@ -1,12 +1,12 @@
-// The yardsticks among the constitutive models: fractional Maxwell, and a logarithm of time.
+// The yardsticks among the constitutive models: the fractional Maxwell model, and a logarithm of time.
 #include "clients/identify/constitutive_models.h"
 #include <complex.h>
 #include <math.h>
 #include <stdlib.h>
 
-// NODES: number of nodes of the Talbot inversion; each node adds 0.6 digits, but the rounding error grows as exp(0.4
-// NODES), so more nodes would lose accuracy
-// PHASE: number of intervals between nodes of the superposition in one phase, the time between two changes of load
+// NODES: number of nodes of the Talbot inversion. Each node adds 0.6 digits, but the rounding error grows as exp(0.4
+// NODES), so more nodes would lose accuracy. PHASE: number of intervals between nodes of the superposition in one
+// phase, the time between two changes of load.
 enum { NODES = 18, PHASE = 40 };
 // node i of a phase is placed at the share (i/PHASE)^GRADING of the duration of the phase, since the strain rises as a
 // power of time after a change of load
@@ -14,13 +14,14 @@ enum { NODES = 18, PHASE = 40 };
 
 // ---- relaxation of the fractional Maxwell model
 
-// The contour of the Talbot inversion at time t = 1, and the two terms of 1/Z at the nodes of the contour.
+// The contour of the Talbot inversion at time t = 1. At each node p of the contour: part_v = 1/(V p^a) and part_g =
+// 1/(G p^b), whose sum is 1/Z(p).
 typedef struct contour {
     const kn_fractional_maxwell *f;
     double complex node[NODES], weight[NODES], part_v[NODES], part_g[NODES];
 } contour;
 
-// Compute the nodes and weights of the Talbot contour, and the powers of p that depend on the orders only.
+// Compute the nodes p and the weights of the Talbot contour, and part_v and part_g at the nodes.
 static void prepare(contour *c, const kn_fractional_maxwell *f)
 {
     const double r = 0.4 * NODES, pi = acos(-1.0);
@@ -38,7 +39,7 @@ static void prepare(contour *c, const kn_fractional_maxwell *f)
     }
 }
 
-// Invert the transform at time t. `times` is the number of integrations: 0 for the modulus, 1 for its integral from 0
+// Invert the Laplace transform at time t. `times` 0: return the modulus; 1: return the integral of the modulus from 0
 // to t.
 static double invert(const contour *c, double t, int times)
 {
@@ -54,7 +55,7 @@ static double invert(const contour *c, double t, int times)
 
 static double after_ramp(const contour *c, double ramp, double t)
 {
-    // a short ramp acts like a step at its middle, to second order in ramp/t
+    // a short ramp acts like a step at the middle of the ramp, to second order in ramp/t
     if (ramp < 1e-4 * t) return invert(c, t + ramp / 2, 0);
     return (invert(c, t + ramp, 1) - (t > 0 ? invert(c, t, 1) : 0)) / ramp;
 }
@@ -71,7 +72,7 @@ void kn_fractional_maxwell_relax(const kn_fractional_maxwell *f, double ramp_s, 
 
 bool kn_superposition_open(kn_superposition *m, const kn_curve *curve)
 {
-    // The arrays over nodes and over pairs of nodes share one allocation.
+    // All arrays, for the nodes and for the pairs of nodes, share one block of memory.
     const int nodes = PHASE * curve->steps + 1;
     const size_t n = (size_t)nodes, pairs = n * (n - 1) / 2;
     *m = (kn_superposition){.curve = curve};
@@ -85,14 +86,15 @@ bool kn_superposition_open(kn_superposition *m, const kn_curve *curve)
     m->ln_lag = m->lag_s + pairs;
     m->j = m->ln_lag + pairs;
     m->k = m->j + pairs;
-    // Place the nodes of each phase between two changes of load. The last node of a phase is the first of the next.
+    // Place the nodes of each phase (the time between two changes of load). The last node of a phase is also the first
+    // node of the next phase.
     for (int i = 0; i < curve->steps; i++) {
         const double from = curve->step[i].time_s;
         const double to = i + 1 < curve->steps ? curve->step[i + 1].time_s : curve->time_s[curve->count - 1];
         for (int k = 0; k <= PHASE; k++)
             m->time_s[PHASE * i + k] = from + (to - from) * pow((double)k / PHASE, GRADING);
     }
-    // Compute the lags of all pairs once. Only the compliance changes from fit to fit.
+    // Compute the lags between all pairs of nodes once. During a fit only the compliance changes.
     for (int a = 1, p = 0; a < nodes; a++)
         for (int b = 0; b < a; b++, p++) {
             m->lag_s[p] = m->time_s[a] - m->time_s[b];
@@ -112,8 +114,8 @@ static double stress(const kn_superposition *m, double nominal, double strain)
     return m->curve->constant_area ? nominal : nominal * (1 - strain);
 }
 
-// Advance the strain over the interval from node n - 1 to n. `x` is the strain at n that is caused by the stress up to
-// node n - 1. The area, and so the slope of P in the interval, depends on the strain at n. The resulting linear
+// Advance the strain over the interval from node n - 1 to node n. `x` is the strain at n that the stress up to node n -
+// 1 causes. The area, and so the slope of the stress in the interval, depends on the strain at n. The resulting linear
 // equation is solved for this strain.
 static double step(kn_superposition *m, int n, double x, double nominal, double lag_k, double *p)
 {
@@ -133,7 +135,7 @@ static void march(kn_superposition *m)
         const size_t row = n > 0 ? (size_t)n * (size_t)(n - 1) / 2 : 0;
         const double *lag_j = m->j + row, *lag_k = m->k + row;
         double x = 0;
-        // Add the response to all earlier jumps of stress and to all earlier linear pieces.
+        // Add the strain that all earlier jumps of the stress and all earlier linear pieces of the stress cause.
         for (int i = 0; i <= phase; i++) x += jump[i] * lag_j[PHASE * i];
         for (int i = 1; i < n; i++) x += m->slope[i] * (lag_k[i - 1] - lag_k[i]);
         if (n > 0) x = step(m, n, x, m->curve->step[phase].stress_pa, lag_k[n - 1], &p);
@@ -146,8 +148,8 @@ static void march(kn_superposition *m)
     }
 }
 
-// Interpolate with Lagrange's cubic through the four nodes around a place in a phase. `along` is the coordinate in
-// which the nodes are evenly spaced.
+// Interpolate the strain in the phase that begins at the node `first`, with Lagrange's cubic through the four nearest
+// nodes. `along` is the place in the phase, in the coordinate in which the nodes are evenly spaced.
 static double between(const kn_superposition *m, int first, double along)
 {
     int i = (int)along - 1;
@@ -173,9 +175,10 @@ bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *co
     return true;
 }
 
-// ---- predictions
+// ---- predictions of the yardsticks
 
-// J = ln(1 + t/tau)/v0 and its integral. A short lag uses the power series, since the closed form cancels.
+// Compute the compliance J = ln(1 + t/tau)/v0 and its integral. For a short lag use the power series, since the closed
+// form loses digits by cancellation.
 static void logarithm_compliance(const void *of, int count, const double *lag, const double *ln_lag, double *j,
                                  double *k)
 {
@@ -188,7 +191,7 @@ static void logarithm_compliance(const void *of, int count, const double *lag, c
     }
 }
 
-// J = t^a/(V Gamma(1+a)) + t^b/(G Gamma(1+b)) and its integral, term by term.
+// Compute the compliance J = t^a/(V Gamma(1+a)) + t^b/(G Gamma(1+b)) and its integral, term by term.
 static void fractional_compliance(const void *of, int count, const double *lag, const double *ln_lag, double *j,
                                   double *k)
 {
@@ -202,7 +205,7 @@ static void fractional_compliance(const void *of, int count, const double *lag, 
     }
 }
 
-// The modulus a - b ln t, or its mean over the ramp of the strain.
+// Compute the modulus a - b ln t, or the mean of this modulus over the rise of the strain.
 static void logarithm_relax(const double *v, double ramp_s, int count, const double *t, double *modulus_pa)
 {
     for (int i = 0; i < count; i++) {
@@ -217,7 +220,7 @@ bool kn_yardstick_predict(const kn_constitutive_model *model, const double *v, k
 {
     const bool fractional = model->kind == KN_CONSTITUTIVE_FRACTIONAL;
     kn_fractional_maxwell f = {0};
-    // The unknown for the order b is its share of the order a, so that b < a.
+    // The unknown for the order b is the ratio b/a, so that b < a.
     if (fractional) f = (kn_fractional_maxwell){v[0], v[1], v[2], v[3] * v[1]};
     if (model->relax) {
         if (fractional) kn_fractional_maxwell_relax(&f, c->ramp_s, count, time_s, out);

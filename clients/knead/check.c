@@ -2,7 +2,6 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
-#include "clients/sweep/contact_force_error.h"
 #include "clients/sweep/replay_trace.h"
 #include "clients/sweep/tick_cost.h"
 #include "core/field.h"
@@ -23,9 +22,9 @@
 
 static const char usage[] =
     "usage: knead check SCENE [--set KEY=VALUE]...   describe a scene: size, cost, warnings\n"
-    "       knead check SCENE --quality NAME         describe its point fast, balanced or accurate; own: none\n"
-    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice; exit 1\n"
-    "                                                if the scene misses its object.accuracy\n"
+    "       knead check SCENE --quality NAME         describe the scene at its quality point NAME\n"
+    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice\n"
+    "                                                (exit 1 if the scene misses its object.accuracy)\n"
     "       knead check --keys                       list every key of a scene: unit, range, default, meaning\n"
     "       knead check SCENE --text                 print the scene with every value written out, in SI units\n"
     "       knead check SCENE --json                 print the main figures and all warnings as JSON\n\n"
@@ -58,16 +57,18 @@ static void print_net(const kn_model *model)
            flat ? "triangles" : "tetrahedra", model->edge_count, kn_model_mass(model));
     printf("springs   E %.3f %.3f", own->young[0], own->young[flat ? 2 : 1]);
     if (!flat) printf(" %.3f", own->young[2]);
-    printf(" of k1 along %s, nu %.3f, G %.2f of an isotropic body's; creep under the middle load %+.1f %%\n",
-           flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
+    printf(
+        " times k1 along %s, nu %.3f, G %.2f times an isotropic body's; creep under the middle load off by %+.1f %%\n",
+        flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
     if (model->def.pressure != KN_PRESSURE_NONE)
-        printf("pressure  %d elements, %s, %.6g Pa inside at rest and outside; tetrahedra lock: "
-               "a press is a third stiffer\n",
-               mesh->element_count, model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them",
+        printf("pressure  %d elements, %s, %.6g Pa inside at rest, as outside; "
+               "tetrahedra lock, so a press is a third too stiff\n",
+               mesh->element_count,
+               model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around all of them",
                model->def.inside_pressure_pa);
     // Warn about elastic properties of the mesh that its geometry causes.
     if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
-    if (fabs(model->creep_error) > 0.1) warn("no gamma gives the mesh the creep of the material");
+    if (fabs(model->creep_error) > 0.1) warn("no stress area (gamma) gives the mesh the creep of the material");
     if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
 }
 
@@ -80,13 +81,13 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
                def->probe_count > 0 ? "the tools reach the whole object" : "there is no tool");
         return;
     }
-    printf("accuracy  %g %% of the force: spacing in a box", 100 * scene->accuracy);
+    printf("accuracy  %g %% of the force: fine cells in the box", 100 * scene->accuracy);
     for (int k = 0; k < 3; k++) {
         // The scene's origin is at the centre of the base, but node numbers start at a corner.
         double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
         printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
     }
-    printf(" mm, twice that outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
+    printf(" mm, cells of twice the size outside: %d nodes, %d edges\n", model->node_count - kn_composite_tied(model),
            kn_composite_edges(model));
     printf(
         "          knead check SCENE --log LOG replays a press on both lattices and prints the error and the time\n");
@@ -107,12 +108,13 @@ static void print_block(const kn_scene *scene, const kn_model *model)
     printf(" = %d nodes, %d edges (%s", model->grid.nodes, kn_grid_edges(&model->grid, NULL),
            structure[def->structure]);
     if (model->grid.diagonal > 0 && model->grid.diagonal < 1)
-        printf(", %g as stiff as the sides", model->grid.diagonal);
+        printf(", %g times as stiff as the sides", model->grid.diagonal);
     printf("), %.4g kg\n", kn_model_mass(model));
     if (scene->accuracy > 0) print_composite(scene, model);
     if (def->pressure != KN_PRESSURE_NONE)
-        printf("pressure  %d cells, %s, %.6g Pa inside at rest and outside\n", kn_grid_cells(&model->grid, NULL),
-               def->pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around them", def->inside_pressure_pa);
+        printf("pressure  %d cells, %s, %.6g Pa inside at rest, as outside\n", kn_grid_cells(&model->grid, NULL),
+               def->pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around all of them",
+               def->inside_pressure_pa);
 }
 
 static void print_object(const kn_scene *scene, const kn_model *model)
@@ -136,10 +138,10 @@ static void print_plastic(const kn_material *m)
     printf("plastic   no spring: all deformation remains; c1 and c2 act as one damper of %.4g Pa s at rest",
            c2 * share);
     bool depends = kn_material_thinning(m, m->p0_pa) > 0;
-    printf(depends ? ", c2 within %.2g %% at every stress\n" : "\n", 100 * off);
+    printf(depends ? ", equal to c2 within %.2g %% at every stress\n" : "\n", 100 * off);
     if (depends && off > 0.05)
-        warn("|c/c2 - 1| is up to %.2g %%, above 5 %%: c1 is not much larger than c2 at rest and hides how c2 depends "
-             "on the stress",
+        warn("c1 and c2 in series differ from c2 by up to %.2g %%, above 5 %%: "
+             "c1 is not much larger than c2 at rest and hides how c2 depends on the stress",
              100 * off);
 }
 
@@ -158,14 +160,15 @@ static void print_material(const kn_model *model)
         printf("; c2 %.4g Pa s at rest, %.4g Pa s from %.4g Pa on\n", kn_material_c2(m, 0), kn_material_c2(m, m->p1_pa),
                m->p1_pa);
     if (!rigid && m->stroke[1] > 0)
-        printf("stroke    a %g to %g around %.3g: without load an edge has %.4g to %.4g times its original length\n",
+        printf("stroke    Voigt part a = %g to %g of an edge's length, %.3g when new: "
+               "without load an edge has %.4g to %.4g times its original length\n",
                m->stroke[0], m->stroke[1], m->ratio, 1 + in, 1 + out);
     if (!rigid && m->k1_pa == 0) print_plastic(m);
     printf("law       %s", law[model->law.kind]);
     if (model->law.kind == KN_LAW_TABLE)
-        printf(" of %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
-    printf("\nlattice   E = k1; an inner side has k = kappa E with kappa = %.4g m, stress area gamma kappa L0 with "
-           "gamma = %.2g\n",
+        printf(" of the damper in %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
+    printf("\nlattice   E = k1; inner edges along an axis have the stiffness kappa E, kappa = %.4g m, "
+           "and the stress area gamma kappa L0, gamma = %.2g\n",
            model->kappa_m, model->gamma);
 }
 
@@ -198,10 +201,11 @@ static void print_cost(const kn_model *model)
     // (core/solve/step_effort.h). The time of such a step is printed separately.
     double blow = kn_tick_cost_blow_us(model, &own);
     if (blow > 0)
-        printf("          in an impact up to %d solves of a step: %.0f us at the cap\n", KN_IMPACT_PASSES, blow);
+        printf("          in an impact a step is solved up to %d times: %.0f us at the cap of iterations\n",
+               KN_IMPACT_PASSES, blow);
     if (kn_tick_cost_newton(model))
-        warn("each edge solves its damper by its own iteration, which takes about 40 times as long");
-    if (us > 1e6 * s->dt_s) warn("slower than real time");
+        warn("each edge is solved by Newton's method alone, about 40 times slower than edges in SIMD lanes");
+    if (us > 1e6 * s->dt_s) warn("a step takes longer than real time");
 }
 
 // Print how much of its height the object loses under its own weight. The stress used is the mean over a column,
@@ -249,7 +253,9 @@ static void print_solver(const kn_model *model)
                s->passes > 1 ? "es" : "");
         printf("kernels   %s\n", model->kernels->name);
         print_cost(model);
-        if (model->isa == KN_ISA_BASE) warn("no fused multiply-add: the same bits in software, far from real time");
+        if (model->isa == KN_ISA_BASE)
+            warn("this processor has no fused multiply-add: "
+                 "software computes it with the same bits, but far slower than real time");
     }
     // State and model must fit into memory together. Warn if the sum of their sizes exceeds the memory of this machine.
     double bytes = (double)model->state_bytes + (double)model_bytes(model);
@@ -271,10 +277,9 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     const double by_ms = 1e-6 * (double)kn_served_object_worst(&b, model, units),
                  free_ms = 1e-6 * (double)kn_served_object_worst(&b, model, 0);
     b.destroy(b.self);
-    printf(
-        "deadline  %lld units of work, %.2g ns each here: the worst tick of a stroke at 5 cm/s takes %.2g ms, %.2g ms "
-        "without it\n",
-        (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
+    printf("deadline  %lld units of work, %.2g ns each here: "
+           "the worst tick of a stroke at 5 cm/s takes %.2g ms, and %.2g ms without a deadline\n",
+           (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
     kn_result_integer(kn_result(), "deadline_units", units);
     kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
     kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);
@@ -308,7 +313,7 @@ static void print_coupling(const kn_scene *scene)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
     if (d->force_scale != 1.0)
-        printf("          the hand is given %g of the force: the clamp is reached at %g N of the object\n",
+        printf("          the hand is given %g of the force: the clamp acts when the object's force exceeds %g N\n",
                d->force_scale, d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
         warn("this device is stable up to a coupling of %.3g N/m: it will buzz at a wall", bound);
@@ -319,7 +324,7 @@ static void print_device(const kn_scene *scene)
     const kn_safety_limits *l = &scene->limits;
     printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
-    printf("          without poses: hold %d ms, zero by %d ms; back after %d ms of poses, gain up in %d ms\n",
+    printf("          without poses: force held %d ms, zero after %d ms; after %d ms of poses: full again in %d ms\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
     // Names of the measures in mesh messages, indexed by the bits of mesh_measures.
@@ -329,7 +334,7 @@ static void print_device(const kn_scene *scene)
 
 static void print_field(const kn_field *f)
 {
-    printf("mesh of %d triangles, %.4g x %.4g x %.4g mm, in a grid of %.3g mm, %.2g MB", f->triangle_count,
+    printf("mesh of %d triangles, %.4g x %.4g x %.4g mm, sampled on a grid of %.3g mm, %.2g MB", f->triangle_count,
            1e3 * (f->box_m[1][0] - f->box_m[0][0]), 1e3 * (f->box_m[1][1] - f->box_m[0][1]),
            1e3 * (f->box_m[1][2] - f->box_m[0][2]), 1e3 * f->cell_m, 4e-6 * f->n[0] * f->n[1] * f->n[2]);
 }
@@ -362,9 +367,9 @@ static void print_touch(const kn_probe_def *p)
     if (p->adhesion_pa > 0) printf(", adhesion %g Pa", p->adhesion_pa);
     if (p->grip_n > 0) printf(", grip up to %g N", p->grip_n);
     if (p->coupling_n_m > 0)
-        printf("\n          coupled to its pose by %g N/m and %g N s/m, turns by %g N m/rad", p->coupling_n_m,
+        printf("\n          coupled to its pose by %g N/m and %g N s/m, in rotation by %g N m/rad", p->coupling_n_m,
                p->coupling_n_s_m, KN_COUPLING_ARM_M * KN_COUPLING_ARM_M * p->coupling_n_m);
-    else printf(", follows its pose");
+    else printf(", follows its pose rigidly");
 }
 
 // Return the largest radius of curvature among the parts of a tool. For a tool from a file it is the radius of the
@@ -394,7 +399,7 @@ static void print_probe(const kn_model *model, int index)
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)
         warn("%s is narrower than the spacing: it may pass between nodes", p->name);
     else if (p->shape != KN_PROBE_PLATE && roundest_m(&model->shape[index]) < 1.5 * h * (1 - 1e-9))
-        warn("%s is smaller than 1.5 spacings (%g mm): it feels the cells", p->name, 1.5e3 * h);
+        warn("%s is smaller than 1.5 spacings (%g mm): the hand feels single cells", p->name, 1.5e3 * h);
 }
 
 // Warn about a lattice that does not resist shear. If only the sides of the cells and gas carry the load, the cells
@@ -406,7 +411,7 @@ static void print_shear(const kn_model_def *def)
     bool axis = def->structure == KN_STRUCTURE_AXIS, gas = def->pressure != KN_PRESSURE_NONE;
     if (axis) warn("a lattice without diagonals cannot keep its shape; once folded it may swing for ever");
     if (gas && !def->mesh && (axis || def->diagonal_stiffness < 0.01))
-        warn("gas does not resist shear: below a diagonal_stiffness of 0.01 rounding decides the shape");
+        warn("gas does not resist shear: below a diagonal_stiffness of 0.01 rounding errors decide the shape");
     if (def->pressure == KN_PRESSURE_OBJECT)
         warn("one pressure for the object does not keep single cells from turning inside out");
 }
@@ -498,8 +503,8 @@ static int say(const kn_replay_trace *own, const kn_replay_trace *uniform, const
     printf("accuracy  force %.2g %% off the uniform lattice, %g %% asked: %s; peak %.4g N, uniform %.4g N\n",
            100 * force, 100 * asked, keeps ? "kept" : "missed", kn_contact_force_peak(own),
            kn_contact_force_peak(uniform));
-    printf("          shape %.2g %%; a tick takes %.0f us, uniform %.0f us, %.2f of it\n", 100 * shape, own->median_us,
-           uniform->median_us, own->median_us / uniform->median_us);
+    printf("          shape %.2g %% off; a tick takes %.0f us, uniform %.0f us, ratio %.2f\n", 100 * shape,
+           own->median_us, uniform->median_us, own->median_us / uniform->median_us);
     // If a tool outside the box of fine cells presses coarse cells, the log says little about the accuracy, so print a
     // warning.
     if (t->outside)

@@ -15,7 +15,7 @@ __asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
 static const char help[] =
     "usage: knead completion [bash|zsh]\n\n"
     "Prints the shell completion of knead, kneadd and knead-simdev: subcommands, options, their values, keys of a\n"
-    "scene, files. It reads --help when Tab is pressed.\n\n"
+    "scene, files. When Tab is pressed, the completion reads the --help of these programs.\n\n"
     "    source <(knead completion)         in this bash; add the line to ~/.bashrc for every bash\n"
     "    source <(knead completion zsh)     in this zsh\n\n"
     "cmake --install puts the completion where the package bash-completion finds it.\n\n"
@@ -28,7 +28,7 @@ int kn_completion_main(int argc, char **argv)
     if (argc > 2 || !(zsh || !strcmp(shell, "bash") || !strcmp(shell, "--help")))
         return kn_complain("completion", KN_EXIT_USAGE, "%s: expected bash or zsh", argv[argc > 2 ? 2 : 1]);
     if (!strcmp(shell, "--help")) return fputs(help, stdout), KN_EXIT_OK;
-    // zsh needs these commands first, because it runs the bash script in its compatibility layer.
+    // zsh needs these commands before the bash script, because zsh runs the script in its compatibility layer.
     if (zsh) fputs("autoload -U +X compinit && compinit -i\nautoload -U +X bashcompinit && bashcompinit\n", stdout);
     fputs(completion_bash, stdout);
     return KN_EXIT_OK;

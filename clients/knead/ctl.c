@@ -14,21 +14,20 @@
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
-    "Sends a control command to a running kneadd, through the socket that its --control names.\n\n"
-    "  status           print the state: mode, faults and their remedies, the loop, the link of every tool, counts\n"
-    "                   of safety actions; zeros are left out without --json (server/README.md explains the names)\n"
+    "Sends a control command to a running kneadd, through the socket that kneadd's option --control names.\n\n"
+    "  status           print mode, faults and their remedies, servo loop, connection of every tool, safety actions.\n"
+    "                   Without --json, zeros are left out. server/README.md explains the names\n"
     "  reset            restore the initial object; forces fade out, and tools engage again once lifted clear\n"
-    "  quality NAME     switch to the scene's point fast, balanced, accurate or own; the force passes through zero\n"
-    "  set KEY=VALUE... set keys of the scene (see 'knead check --keys'); the object continues with the new values,\n"
-    "                   and the force on a hand passes through zero. Limits of the device can be lowered, never\n"
-    "                   raised\n"
-    "  load [FILE]      start again with the scene FILE, or with the same scene as its file is now; checked first\n"
-    "  snapshot         save the object to a file that is kept, and answer once it is on disk; needs\n"
-    "                   kneadd --state-dir\n"
+    "  quality NAME     switch to the quality point fast, balanced, accurate or own; the force passes through zero\n"
+    "  set KEY=VALUE... set keys of the scene (see 'knead check --keys'); the object keeps its present shape.\n"
+    "                   The force on a hand passes through zero. Limits of the device can be lowered, never raised\n"
+    "  load [FILE]      check the scene FILE and start again with this scene.\n"
+    "                   Without FILE, the file of the present scene is read again\n"
+    "  snapshot         save the object to a file, and answer once the file is on disk; needs kneadd --state-dir\n"
     "  restore [N]      restore the object from snapshot N (default: the newest)\n"
     "  undo             undo the last kneading, reset or restore\n"
     "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
-    "                   The stop outlasts load, and with kneadd --state-dir a restart; else a restart ends it\n"
+    "                   The stop outlasts load. It outlasts a restart only with kneadd --state-dir\n"
     "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
     "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
     "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_LIVE_SERVER_CONTROL ")\n"
@@ -158,7 +157,7 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (strcmp(command, "status") == 0) {
         json_object_del(answer, "ok");
         json_object_foreach(answer, key, value) show("", key, value);
-        // The answer to the commands snapshot and restore has a generation (a number of the snapshot).
+        // The answer to the commands snapshot and restore has a member `generation`, the number of the snapshot.
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));

@@ -3,7 +3,6 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
-#include "clients/cli/output_folder.h"
 #include "clients/hand/session_record.h"
 #include "clients/picture/object_still.h"
 #include "clients/picture/paraview.h"
@@ -23,26 +22,25 @@
 static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
     "       knead export --scene F --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
-    "Writes an object as files for other programs, in SI units. Each name ends with its unit. At least one of these\n"
-    "is required:\n\n"
-    "  --vtk DIR          files for ParaView and VTK: open DIR/object.pvd. It has every node with its displacement,\n"
-    "                     velocity, von Mises stress, residual strain and contact force, every cell with its\n"
-    "                     volume, and the tools with their forces; DIR/edges.pvd has every edge with its stress,\n"
-    "                     strain and residual strain\n"
-    "  --ply PATH         files for MeshLab and Open3D: the surface with normals, and --color as number (quality)\n"
-    "                     and as colour; PATH is a file with --at or --scene, else a folder with one file for each\n"
-    "                     moment\n"
-    "  --csv FILE         a table with one row per tick and live probe of the same part of the recording; the\n"
-    "                     columns are those of knead replay --csv\n\n"
-    "  --from S, --to S   part of the recording, in seconds since its first session began (default: 0, its end)\n"
-    "  --every S          interval between two moments, in seconds, 0.001 or more (default: 0.1)\n"
+    "Writes an object as files for other programs, in SI units. The name of each quantity ends with its unit.\n"
+    "At least one of the outputs --vtk, --ply and --csv is required:\n\n"
+    "  --vtk DIR          files for ParaView and VTK: object.pvd and edges.pvd.\n"
+    "                     DIR/object.pvd has the volume of every cell, the tools and their forces, and at every node\n"
+    "                     displacement, velocity, von Mises stress, residual strain and contact force.\n"
+    "                     DIR/edges.pvd has stress, strain and residual strain of every edge\n"
+    "  --ply PATH         files for MeshLab and Open3D: the surface with its normals.\n"
+    "                     Each vertex has the quantity of --color as a colour and as a number named quality.\n"
+    "                     PATH is a file with --at or --scene, otherwise a folder with one file for each moment\n"
+    "  --csv FILE         a table with one row per tick and live probe of the exported part of the recording.\n"
+    "                     The columns are those of knead replay --csv\n\n"
+    "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
+    "  --every S          interval between two exported moments, in seconds, 0.001 or more (default: 0.1)\n"
     "  --at SECONDS|end   export this moment only\n"
-    "  --color WHAT       displacement, stress (von Mises) or residual: the quantity in --ply (default:\n"
-    "                     displacement)\n"
-    "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
-    "                     file); required for a folder, so that a colour means the same in all files\n"
-    "  --snapshot PATH    start state of a log that begins on a kneaded object, as in knead replay\n\n"
-    "DIR must be new or an empty folder; a FILE is replaced. Either all outputs appear, complete, or none.\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual: quantity in --ply (default: displacement)\n"
+    "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: maximum in the file).\n"
+    "                     Required for a folder, so that a colour means the same value in all files\n"
+    "  --snapshot PATH    as in knead replay: snapshot of the run, if the log begins on a kneaded object\n\n"
+    "DIR must be new or an empty folder; a FILE is replaced. Either all outputs appear, complete, or none of them.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
@@ -61,7 +59,7 @@ typedef struct run {
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
-    int gauged; // number of the model (kn_moment.models) for which gauge was created
+    int gauged; // model number (kn_moment.models) of `gauge`, which computes stresses
     int moments;
     double first_s, last_s; // times of the first and the last exported moment
 } run;
@@ -180,10 +178,12 @@ static int check_outputs(const options *o)
 static int check(options *o)
 {
     if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
-    if (o->log && o->scene) REFUSE("--scene %s: expected a log or a scene; a log holds its own", o->scene);
+    if (o->log && o->scene)
+        REFUSE("--scene %s: expected either a log or a scene, because a log contains its scene", o->scene);
     if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
     if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
-        REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log; nothing happens to a scene at rest");
+        REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log, because a scene at rest does not "
+               "change");
     if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
     if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
@@ -362,7 +362,7 @@ static kn_moment moment_of(kn_replay *r)
     return m;
 }
 
-// ---- a recording, a scene
+// ---- the two sources: a recording, or a scene at rest
 
 // Add a row for each live probe to the CSV table.
 static void add_rows(run *r, const kn_replay *replay)
@@ -396,8 +396,7 @@ static int check_moments(const options *o, const kn_replay *replay)
     const double span_s = fmin(o->to_s, end_s) - fmax(o->from_s, begin_s) + KN_REPLAY_HALF_TICK_S;
     const double moments = floor(span_s / o->every_s) + 1;
     if (!isnan(o->at_s) || !(o->vtk || o->ply) || moments <= MOMENTS_MAX) return KN_EXIT_OK;
-    REFUSE("--every %g: expected at most %d moments, of %s that would be %.0f", o->every_s, MOMENTS_MAX, o->log,
-           moments);
+    REFUSE("--every %g: expected at most %d moments, but %s would give %.0f", o->every_s, MOMENTS_MAX, o->log, moments);
 }
 
 // Replay the recording step by step and write the moments to export.
@@ -420,8 +419,8 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress_close(&bar);
     if (code != KN_EXIT_OK) return code;
     if (kn_interrupted) FAIL("interrupted: nothing is written");
-    if (isinf(last_s)) REFUSE("%s: it contains no tick, expected a recorded session", o->log);
-    // If the moment at the end was asked for, it is the present state: the end of the recording is known only now.
+    if (isinf(last_s)) REFUSE("%s: contains no tick, expected a recorded session", o->log);
+    // With --at end, export the present state: the end of the recording is known only now.
     if (one && isinf(end_s)) {
         add_rows(r, replay);
         const kn_moment m = moment_of(replay);
@@ -445,7 +444,7 @@ static int of_log(run *r)
     if (code == KN_EXIT_OK) code = step_through(r, replay);
     // A damaged log is exported up to the damage, and a message reports the damage.
     if (code == KN_EXIT_OK && replay->damage[0])
-        kn_complain("export", KN_EXIT_OK, "%s: %s: the part before it was used", o->log, replay->damage);
+        kn_complain("export", KN_EXIT_OK, "%s: %s: only the log before this point was used", o->log, replay->damage);
     kn_replay_destroy(replay);
     return code;
 }

@@ -20,23 +20,24 @@
 
 static const char help[] =
     "usage: knead latency [SCENE] [OPTION]...\n\n"
-    "Measures the time from a pose to the force that answers it. A hand presses the scene's first tool into the\n"
-    "object with 1000 poses a second, on a kneadd that is started for the measurement, with its own buses. In the\n"
-    "same milliseconds the same messages go there and back with nothing in between: disturbances of the machine\n"
-    "affect both.\n\n"
+    "Measures the time from a pose to the force that answers it.\n"
+    "A hand presses the scene's first tool into the object and sends 1000 poses a second.\n"
+    "A kneadd with its own buses is started for the measurement.\n"
+    "In the same milliseconds an LCM echo, without kneadd, answers the same messages for comparison.\n\n"
     "  SCENE             scene to serve (default: dough.yaml, as installed or in the source tree; 847 nodes)\n"
     "  --seconds N       measure for N seconds, 1 to 3600 (default: 10)\n"
     "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
-    "  --lcm-url URL     measure the kneadd that serves URL instead. The tool stays in the air, 5 cm above the\n"
-    "                    object. The stages are missing, because only a kneadd started here reports them\n"
-    "  --contract A,B    limits in us, or none: p50 may be at most the LCM echo's p50 + execution's p50 + A, p99 at\n"
-    "                    most the echo's p99 + execution's p99 + B (default: 60,150)\n"
+    "  --lcm-url URL     measure the kneadd that already serves URL, with the tool in the air 5 cm above the object.\n"
+    "                    The stages are not measured, because only a kneadd started by this program reports them\n"
+    "  --contract A,B    limits in us, or none (default: 60,150).\n"
+    "                    The p50 may be at most the LCM echo's p50 + the execution's p50 + A.\n"
+    "                    The p99 may be at most the LCM echo's p99 + the execution's p99 + B\n"
     "  --drift PPM       how much slower the hand's clock runs than kneadd's (default: 100)\n"
     "  --json FILE       write all results as JSON\n"
     "  --plot FILE       draw the distributions as PNG (needs gnuplot)\n"
     "  --help, --version\n\n"
-    "A pose that no answer echoes is counted as missed: the next pose overtook it. Its latency is that of the\n"
-    "answer to the next pose.\n"
+    "A pose without an answer of its own is counted as missed, because the next pose overtook it.\n"
+    "The latency of a missed pose lasts until the answer to the next pose.\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
 // above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s.
@@ -45,7 +46,7 @@ static const double deep = 0.3; // depth of the press as a share of the object's
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
-    double seconds, drift_ppm, contract_us[2]; // seconds: a whole number
+    double seconds, drift_ppm, contract_us[2]; // seconds: whole number of seconds to measure
 } options;
 
 static volatile int interrupted;
@@ -93,7 +94,7 @@ static int parse(options *o, int argc, char **argv)
         return kn_complain("latency", KN_EXIT_USAGE, "--phase %s: expected lock or free", o->phase);
     if (o->url && (o->scene || o->phase))
         return kn_complain("latency", KN_EXIT_USAGE,
-                           "--lcm-url: expected neither SCENE nor --phase with it; that kneadd has its own");
+                           "--lcm-url: expected neither SCENE nor --phase, because the running kneadd has its own");
     if (o->url && !kn_bus_client_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
     return code;
@@ -181,7 +182,7 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
 static int measure(const options *o, const char *path, const kn_scene *scene, kn_latency_served *served)
 {
     kn_latency l = {.seconds = (int)o->seconds, .drift_ppm = o->drift_ppm, .probe = scene->model.probe[0].name};
-    // Choose a separate bus for the echo in every case.
+    // The echo always gets a bus of its own, even if a running kneadd is measured.
     kn_latency_served_urls(served, l.echo_url);
     l.url = o->url ? o->url : served->url;
     kn_tool_path *way = make_path(scene, o, &l.work);

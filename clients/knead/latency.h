@@ -41,7 +41,7 @@ typedef struct kn_flights { // list of poses with their answers, in the order of
 enum { KN_LATENCY_POSE, KN_LATENCY_ECHO, KN_LATENCY_PATHS };
 
 typedef struct kn_latency {
-    // Settings.
+    // Settings of the measurement.
     const char *url;                    // bus of the measured kneadd
     char echo_url[KN_LATENCY_URL_SIZE]; // bus of the bare echo
     const char *probe;
@@ -49,7 +49,7 @@ typedef struct kn_latency {
     const char *work;         // name of the piece of the path whose poses are measured
     int seconds;              // duration of the measurement, counted only while the piece `work` is played, s
     double drift_ppm;
-    // Results.
+    // Results of the measurement.
     kn_flights flights[KN_LATENCY_PATHS];
     int missed_ms;   // number of 1 ms cycles that the hand's own thread missed
     int interrupted; // number of times that the hand had to lift the tool and start the path again

@@ -21,10 +21,10 @@ static const struct {
     [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, with nothing in between"},
     [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
     [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose is in its mailbox"},
-    [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses it"},
+    [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses the pose begins"},
     [KN_SERIES_STEP] = {"  step", "step", "the lattice"},
     [KN_SERIES_GUARD] = {"  guard", "guard", "the output stage"},
-    [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has it"},
+    [KN_SERIES_PUBLISH] = {"  publish", "publish", "until the hand has the force"},
     [KN_SERIES_EXECUTION] = {"execution", "execution", "the tick, as kneadd reports: read, step, guard"},
 };
 
@@ -126,8 +126,8 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
     int contacts = 0;
     for (int i = 0; i < l->flights[KN_LATENCY_POSE].count; i++)
         contacts += l->flights[KN_LATENCY_POSE].list[i].counts && l->flights[KN_LATENCY_POSE].list[i].contacts > 0;
-    printf("\ntouching in %d of them; the hand was too late for %d of its own ms and restarted %d times\n", contacts,
-           l->missed_ms, l->interrupted);
+    printf("\nthe tool touched in %d of these poses; the hand missed %d of its own ms and restarted %d times\n",
+           contacts, l->missed_ms, l->interrupted);
     bool kept = true;
     for (int n = 0; n < 2; n++) {
         double is_us, allowed_us;
@@ -213,7 +213,7 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     fputc('\n', f);
     for (int d = 0; d < 3; d++) {
         const kn_series *s = &r->series[drawn[d]];
-        // Leave out shares so close to 1 that less than one pose is slower.
+        // Leave out the shares so close to 1 that less than one pose was slower.
         for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
             double share = 1 - pow(10, -nines), us = kn_series_at(s, share);
             if (isfinite(us) && us > 0 && (1 - share) * s->count >= 1) fprintf(f, "%.2f %.4f\n", us, nines);

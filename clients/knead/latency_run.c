@@ -39,11 +39,13 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    // Connections of ear and echo to the buses; the hand sends through those of the ear.
+    // Connections to the buses: of the thread that receives all answers (ear), and of the echo. The hand sends through
+    // the connections of the ear.
     kn_bus_client *ear_bus, *ear_echo, *echo_bus;
-    // Answers in the order of arrival; the ear stores session, seq, back_ns, execution_ns and contacts.
+    // Answers in the order of arrival. The receiving thread (ear) stores session, seq, back_ns, execution_ns and
+    // contacts.
     kn_flights answers[KN_LATENCY_PATHS];
-    kn_mailbox forces; // mailbox that passes forces from the ear to the hand
+    kn_mailbox forces; // mailbox that passes forces from the receiving thread (ear) to the hand
     kn_hand_force force_slots[3];
     kn_hand hand;
     int64_t session; // session number of the next hand
@@ -251,8 +253,8 @@ static void close_all(run *r)
     for (int p = 0; p < KN_LATENCY_PATHS; p++) free(r->answers[p].list);
 }
 
-// Find the pose that an answer or a row of a trace belongs to, from *at on, because both come in the order of sending.
-// Return NULL if it is not in the list.
+// Find the pose that an answer or a row of a trace belongs to. Search the list from *at on, because answers and rows
+// come in the order in which the poses were sent. Return NULL if the list does not contain the pose.
 static kn_flight *find_pose(kn_flights *sent, const kn_flight *answer, int *at)
 {
     for (int i = *at; i < sent->count; i++)
@@ -426,7 +428,7 @@ static void take_stages(FILE *trace, kn_flights *poses)
 
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses)
 {
-    // Wait until kneadd has exited, because it writes the end of its trace before.
+    // kneadd writes the end of its trace before it exits, so wait for its exit.
     int status = 0;
     if (s->pid) {
         kill(s->pid, SIGTERM);

@@ -6,6 +6,7 @@
 //   tetgen   keeps the surface and adds points if quality or size need them, so it is never coarser than the triangles
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
+#include "clients/cli/output.h"
 #include "core/scene/mesh_file.h"
 #include "core/scene/units.h"
 #include <errno.h>
@@ -25,15 +26,16 @@
 static const char help[] =
     "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "Fills a closed surface with tetrahedra, for object.mesh of a scene; or checks a mesh and prints its figures:\n"
-    "nodes, edges, volume, spacing, quality (1 is the regular tetrahedron or triangle).\n\n"
+    "The first form fills a closed surface with tetrahedra, for object.mesh of a scene.\n"
+    "Both forms check a mesh and print nodes, edges, volume, spacing and quality.\n"
+    "The quality of the regular tetrahedron or triangle is 1.\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
     "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
     "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  meshing program: gmsh meshes the surface anew, tetgen keeps it and adds to it (default:\n"
-    "                      gmsh)\n"
+    "  --tool gmsh|tetgen  meshing program (default: gmsh).\n"
+    "                      gmsh replaces the triangles of the surface, tetgen keeps them and adds more\n"
     "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
-    "A surface is refused, with file:line:col, if it has holes, edges of three triangles, or two pieces.\n"
+    "A surface is refused, with file:line:col, if it has a hole, an edge of three triangles, or two separate pieces.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
 // Quality of an element (core/simplices.h) below which a warning is printed. Such an element has 3 % of the volume of a
@@ -45,7 +47,7 @@ typedef enum mesher { MESHER_GMSH, MESHER_TETGEN } mesher;
 typedef struct options {
     const char *in, *out;
     double size_m, units_per_m;
-    int unit; // index of a unit
+    int unit; // index of the unit of length in unit_names
     int tool; // meshing program (mesher); -1: not given
 } options;
 
@@ -71,7 +73,7 @@ static int check_options(const options *o)
         return kn_complain(mesh, KN_EXIT_USAGE, "'%s': expected a file that ends in .obj, .stl or .msh", o->in);
     if (!surface && (o->out || o->size_m > 0 || o->tool >= 0))
         return kn_complain(mesh, KN_EXIT_USAGE,
-                           "-o, --size and --tool make a mesh of a surface, expected .obj or .stl");
+                           "-o, --size and --tool make a mesh of a surface, expected a file that ends in .obj or .stl");
     if (!surface) return KN_OPTIONS_READ;
     if (!(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
     if (!o->out || !ends_in_msh(o->out)) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
@@ -104,10 +106,10 @@ static int take_options(int argc, char **argv, options *o)
 // same value. A ball of 24 x 12 facets has angles of 15 degrees.
 #define ANGLE_DEG 40
 // Largest volume of a tetrahedron that tetgen may create, as a multiple of size^3, where size is the desired edge
-// length. At quality 1.4 the mean edge is 1.06 size (block of 5 x 5 x 3 cm, size 6 mm).
+// length. With tetgen's quality bound of 1.4 the mean edge is 1.06 size (block of 5 x 5 x 3 cm, size 6 mm).
 #define TETGEN_VOLUME 0.3
-// EXIT_NO_PROGRAM: exit code of a child process whose program does not exist. LINE_BYTES: largest length of a line of a
-// log.
+// EXIT_NO_PROGRAM: exit code of a child process whose program does not exist. LINE_BYTES: largest length of a line in
+// the log of an external program.
 enum { EXIT_NO_PROGRAM = 127, LINE_BYTES = 200 };
 
 typedef struct job {
@@ -197,7 +199,7 @@ static void find_reason(const job *j, char reason[LINE_BYTES])
 {
     char line[LINE_BYTES];
     FILE *log = fopen(in_folder(j, "log"), "r");
-    snprintf(reason, LINE_BYTES, "it printed no message");
+    snprintf(reason, LINE_BYTES, "the program printed no message");
     for (bool found = false; log && !found && fgets(line, sizeof line, log);) {
         const char *text = line + strspn(line, " \t\r\n");
         found = strncmp(text, "Error", 5) == 0 || strstr(text, " intersects facet ") != NULL;
@@ -275,13 +277,14 @@ static int run_gmsh(job *j, const kn_shell *shell, double size, double units_per
     return *made ? KN_EXIT_OK : unusable(j, what);
 }
 
-// ---- tetgen: in.1.node is  count 3 0 0,  then  number x y z;  in.1.ele is  count 4 0,  then  number and four nodes
+// ---- tetgen: in.1.node has a line `count 3 0 0` and lines `number x y z`; in.1.ele has a line `count 4 0` and lines
+// `number a b c d`
 
 // Read the first line of a tetgen file: the number of items that follow, and some numbers that are ignored.
 static bool read_count(kn_words *w, long most, int others, long *count)
 {
     long ignored;
-    if (!kn_words_integer(w, KN_WIDTH_INT, 1, most, count, "how many there are")) return false;
+    if (!kn_words_integer(w, KN_WIDTH_INT, 1, most, count, "the number of items in the file")) return false;
     while (others-- > 0)
         if (!kn_words_integer(w, KN_WIDTH_INT, 0, LONG_MAX, &ignored, "a number")) return false;
     return true;
@@ -414,7 +417,8 @@ static int check_mesh(const options *o, const char *file)
     if (!s) return kn_complain(mesh, KN_EXIT_USAGE, "%s", error);
     print_mesh(o, file, facts.format, s);
     // Report the parts of the file that are not used for the object.
-    if (facts.left_out > 0) printf("left out  %d points, lines or triangles beside the elements\n", facts.left_out);
+    if (facts.left_out > 0)
+        printf("left out  %d points, lines or triangles that are no elements of the mesh\n", facts.left_out);
     if (facts.loose > 0) printf("left out  %d nodes that no element uses\n", facts.loose);
     kn_simplices_destroy(s);
     return KN_EXIT_OK;
@@ -443,17 +447,10 @@ static void write_mesh(FILE *f, const kn_simplices *s, double units_per_m)
 // Write the mesh file completely or not at all. An existing file is replaced only when the new file is complete.
 static int save_mesh(const options *o, const kn_simplices *s)
 {
-    // Write to a temporary file in the same folder, and rename it to the final name at the end.
-    char part[4096];
-    snprintf(part, sizeof part, "%s.part", o->out);
-    FILE *f = fopen(part, "w");
-    if (f) write_mesh(f, s, o->units_per_m);
-    bool good = f && !ferror(f);
-    if (f) good = fclose(f) == 0 && good;
-    if (good && rename(part, o->out) == 0) return KN_EXIT_OK;
-    int why = errno;
-    if (f) unlink(part);
-    return kn_complain(mesh, KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", o->out, strerror(why));
+    kn_beside file;
+    if (!kn_output_open(&file, mesh, o->out)) return KN_EXIT_DEVICE;
+    write_mesh(file.file, s, o->units_per_m);
+    return kn_output_close(&file, mesh);
 }
 
 // Fill the surface with tetrahedra, save the mesh and check the saved mesh.

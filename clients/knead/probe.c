@@ -1,5 +1,6 @@
-// knead probe: a virtual haptic device at 1 kHz. virtual_hand.h contains the hand, the state that other threads
-// can read, and the thread. This file contains the steps of a session in order, and the messages to the user.
+// knead probe: a virtual haptic device at 1 kHz. virtual_hand.h contains the hand, the thread that runs the hand, and
+// the state that other threads can read. This file contains the command line, the steps of a session in order, and the
+// messages to the user.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
@@ -9,15 +10,199 @@
 #include "clients/hand/haptic_loop.h"
 #include "clients/hand/session_record.h"
 #include "clients/hand/tool_height.h"
+#include "clients/hand/tool_path.h"
 #include "clients/hand/virtual_hand.h"
-#include "clients/knead/probe_options.h"
+#include "core/scene/keys.h"
 #include "core/scene/scene.h"
 #include "server/clock.h"
+#include "server/option_table.h"
+#include <errno.h>
 #include <math.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+// ---- the command line
+
+typedef struct probe_options {
+    // Path of the tool: "press", "sine", "poke", or the name of a CSV file with poses.
+    const char *path;
+    const char *probe; // name of the tool; NULL: find_tool chooses a tool
+    // Names of output files, and URLs of the two buses; NULL: no such file, or the default URL.
+    const char *record, *csv, *motors, *lcm_url, *mesh_url;
+    // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
+    kn_tool_path_def shape;
+    int drop_at_ms, drop_ms, tries;
+    // --hand: a hand follows the path and grips a simulated device, so path and forces together move the tool. Without
+    // the option --hand the tool follows the path exactly.
+    bool gripped;
+    kn_grip grip;
+    const char *device; // name of the profile of the simulated device; NULL: the device in the scene
+    int axes, delay_ms;
+    double loss;
+    bool local, held;
+    bool quiet;
+} probe_options;
+
+static const char help[] =
+    "usage: knead probe [--path press|sine|poke|FILE.csv] [OPTION]...\n\n"
+    "A virtual haptic device at 1 kHz.\n"
+    "It engages in air, plays a path on the object that kneadd serves, and prints a table of the forces.\n"
+    "Its own watchdog takes the device's force to 0 N 20 ms after the last force message.\n"
+    "When this watchdog or that of kneadd trips, the device lifts the tool and opens a new session.\n"
+    "Then it repeats the path, with three tries in all.\n\n"
+    "  --path press     touch and stand, go at 1 cm/s to 1 cm below the top of the block, hold, withdraw (default)\n"
+    "  --path sine      touch and stand, oscillate between the height of touch and 1 mm below it\n"
+    "  --path poke      go 3 mm deep at 5 cm/s and out again\n"
+    "  --path FILE.csv  table with the header time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz.\n"
+    "                   Positions are in metres, with z up and the origin under the object's centre.\n"
+    "                   The path must begin clear of the object and last a day at most\n"
+    "  --probe NAME     tool of the scene (default: for press the first tool, for other paths the first round tool).\n"
+    "                   The default is a round tool because dough resists a fast plate like a wall\n"
+    "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
+    "  --depth LENGTH   depth, e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm).\n"
+    "                   A press is measured from the top of the untouched block, other paths from the point of touch\n"
+    "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
+    "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
+    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
+    "  --csv FILE       write one row per force, with the columns of knead replay --csv\n"
+    "  --motors FILE    write a CSV with one row per ms of the device's clock, even if no force was received.\n"
+    "                   A row has the position of the device and the force of its motors\n"
+    "  --tries N        number of tries, 1 to 3 (default: 3)\n"
+    "  --drop-at S:MS   fault injection: S seconds into the first try send no pose for MS milliseconds\n"
+    "  --lcm-url URL    bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL   bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --quiet          print no progress and no table\n"
+    "  --json           print the table of a completed session as JSON\n\n"
+    "With --hand the path is only what the hand intends.\n"
+    "A simulated haptic device goes where the arm, the grip and the returned force take it.\n"
+    "The table then ends with the device's results, and says whether the device buzzed or drove the hand.\n\n"
+    "  --hand HAND      light, normal, firm, or none: with none the device is moved into place and released.\n"
+    "                   The device without a hand is pushed by a force of 1 N along z\n"
+    "  --device CLASS   touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section.\n"
+    "                   By default, the device of the scene is simulated\n"
+    "  --axes N         1: free along z, bound to the path along x and y; 3: free along all three (default: 3)\n"
+    "  --delay TIME     round trip added by a simulated link, whole ms, 255 ms at most\n"
+    "  --loss SHARE     share of the poses and of the forces that the simulated link loses: 20% or 0.2\n"
+    "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
+    "  --held           also render forces older than 5 ms, to study their effect.\n"
+    "                   Without this option such forces are refused, as every device should do\n\n"
+    "Exit codes: 0 the path was played to its end; 1 as 0, but the device buzzed or gave the hand more than 10 mJ;\n"
+    "2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
+
+// Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.
+static const double fastest_m_s = 1.2;
+
+// Parse SECONDS:MILLISECONDS of --drop-at.
+static const char *take_drop(void *options, const char *text)
+{
+    probe_options *opt = options;
+    double at_s = -1.0;
+    char rest;
+    const int parts = sscanf(text, "%lf:%d%c", &at_s, &opt->drop_ms, &rest);
+    opt->drop_at_ms = at_s >= 0.0 && at_s < 1e6 ? (int)lround(1e3 * at_s) : -1;
+    return parts == 2 && opt->drop_at_ms >= 0 && opt->drop_ms > 0 ? NULL : "SECONDS:MILLISECONDS like 1.5:30";
+}
+
+// Parse the delay of a simulated link in whole ms. kn_closed_loop_hand keeps 256 slots, one for each ms.
+static const char *take_delay(void *delay_ms, const char *text)
+{
+    int *value = delay_ms;
+    double s;
+    if (!strcmp(text, "0") || !strcmp(text, "0 ms")) return NULL;
+    if (!kn_quantity_read(text, "s", true, KN_ABOVE_0, DBL_MAX, &s)) return "something like '20 ms'";
+    *value = (int)lround(1e3 * s);
+    return s < 0.2555 && fabs(1e3 * s - *value) < 1e-6 ? NULL : "whole milliseconds, at most 255";
+}
+
+static const char *take_grip(void *grip, const char *name) { return kn_grip_find(name, grip) ? NULL : kn_grip_names; }
+
+static const char *take_axes(void *axes, const char *text)
+{
+    *(int *)axes = *text - '0';
+    return !strcmp(text, "1") || !strcmp(text, "3") ? NULL : "1 or 3";
+}
+
+#define REFUSE(...) return fprintf(stderr, "knead probe: " __VA_ARGS__), KN_EXIT_USAGE
+
+// Check the speed of a sine. A swing of depth d at frequency f is d/2 (1 - cos 2 pi f t), so its peak speed is pi f d.
+static int check_sine(const kn_tool_path_def *shape)
+{
+    double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_TOOL_PATH_SWING_HZ;
+    double d = shape->depth_m > 0.0 ? shape->depth_m : KN_TOOL_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
+    if (peak_m_s <= fastest_m_s) return KN_OPTIONS_READ;
+    REFUSE("a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f, 1e3 * d,
+           peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
+}
+
+// Check conditions between options, now that all options are known.
+static int check_options(const probe_options *opt)
+{
+    char error[256];
+    // Options of a simulated device mean nothing without --hand.
+    const char *alone = opt->device       ? "--device"
+                        : opt->axes       ? "--axes"
+                        : opt->delay_ms   ? "--delay"
+                        : opt->local      ? "--local"
+                        : opt->held       ? "--held"
+                        : opt->loss > 0.0 ? "--loss"
+                                          : NULL;
+    if (opt->gripped && opt->local && opt->held)
+        REFUSE("--held with --local: expected only one of them, because --local renders no force of kneadd's\n");
+    if (alone && !opt->gripped)
+        REFUSE("%s: expected --hand as well, because the option is for a simulated device\n", alone);
+    if (kn_choice_of("press|sine|poke", opt->path) < 0 && access(opt->path, R_OK) != 0)
+        REFUSE("--path %s: expected press, sine, poke or a CSV file (%s)\n", opt->path, strerror(errno));
+    if (!kn_bus_client_check(opt->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_bus_client_check(opt->mesh_url, KN_MESH_URL, error, sizeof error))
+        REFUSE("%s\n", error);
+    return KN_OPTIONS_READ;
+}
+
+#define AT(member) .offset = offsetof(probe_options, member)
+static const kn_option rows[] = {
+    KN_OPTION("path", TEXT, AT(path)),
+    KN_OPTION("probe", TEXT, AT(probe)),
+    KN_OPTION("hold", QUANTITY, AT(shape.hold_s), .unit = "s", KN_RANGE(0, DBL_MAX),
+              .expected = "something like '4 s'"),
+    KN_OPTION("depth", QUANTITY, AT(shape.depth_m), .unit = "m", .expected = "something like '10 mm'"),
+    KN_OPTION("speed", QUANTITY, AT(shape.speed_m_s), .unit = "m/s", .expected = "something like '1 cm/s'"),
+    KN_OPTION("frequency", QUANTITY, AT(shape.frequency_hz), .unit = "Hz", .expected = "something like '2 Hz'"),
+    KN_OPTION("record", TEXT, AT(record)),
+    KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("motors", TEXT, AT(motors)),
+    KN_OPTION("tries", INTEGER, AT(tries), KN_RANGE(1, KN_HAND_TRIES)),
+    KN_OPTION("drop-at", SPECIAL, .take = take_drop),
+    KN_OPTION("lcm-url", TEXT, AT(lcm_url)),
+    KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+    KN_OPTION("quiet", FLAG, AT(quiet)),
+    KN_OPTION("json", CALL, .call = kn_result_open),
+    KN_OPTION("hand", SPECIAL, AT(grip), .take = take_grip, .given = offsetof(probe_options, gripped)),
+    KN_OPTION("device", TEXT, AT(device)),
+    KN_OPTION("axes", SPECIAL, AT(axes), .take = take_axes),
+    KN_OPTION("delay", SPECIAL, AT(delay_ms), .take = take_delay),
+    KN_OPTION("loss", QUANTITY, AT(loss), .unit = "1", KN_RANGE(0, KN_BELOW_1),
+              .expected = "a share below 1, like 20%"),
+    KN_OPTION("local", FLAG, AT(local)),
+    KN_OPTION("held", FLAG, AT(held)),
+};
+
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+static int parse(probe_options *opt, int argc, char **argv)
+{
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .always_named = true,
+                                          .unknown = "unknown option; knead probe --help lists them"};
+    // A hold below 0 selects the default, because 0 s is a valid hold.
+    *opt = (probe_options){.path = "press", .shape.hold_s = -1.0};
+    const int code = kn_options_read(&table, opt, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (optind < argc) REFUSE("`%s`: expected options only; knead probe --help lists them\n", argv[optind]);
+    const int swings = strcmp(opt->path, "sine") ? code : check_sine(&opt->shape);
+    return swings == KN_OPTIONS_READ ? check_options(opt) : swings;
+}
+
+// ---- the session
 
 static const int scene_wait_ms = 4000;          // longest wait for KNEAD_SCENE, which kneadd sends every 1 s
 static const int64_t mesh_wait_ns = 3000000000; // longest wait for a mesh; kneadd sends KNEAD_MESH_INIT every 1 s
@@ -25,16 +210,17 @@ static const double press_m = 0.01;             // default depth of a press, fro
 static const double shallowest_m = 1e-4;        // smallest depth of a press
 // Fraction of the object's height that must remain under the tool; thinner cells turn inside out.
 static const double thinnest = 0.1;
-static const double lift_m = 0.02; // height above the object's top to which no material is pushed up
+static const double lift_m = 0.02; // height above the object's top that material pushed up by kneading does not reach
 static const double even_m = 1e-5; // unevenness of the object's top below which the top counts as even
 // Time that each try may take for engaging, for a retreat and for the silence after the retreat.
 static const int trip_ms = 15000;
-// Largest uneven_m of a path; the tool then sinks slowly into a dent for 4 s at most.
+// Largest unevenness of the top (uneven_m) that a path takes into account. The tool sinks slowly through this height,
+// in 4 s at most.
 static const double most_uneven_m = 2e-3;
 
 // One run of `knead probe`.
 typedef struct probe {
-    kn_probe_options opt;
+    probe_options opt;
     kn_scene *scene;
     const kn_probe_def *tool;
     kn_tool_path *path[KN_HAND_TRIES]; // one path for each try; a path from a file is used for all tries
@@ -161,7 +347,7 @@ static void find_deepest(probe *p)
 
 // Generate the path for the present mesh, because the height of first contact depends on earlier kneading. A press goes
 // to a depth below the top of the untouched block. All other paths go to a depth below the present height of contact.
-// `again`: an earlier try has failed. On failure print one line on stderr and return NULL.
+// again: true if an earlier try has failed. On failure print one line on stderr and return NULL.
 static kn_tool_path *generate(probe *p, bool again)
 {
     const kn_model_def *def = &p->scene->model;
@@ -213,7 +399,7 @@ static int make_path(probe *p)
     }
     if (!p->path[0]) return KN_EXIT_USAGE;
     find_deepest(p);
-    // The lowest point of the path is beside the object.
+    // If the lowest point of the path is beside the object, no height can be measured there.
     if (!kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &p->before_m)) p->before_m = NAN;
     return KN_EXIT_OK;
 }
@@ -283,25 +469,27 @@ static int start(probe *p)
     return KN_EXIT_OK;
 }
 
-// Report the reason of trip n.
+// Print why the force was taken to 0 N at trip n: by the device's own watchdog, because the device refused a force, or
+// by a fault that kneadd latched.
 static void say_trip(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: %s, %.2f s, %.2f N taken to 0 N: ", t->piece, t->time_s, t->force_n);
     if (t->refusal) fprintf(stderr, "%s\n", t->refusal);
     else if (t->own && t->stalled_ms > 0)
-        fprintf(stderr, "own watchdog: no force for %d ms, in %d of which this process did not run\n", t->silent_ms,
+        fprintf(stderr, "own watchdog: no force for %d ms, after this process had not run for %d ms\n", t->silent_ms,
                 t->stalled_ms);
     else if (t->own) fprintf(stderr, "own watchdog: no force for %d ms\n", t->silent_ms);
-    else fprintf(stderr, "kneadd latched: %s; way back: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
+    else
+        fprintf(stderr, "kneadd latched a fault: %s; remedy: %s\n", kn_fault_name(t->fault), kn_fault_remedy(t->fault));
 }
 
-// Report that the tool is lifted after trip n.
+// Report that the tool was lifted after trip n.
 static void say_lifted(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
     fprintf(stderr, "knead probe: tool lifted%s%s\n", t->cleared ? ", fault cleared" : "",
-            n + 1 < p->player.hand.def.tries ? "; once more in a new session" : "");
+            n + 1 < p->player.hand.def.tries ? "; trying again in a new session" : "");
 }
 
 // Redraw the progress bar.
@@ -338,15 +526,15 @@ static void attend(probe *p)
         if (bar && news) clear_progress();
         for (; told < trips; told++) say_trip(p, told);
         for (; lifted < trips && mode != KN_HAND_RETREAT; lifted++) say_lifted(p, lifted);
-        // During the silence between two tries the next path is made, once.
+        // During the silence between two tries, make the path of the next try once.
         if (mode == KN_HAND_SILENT && p->regenerate && trips < KN_HAND_TRIES && !p->path[trips]) prepare_try(p, trips);
         if (bar && !done) show_progress(p);
     }
     if (bar) clear_progress();
 }
 
-// Write one of the CSV files: the forces, or the forces of the motors. If any write to the file failed, print an error
-// message and return false.
+// Write one of the two CSV files: the forces that kneadd sent, or the forces of the device's motors. If any write to
+// the file failed, print an error message and return false.
 static bool write_csv(const probe *p, const char *path, bool motors)
 {
     kn_beside out;
@@ -361,7 +549,7 @@ static bool write_csv(const probe *p, const char *path, bool motors)
 static const char *why_unanswered(probe *p)
 {
     if (!look(p, p->mesh.tick)) return kn_bus_client_why("kneadd has ended");
-    return "kneadd serves, but takes no pose of ours: another hand holds the tool, or kneadd's stderr says why";
+    return "kneadd serves, but takes no pose of this probe: another hand holds the tool, or kneadd's stderr says why";
 }
 
 // Report how the session ended. Return the exit code.
@@ -394,13 +582,13 @@ static void print_grasp(const kn_closed_loop_hand *g)
     const kn_closed_loop_hand_news *n = &g->news;
     printf("  device          %s in a hand: %s, %d ms of delay, %g %% lost\n", g->def.render.device.name,
            kn_grip_name(g->def.grip), g->def.delay_ms, 100.0 * g->def.loss);
-    printf("  buzz            %8.3f N    above 10 Hz in the loudest second; %d turns in the busiest: %s\n",
+    printf("  buzz            %8.3f N    above 10 Hz in the loudest second; at most %d reversals in a second: %s\n",
            n->loudest_n, n->turns,
            n->buzzes   ? "it buzzes"
            : n->drives ? "it drives the hand"
                        : "calm");
     if (g->def.render.local)
-        printf("  local model     %8lld      messages rendered, %lld not taken\n", (long long)g->render.model.taken,
+        printf("  local model     %8lld      messages rendered, %lld refused\n", (long long)g->render.model.taken,
                (long long)g->render.model.refused);
     if (g->render.guards) printf("  impulse guard   %8lld      hits\n", (long long)g->render.guards);
     printf("  energy given    %8.2f mJ   to the hand; the controller added damping for %lld ms\n", 1e3 * n->given_j,
@@ -458,7 +646,7 @@ static int finish(probe *p)
         tell_result(p, &report);
         kn_session_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
         if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
-        printf("  cycles missed   %8lld      by kneadd, %d here\n", (long long)report.missed,
+        printf("  cycles missed   %8lld      by kneadd, %d by this device\n", (long long)report.missed,
                atomic_load(&p->device.missed));
         if (p->opt.gripped) print_grasp(&p->grasp);
     }
@@ -489,7 +677,7 @@ int kn_probe_main(int argc, char **argv)
 {
     probe *p = calloc(1, sizeof *p);
     if (!p) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_probe_options_parse(&p->opt, argc, argv);
+    int code = parse(&p->opt, argc, argv);
     if (code == KN_OPTIONS_READ) code = run(p);
     kn_bus_client_close(p->mesh_bus);
     kn_mesh_free(&p->mesh);

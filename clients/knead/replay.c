@@ -1,4 +1,4 @@
-// knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/log_replay.h makes the replay.
+// knead replay: plays a log through the servo loop of kneadd under a virtual clock. server/log_replay.h steps the log.
 // This file writes the results and messages.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
@@ -22,24 +22,25 @@
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
     "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock.\n"
-    "The same log gives the same forces, to the bit. Without SCENE the scene comes from the log.\n\n"
+    "The same log gives the same forces, bit for bit. Without SCENE the scene comes from the log.\n\n"
     "  --csv FILE        write one row per tick and live probe\n"
     "  --out FILE        write the daemon's messages as a log: scene, poses, forces, events\n"
     "  --hash            print one hash of all forces and the final state\n"
     "  --json            print the results, and the parts of the log that could not be used, as JSON\n"
-    "  --verify          compare with the log's forces, bit for bit; exit 1 if one differs, or the log is\n"
-    "                    incomplete\n"
-    "  --snapshot PATH   start from a snapshot, a file or kneadd's --state-dir: the one that the log's server\n"
-    "                    restored, or the start state of a log that begins on a kneaded object\n"
+    "  --verify          compare all forces with those in the log, bit for bit.\n"
+    "                    Exit with 1 if a force differs or the log is incomplete\n"
+    "  --snapshot PATH   a snapshot of the run in the log, or kneadd's --state-dir with such snapshots.\n"
+    "                    Needed if the server restored a snapshot, or if the log begins on a kneaded object\n"
     "  --speed max|real  as fast as possible, or 1000 ticks per second (default: max)\n"
-    "options that compute something else than the log did (not with --verify):\n"
-    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit;\n"
-    "                    each tick is compared with the fixed solver; exit 1 if a tick or the final state differs\n"
+    "options that make the replay compute differently from the log (--verify refuses them):\n"
+    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit.\n"
+    "                    Each tick of a circuit is compared with the fixed solver.\n"
+    "                    Exit with 1 if a tick or the final state differs\n"
     "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
     "  --precision P     f32 or f64\n"
     "  --dt TIME         time step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
     "  --set KEY=VALUE   set a key of the scene; knead check --keys lists them\n"
-    "  --quality NAME    fast, balanced or accurate: quality point of the scene; own: none of them\n\n"
+    "  --quality NAME    fast, balanced or accurate: quality point of the scene; own: the scene's solver section\n\n"
     "Exit codes: 0 ok, 1 --verify failed or is impossible, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64
@@ -59,7 +60,7 @@ typedef struct replay_options {
 typedef struct replay_run {
     const replay_options *opt;
     kn_replay *replay;
-    FILE *csv;
+    kn_beside csv; // csv.file: stream of --csv; NULL without --csv
     lcm_eventlog_t *out;
     bool out_failed;
     // initial_hash: hash of the object before the first tick; hash: hash of all forces so far.
@@ -74,8 +75,8 @@ typedef struct replay_run {
 
 // ---- options
 
-// Add a set `key=value` with a unit. If `key` is NULL, `value` is a complete set of the user. Return NULL, or
-// KN_OPTION_TOLD after a message.
+// Add a setting `key=value` to the scene; `unit` is appended to the value. If `key` is NULL, `value` is a complete
+// setting that the user gave. Return NULL, or KN_OPTION_TOLD after printing a message.
 static const char *add_set(replay_options *opt, const char *key, const char *value, const char *unit)
 {
     int i = opt->def.set_count;
@@ -137,8 +138,8 @@ static const char *take_quality(void *options, const char *name)
     return set ? take_set(options, set) : kn_quality_names;
 }
 
-// Add precision f64 if the user gave none and the solver is rk4 or fixed, which exist in f64 only. A refusal by the
-// scene then names the limit and not the precision.
+// If the solver is rk4 or fixed, which exist in f64 only, and the user gave no precision, add the setting f64. If a
+// limit of this solver is then exceeded, the scene is refused for the limit and not for the precision.
 static const char *complete_solver(replay_options *opt)
 {
     static const char key[] = "solver.precision=";
@@ -183,9 +184,10 @@ static int parse(replay_options *opt, int argc, char **argv)
         return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; see knead replay --help");
     if (files == 2) opt->def.scene_path = argv[optind];
     if (files == 2 && is_log(argv[optind]))
-        return kn_complain("replay", KN_EXIT_USAGE,
-                           "%s: is a log, expected a scene before %s; --verify compares with the log's own forces",
-                           argv[optind], argv[argc - 1]);
+        return kn_complain(
+            "replay", KN_EXIT_USAGE,
+            "%s: is a log, expected a scene before the log %s; --verify compares with the forces in that log",
+            argv[optind], argv[argc - 1]);
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
     return complete_solver(opt) ? KN_EXIT_USAGE : code;
@@ -292,7 +294,7 @@ static void verify_force(replay_run *run, int p)
 static int complain_damage(const replay_run *run, const char *log)
 {
     return kn_complain("replay", KN_EXIT_FAILED,
-                       "%s: cannot be verified completely: %s; %lld forces before it are equal", log,
+                       "%s: cannot be verified completely: %s; the %lld forces before this point are equal", log,
                        run->replay->damage, (long long)run->verified);
 }
 
@@ -304,21 +306,23 @@ static int verdict(const replay_run *run)
     // Count the probes for the report.
     int probes = 0;
     for (int p = 0; p < KN_PROBES_MAX; p++) probes += run->probes[p];
-    // A gap makes the rest of the log incomparable.
+    // If poses or forces are missing in the log, the forces after the gap cannot be compared.
     if (tally->gaps > 0)
         return kn_complain(
             "replay", KN_EXIT_FAILED,
-            "%s: cannot be verified: %lld ticks ran whose force or pose is not in the log, the first is tick %lld", log,
+            "%s: cannot be verified: force or pose of %lld ticks is missing in the log, the first is tick %lld", log,
             (long long)tally->gaps, (long long)tally->first_gap);
-    // The replay could not compute in the same way as the server that wrote the log.
+    // The replay could not continue as the server did, for the reason in `damage`. Report this reason, because the
+    // forces after it cannot be compared.
     if (run->replay->damage[0] && !run->replay->same) return complain_damage(run, log);
     if (run->differs)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log,
                            (long long)run->verified - 1, run->difference);
     if (tally->mismatches > 0)
-        return kn_complain(
-            "replay", KN_EXIT_FAILED, "%s: %lld of %lld events have another state hash, the first at tick %lld", log,
-            (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
+        return kn_complain("replay", KN_EXIT_FAILED,
+                           "%s: %lld of %lld events have another state hash than the replay, the first at tick %lld",
+                           log, (long long)tally->mismatches, (long long)tally->checkpoints,
+                           (long long)tally->first_mismatch);
     if (run->replay->damage[0]) return complain_damage(run, log);
     if (tally->malformed > 0)
         return kn_complain(
@@ -340,8 +344,8 @@ static int refuse_verify(const replay_run *run)
                            run->replay->damage, run->replay->damage[0] ? "; " : "");
     if (!run->replay->same)
         return kn_complain("replay", KN_EXIT_USAGE,
-                           "%s: --verify expects the log's own scene and computation, not what "
-                           "--set, --quality, --solver, --precision or --dt ask for",
+                           "%s: --verify cannot compare another scene or another computation, "
+                           "expected no SCENE, --set, --quality, --solver, --precision or --dt that changes them",
                            log);
     return KN_EXIT_OK;
 }
@@ -364,7 +368,7 @@ static void take_tick(replay_run *run)
         if (!out->force[p].live) continue;
         run->peak_n = fmax(run->peak_n, sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]));
         hash_force(run, p);
-        if (run->csv) kn_rows_tick(run->csv, run->replay, p);
+        if (run->csv.file) kn_rows_tick(run->csv.file, run->replay, p);
         if (run->opt->verify) verify_force(run, p);
     }
     if (run->out) log_tick(run);
@@ -377,7 +381,7 @@ static void tell(const replay_run *run)
     const kn_replay_tally *t = &r->tally;
     const char *log = run->opt->def.log_path;
     if (t->refused)
-        kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd refuses them", log,
+        kn_complain("replay", KN_EXIT_OK, "%s: %lld poses were refused, as kneadd would refuse them", log,
                     (long long)t->refused);
     if (t->outside)
         kn_complain("replay", KN_EXIT_OK,
@@ -385,46 +389,46 @@ static void tell(const replay_run *run)
                     "cells are coarse",
                     log, r->model->def.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (run->opt->verify) return; // with --verify, the result of the comparison reports everything else
-    if (r->damage[0]) kn_complain("replay", KN_EXIT_OK, "%s: %s: the part before it was used", log, r->damage);
+    if (r->damage[0])
+        kn_complain("replay", KN_EXIT_OK, "%s: %s: only the log before this point was used", log, r->damage);
     if (t->malformed)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
         kn_complain("replay", KN_EXIT_OK,
-                    "%s: %lld ticks ran whose force or pose is not in the log, the first is tick %lld: replayed "
+                    "%s: force or pose of %lld ticks is missing in the log, the first is tick %lld: replayed "
                     "with the next pose",
                     log, (long long)t->gaps, (long long)t->first_gap);
     if (t->mismatches)
-        kn_complain("replay", KN_EXIT_OK, "%s: %lld of %lld events have another state hash, the first at tick %lld",
-                    log, (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
+        kn_complain("replay", KN_EXIT_OK,
+                    "%s: %lld of %lld events have another state hash than the replay, the first at tick %lld", log,
+                    (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
 // Open the output files. An output may not be the log that is being read.
 static int open_outputs(replay_run *run)
 {
     const replay_options *opt = run->opt;
-    const char *path = NULL;
     if (kn_output_same(opt->csv_path, opt->def.log_path) || kn_output_same(opt->out_path, opt->def.log_path))
         return kn_complain("replay", KN_EXIT_USAGE, "%s: is being read, expected another file to write",
                            opt->def.log_path);
-    if (opt->csv_path && !(run->csv = fopen(opt->csv_path, "w"))) path = opt->csv_path;
-    else if (opt->out_path && !(run->out = lcm_eventlog_create(opt->out_path, "w"))) path = opt->out_path;
-    if (path)
-        return kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", path,
+    if (opt->csv_path && !kn_output_open(&run->csv, "replay", opt->csv_path)) return KN_EXIT_DEVICE;
+    if (run->csv.file) kn_rows_head(run->csv.file);
+    if (!opt->out_path || (run->out = lcm_eventlog_create(opt->out_path, "w"))) return KN_EXIT_OK;
+    int code = kn_complain("replay", KN_EXIT_DEVICE, "%s: %s, expected a file that can be written", opt->out_path,
                            strerror(errno));
-    if (run->csv) kn_rows_head(run->csv);
-    return KN_EXIT_OK;
+    if (run->csv.file) kn_beside_drop(&run->csv);
+    return code;
 }
 
 // Close the output files and check that they are complete.
 static int close_outputs(replay_run *run)
 {
-    const char *path = NULL;
-    if (run->out) {
-        if (fflush(run->out->f) != 0 || run->out_failed) path = run->opt->out_path;
-        lcm_eventlog_destroy(run->out);
-    }
-    if (run->csv && (ferror(run->csv) | fclose(run->csv)) != 0) path = run->opt->csv_path;
-    return path ? kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", path) : KN_EXIT_OK;
+    int code = run->csv.file ? kn_output_close(&run->csv, "replay") : KN_EXIT_OK;
+    if (!run->out) return code;
+    if (fflush(run->out->f) != 0 || run->out_failed)
+        code = kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", run->opt->out_path);
+    lcm_eventlog_destroy(run->out);
+    return code;
 }
 
 // Report the ticks of the circuit. Return KN_EXIT_FAILED if the circuit and its twin ever differed.
@@ -481,7 +485,7 @@ static int play(replay_run *run)
     bool first = true;
     kn_progress bar = kn_progress_open("replay", (double)r->tally.ticks_total);
     while (kn_replay_step(r)) {
-        // The scene gets the log time of the first tick.
+        // The scene message in the output log gets the log time of the first tick.
         if (first && run->out) log_scene(run, r->tick.utime);
         first = false;
         take_tick(run);

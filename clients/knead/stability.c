@@ -5,7 +5,7 @@
 #include "clients/cli/output.h"
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
-#include "clients/sweep/stability_atlas.h"
+#include "clients/sweep/stability_trial.h"
 #include "server/option_table.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,20 +14,22 @@
 
 static const char help[] =
     "usage: knead stability [--quick] [--family NAME] [OPTION]...\n\n"
-    "Presses, knocks, loads and releases small objects with extreme parameters, and compares each result with a\n"
-    "converged answer: the same scene, path and time step in f64, linearised until the law is met to 1e-7. The\n"
-    "default solver must be right, or refuse the scene with a reason. The results of secant, tangent, f64 and rk4\n"
-    "for the same scenes are printed beside it.\n\n"
-    "  right        force over all steps and shape within 5 % of the answer (a hand notices force differences from\n"
-    "               7 % on). If the time step itself costs more, the limit is that cost, 7 % at most. The limits\n"
-    "               are the same for all families; the largest error of a family is in the column `most`\n"
+    "Presses, knocks, loads and releases small objects with extreme parameters.\n"
+    "Compares each result with a converged answer for the same scene, path and time step.\n"
+    "The answer is computed in f64 and relinearised until the law is met to 1e-7.\n"
+    "The default solver must be right, or refuse the scene with a reason.\n"
+    "The results of secant, tangent, f64 and rk4 are printed beside the result of the default solver.\n\n"
+    "  right        the forces of all steps and the shape are within 5 % of the answer.\n"
+    "               A hand notices force differences from 7 % on.\n"
+    "               If the error of the time step alone is above 5 %, this error is the limit, but 7 % at most.\n"
+    "               The column `most` has the largest error of a family\n"
     "  refused      the scene is not simulated, and a sentence gives the reason\n"
     "  chattering   the force goes up and down more than 1.5 times as much as in the answer\n"
-    "  wrong        no chattering, but an error above 5 %\n"
-    "  diverged     not a number, or a hundred times too large\n"
-    "  died         the process that tried it was killed; the others continue\n\n"
-    "The error of the time step (the answer compared with the answer at half the step) is not a fault of the solver\n"
-    "and is reported separately.\n\n"
+    "  wrong        no chattering, but an error above the limit\n"
+    "  diverged     a number is not finite, or a force is a hundred times too large\n"
+    "  died         the process of the trial was killed; the other processes continue\n\n"
+    "The error of the time step is the difference between the answer and the answer at half the step.\n"
+    "The error of the time step is not a fault of the solver, so it is reported separately.\n\n"
     "  --quick           fewer cells of every map, under a minute\n"
     "  --family NAME     one family of maps:\n";
 

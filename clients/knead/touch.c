@@ -23,14 +23,14 @@
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
-    "Shows the contact of a tool, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8\n"
-    "pressures over the tool's face, seen from inside the tool, the contact area and the peak pressure. In the\n"
-    "tool's frame it also shows the centre of pressure, the mean normal (out of the object) and the slip velocity\n"
-    "of the skin under the tool. On a terminal the picture is redrawn in place; otherwise one line per message is\n"
-    "printed, 250 per second.\n\n"
-    "  --probe NAME     tool of the scene (default: the first tool that is heard)\n"
-    "  --json           print one JSON object per line, in SI units; see proto/README.md for the grid of\n"
-    "                   pressure_pa\n"
+    "Shows the contact of a tool. It needs a running `kneadd --touch` with a hand at the tool.\n"
+    "A map of 8 by 8 cells shows the pressures over the tool's face, seen from inside the tool.\n"
+    "The contact area and the peak pressure are printed as well.\n"
+    "The centre of pressure, the mean normal (out of the object) and the slip velocity of the skin under the tool\n"
+    "are printed in the tool's frame.\n"
+    "On a terminal the picture is redrawn in place. Otherwise one line per message is printed, 250 per second.\n\n"
+    "  --probe NAME     tool of the scene (default: the first tool whose messages arrive)\n"
+    "  --json           print one JSON object per line, in SI units. proto/README.md explains the grid pressure_pa\n"
     "  --once           end with the first message that reports contact\n"
     "  --seconds N      end after N seconds, 0.1..86400 (default: run until Ctrl-C)\n"
     "  --lcm-url URL    bus of the touch patches (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
@@ -42,7 +42,7 @@ typedef struct watch {
     bool json, once, draws;
     char name[64];             // name of the tool that is shown; "": not known yet
     knead_touch_patch_t patch; // newest contact patch of the tool
-    // Counts of patch messages: all received; those received until the last picture was drawn; those with a contact.
+    // Numbers of patch messages received: in all; until the last picture was drawn; with a contact.
     int64_t heard, drawn, touched;
     int64_t heard_ms, first_us;
     bool on_screen;
@@ -116,8 +116,8 @@ static void print_json(const watch *w)
     puts("]}");
 }
 
-// Draw the pressure map over the last one, with the row of the largest v (second coordinate of the patch) on top. The
-// cell with the highest pressure is '@', and a cell with a pull is '~'.
+// Draw the pressure map over the previous map. The top row has the largest v (second coordinate of the patch). The cell
+// with the highest pressure is '@', and a cell with a pull is '~'.
 static void draw(watch *w)
 {
     static const char ramp[] = " .:-=+*#%@";
@@ -157,7 +157,7 @@ static bool all_finite(const knead_touch_patch_t *t)
     return isfinite(sum);
 }
 
-// Take a contact patch. If the user named no tool, the tool of the first patch is shown from then on.
+// Take the contact patch of a message. If the user named no tool, the tool of the first patch is shown from then on.
 static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     watch *w = user;

@@ -1,14 +1,13 @@
 // knead tradeoff: measures speed and accuracy of many solver settings, by replaying a recorded hand on a scene.
-// sweep_plan.h plans the runs, sweep_runs.h replays them, pareto_front.h and pareto_chart.h evaluate and show the
-// results. This file runs these steps in order, and contains the list of usual points and the choice of points for the
-// scene.
+// sweep_plan.h plans the runs, sweep_runs.h replays them, pareto_front.h evaluates and shows the results. This
+// file runs these steps in order, and contains the list of usual points and the choice of points for the scene.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
 #include "clients/cli/yaml_patch.h"
-#include "clients/sweep/pareto_chart.h"
+#include "clients/sweep/pareto_front.h"
 #include "clients/sweep/sweep_plan.h"
 #include "clients/sweep/sweep_runs.h"
 #include "core/scene/mesh_file.h"
@@ -93,7 +92,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
     }
-    if (axes->tolerances == 0) axes->tolerances = 1; // use one value, which is 0
+    if (axes->tolerances == 0) axes->tolerances = 1; // default: one value, 0
     s->plan.scene_path = s->opt.scene;
     s->plan.log_path = s->opt.log;
     s->plan.sets = s->opt.sets;
@@ -185,8 +184,8 @@ static bool is_same_scene(const kn_sweep_plan *plan, const char *path, const cha
     return same;
 }
 
-// Replace the file: write a new file beside it, with its owner and rights, and rename it over the old one. A reader
-// sees either the old scene or the new one.
+// Replace the file: write a new file in the same folder, with the owner and permissions of the old file, and rename it
+// over the old file. A reader sees either the old scene or the new one.
 static bool replace(const char *path, const char *text)
 {
     char half[PATH_MAX];
@@ -210,7 +209,7 @@ static void tell_written(const kn_sweep_plan *plan)
     printf("wrote fast, balanced and accurate into %s\n", plan->scene_path);
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (plan->scene->point[q].defined && !plan->scene->point[q].live)
-            printf("removed the old point %s: it was of another lattice or precision\n", kn_quality_name(q));
+            printf("removed the old quality point %s, which had another lattice or precision\n", kn_quality_name(q));
 }
 
 // Write the quality points into the `quality` block of the scene file. All other bytes of the file stay unchanged. A
@@ -266,7 +265,7 @@ static void print_times(const sweep *s)
         "times      processor time of a tick of the servo, one run at a time, for each tick the better of two rounds");
     if (several) printf("; NOT all measured in one session: compare with care");
     if (s->crew.unsteady > 0)
-        printf("; %d of %d points took over 15 %% longer in the other round: this machine is busy with other work",
+        printf("; %d of %d points took over 15 %% longer in one round than in the other: this machine is busy",
                s->crew.unsteady, s->crew.timed);
     putchar('\n');
 }
@@ -288,8 +287,9 @@ static void print_named(const sweep *s)
                    kn_sweep_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver,
                    100 * r->shape.solver);
         if (r && kn_pareto_front_excess(r, q) > 1)
-            printf("; MISSED: %g %%, %g %% and a jump of %.2g N/ms at most", 100 * kn_pareto_front_bounds[q].force,
-                   100 * kn_pareto_front_bounds[q].shape, KN_PARETO_JUMP * r->same_jump_n);
+            printf("; MISSED: allowed are %g %% of force, %g %% of shape and a jump of %.2g N/ms",
+                   100 * kn_pareto_front_bounds[q].force, 100 * kn_pareto_front_bounds[q].shape,
+                   KN_PARETO_JUMP * r->same_jump_n);
         putchar('\n');
     }
 }
@@ -310,10 +310,11 @@ static void print_elsewhere(const sweep *s)
     char name[96];
     const kn_pareto_row *r = kn_pareto_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
-    printf("no name    %s: p90 %.0f us, force %.3g %% in all, more accurate than they are; a server cannot change "
-           "lattice, "
-           "step or precision:",
-           kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
+    printf(
+        "no name    %s: p90 %.0f us, force %.3g %% in all, more accurate than the named points; a server cannot change "
+        "lattice, "
+        "step or precision:",
+        kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }
 
@@ -323,7 +324,7 @@ static int pick(const sweep *s)
     char name[96];
     const kn_pareto_row *r = kn_pareto_front_pick(&s->front, s->opt.budget_us);
     if (!r)
-        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget-us %g: no usable point has a p90 of that or less",
+        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget-us %g: no usable point has a p90 within this budget",
                            s->opt.budget_us);
     printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
            kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);

@@ -88,7 +88,7 @@ typedef struct film { // state of a film that is being written
 // Return the time of a picture in the recording, s.
 static double moment(const kn_view_options *o, int picture) { return o->from_s + picture * o->speed / o->fps; }
 
-// Return the number of ticks of all recordings together, for the progress bar. `all`: all ticks; otherwise the ticks
+// Return the sum of the ticks of all recordings, for the progress bar: all ticks if `all` is true, otherwise the ticks
 // stepped so far.
 static double ticks(const kn_view_panels *l, bool all)
 {
@@ -183,7 +183,8 @@ static int make_film(const kn_view_options *o)
 {
     char error[200];
     film f = {.o = o, .live = o->file_count == 0, .extent = kn_view_extent_none};
-    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps); // otherwise the first pass counts the pictures
+    // Without a given duration, the first pass counts the pictures.
+    if (o->seconds > 0) f.pictures = (int)ceil(o->seconds * o->fps);
     int code = kn_output_try("view", o->video);
     if (code == KN_EXIT_OK && !kn_video_file_ready(error, sizeof error))
         code = kn_complain("view", KN_EXIT_DEVICE, "%s", error);

@@ -15,31 +15,30 @@
 
 static const char help[] =
     "usage: knead zwidth [--device CLASS] [--hand HAND] [--material M] [OPTION]...\n\n"
-    "Simulates a haptic device in contact, and finds the stiffest virtual coupling that does not buzz, as a\n"
-    "function of the round trip of its forces and of the friction of the device. Colgate's bound and the bound of a\n"
-    "delayed spring are printed beside it. SIMULATION: motors and structure of a real device leave less, another\n"
-    "factor of 0.7.\n\n"
+    "Simulates a haptic device in contact, and finds the stiffest virtual coupling that does not buzz.\n"
+    "The table shows this coupling for several round trips of the forces and several frictions of the device.\n"
+    "Colgate's bound and the bound of a delayed spring are printed in the same row.\n"
+    "All of this is SIMULATION: motors and structure of a real device cost another factor of 0.7.\n\n"
     "    knead zwidth --device falcon --plot zwidth.png\n"
     "    knead zwidth --device touch --hand light --material dough\n\n"
-    "  --device CLASS    touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section (default:\n"
-    "                    touch)\n"
+    "  --device CLASS    touch, falcon, omega, unknown, bench, or a FILE.yaml with a device section (default: touch)\n"
     "  --set KEY=VALUE   set a key of the device, e.g. device.mass='120 g'\n"
-    "  --hand HAND       none, light, normal or firm; with none 1 N leans on the device and no arm damps (default:\n"
-    "                    none)\n"
-    "  --material M      wall, dough, clay, jelly or stiff-jelly under a probe of about 1 cm; the hand none can\n"
-    "                    lean on the wall only (default: wall)\n"
+    "  --hand HAND       none, light, normal or firm; none: no arm, a force of 1 N pushes the device (default: none)\n"
+    "  --material M      wall, dough, clay, jelly or stiff-jelly: object under a 1 cm probe (default: wall).\n"
+    "                    Without a hand only the wall is possible\n"
     "  --scene FILE      use the lattice of a scene instead, with a tool pressed onto its middle; takes minutes\n"
     "  --probe NAME      tool of that scene (default: the first that can be coupled)\n"
     "  --quick           fewer delays, frictions and couplings: a second or two\n"
     "  --csv FILE        write the table\n"
     "  --plot FILE       draw the curves and the bounds as PNG (needs gnuplot)\n"
     "  --json            print the table as JSON\n\n"
-    "The device holds a force for 1 ms and reads its position in steps; the velocity is filtered at 100 Hz. A loop\n"
-    "buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the steps of the encoder explain.\n"
+    "The device holds each force for 1 ms. Its encoder reads the position in steps.\n"
+    "The velocity is filtered at 100 Hz.\n"
+    "A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder explains.\n"
     "  round trip        time from a pose to its force; 0: at once, 1 ms: in the next period, as with a server\n"
-    "  k at b_vc 0, ..   stiffest coupling with that damping, N/m; ladder of 1.25, then halved to 1.5 %\n"
-    "  Colgate           2 (b - b_vc)/T at b_vc 0: passive under any motion, without delay\n"
-    "  delayed           (b + b_vc)/(T/2 + round trip), at the class's b_vc\n"
+    "  k at b_vc 0, ..   stiffest coupling with the damping b_vc that does not buzz, N/m; found to 1.5 %\n"
+    "  Colgate           bound 2 (b - b_vc)/T at b_vc 0: passive under any motion, without delay\n"
+    "  delayed           bound (b + b_vc)/(T/2 + round trip) of a delayed spring, at the class's b_vc\n"
     "  default           coupling that a scene with this device gets (core/coupling.h), and whether it was calm\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
@@ -68,7 +67,7 @@ typedef struct zwidth {
     kn_grip grip;
     const kn_lumped_object_def *material;
     const char *scene_path, *tool;
-    kn_scene *scene; // scene of the object; NULL: the object is the pad `material`
+    kn_scene *scene; // scene of the object; NULL: the object is the lumped object `material`
     bool quick;
     kn_device_def profile;
     kn_coupling most; // default coupling of the device's class at a round trip of 1 ms
@@ -83,7 +82,8 @@ static kn_haptic_loop_result on_lattice(const zwidth *z, const kn_haptic_loop_de
 {
     kn_lattice_object slab;
     char error[300];
-    // load_scene has already opened this lattice with another coupling.
+    // A failure to open the lattice counts as a buzz. Normally there is none, because load_scene has already opened
+    // this lattice with another coupling.
     if (!kn_lattice_object_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_haptic_loop_result){.buzzes = true};
     kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_lattice_object_touch, &slab);
@@ -142,7 +142,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     kn_table_add(&z->table, (double[]){trip, friction_n_s_m, k[0], k[1], k[2], k[3], colgate, delayed,
                                        chosen.stiffness_n_m, chosen.damping_n_s_m, loud});
     kn_progress_close(&z->bar); // clear the progress bar, because the row is printed on its line
-    // The columns are printed in the order of b_vc.
+    // The columns are printed in the order of the coupling's damping b_vc.
     printf("%4d ms %9.3g", trip, friction_n_s_m);
     for (int i = 0; i < DAMPINGS; i++) {
         static const int order[DAMPINGS] = {1, 2, 0, 3};
@@ -152,7 +152,7 @@ static void measure(zwidth *z, double friction_n_s_m, int trip)
     fflush(stdout);
 }
 
-// Print the head of the table and measure all rows. A series has one friction.
+// Print the head of the table and measure all rows. Each series of the table has one friction.
 static void survey(zwidth *z)
 {
     const kn_device_def *d = &z->profile;
@@ -222,7 +222,7 @@ static const char *take_set(void *survey, const char *set)
     zwidth *z = survey;
     if (strncmp(set, "device.", 7) != 0) return "a key of the device, device.KEY=VALUE";
     if (z->set_count < SETS) return z->sets[z->set_count++] = set, NULL;
-    kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d", SETS);
+    kn_complain("zwidth", KN_EXIT_USAGE, "--set: expected at most %d of these options", SETS);
     return KN_OPTION_TOLD;
 }
 

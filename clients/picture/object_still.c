@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Remove all tools, and release the shapes of unions.
+// Remove all tools from a still, and release the shapes of those that are unions.
 static void drop_tools(kn_object_still *s)
 {
     for (int i = 0; i < s->view.probe_count; i++)
@@ -177,7 +177,7 @@ void kn_object_still_probe(kn_object_still *s, const kn_probe_def *def, const do
     kn_shape *tool = &s->tool[s->view.probe_count];
     kn_view_probe *p = &s->view.probe[s->view.probe_count++];
     p->def = *def;
-    // The shape of a union is shared by reference count.
+    // A union shares its shape with the scene: the reference count keeps the shape until the last user drops it.
     if (def->parts) {
         *tool = *def->parts;
         p->def.parts = tool;
@@ -201,13 +201,13 @@ void kn_object_still_hand(kn_object_still *s, const double position_m[3], const 
 bool kn_object_still_live(kn_object_still *s, const kn_live_server *live, char *error, size_t error_size)
 {
     char why[400];
-    // Write the error message beforehand. It is cleared when the mesh has been copied.
+    // Write the error message before the copy, which may fail, and clear the message after the copy.
     snprintf(error, error_size, "out of memory");
     if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
         return false;
     error[0] = 0;
-    // Build the model of the received scene. If its surface differs from the received mesh, the mesh does not belong to
-    // this scene.
+    // Build the model of the received scene. If the surface of this model differs from the received mesh, the mesh does
+    // not belong to the scene.
     kn_model *model = live->scene ? kn_model_build(&live->scene->model, why, sizeof why) : NULL;
     kn_surface *surface = model ? kn_surface_create(model) : NULL;
     bool known = surface && rest_shape(s, model, surface);
@@ -264,7 +264,7 @@ static float squared(const float a[3], const float b[3])
 static bool nearer(const spot *s, const float x[3], const spot **best, float *least)
 {
     const float across = s->x[0] - x[0], d = squared(s->x, x);
-    if (across * across > *least) return false; // all vertices further along x are further away as well
+    if (across * across > *least) return false; // all vertices that lie further along x are further away as well
     if (d < *least || !*best) *least = d, *best = s;
     return true;
 }
@@ -332,8 +332,8 @@ bool kn_vertex_match_make(kn_vertex_match *m, const kn_object_still *first, cons
     m->same = ok && first->vertex_count == second->vertex_count && m->apart_m < SAME_M;
     if (ok && m->apart_m > COARSE * fmax(longest_side(first), longest_side(second))) {
         snprintf(error, error_size,
-                 "at rest the two are up to %.3g mm apart, expected objects of the same shape, "
-                 "because points are compared that coincide at rest",
+                 "at rest the two objects are up to %.3g mm apart, expected objects of the same shape, "
+                 "because points that coincide at rest are compared",
                  1e3 * m->apart_m);
         ok = false;
     }
@@ -484,7 +484,7 @@ const char *kn_measure_top_example(kn_measure measure)
 
 double kn_measure_scale(kn_measure measure, double asked, double most)
 {
-    // Smallest end of the colour scale of each measure, SI units.
+    // Smallest upper end of the colour scale for each measure, in SI units.
     static const double least[KN_MEASURES] = {1e-5, 1, 1e-3};
     return asked > 0 ? asked : kn_scale_top(fmax(most, least[measure]));
 }

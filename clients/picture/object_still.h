@@ -25,7 +25,7 @@ typedef struct kn_object_still {
     // Arrays of edge_count elements. edge: positions of both ends of each lattice edge [m]. edge_value: values of the
     // measure at both ends, or NULL.
     float (*edge)[2][3], (*edge_value)[2];
-    char caption[128]; // text below the object, set by the caller
+    char caption[128]; // text at the upper left of the picture, set by the caller
 } kn_object_still;
 
 // Fill a still from a state of the solver. `still` must be zeroed except for its field `view`. Return false when memory
@@ -33,7 +33,8 @@ typedef struct kn_object_still {
 bool kn_object_still_state(kn_object_still *still, const kn_model *model, const kn_state *state);
 
 // Add the values of the measure `what` at the vertices. If `edges` is true, also add the edges of the lattice. gauge:
-// computes measures of `model`; NULL: add no measure, only the edges. Return false when memory is short.
+// the gauge that computes measures of `model`; NULL: add the edges without a measure. Return false when memory is
+// short.
 bool kn_object_still_measure(kn_object_still *still, const kn_model *model, const kn_state *state, kn_gauge *gauge,
                              kn_measure what, bool edges);
 
@@ -53,7 +54,7 @@ double kn_object_still_most(const kn_object_still *still);
 // "". Return false when memory is short.
 bool kn_object_still_live(kn_object_still *still, const kn_live_server *live, char *error, size_t error_size);
 
-// Update a still to the newest tick of its mesh. Show the tools that somebody holds. Nothing is allocated.
+// Update a still to the newest tick of the mesh messages, and show the tools that hands hold. Nothing is allocated.
 void kn_object_still_update(kn_object_still *still, const kn_live_server *live);
 
 // Add a tool at this pose to a still. orientation_wxyz: unit quaternion; four zeros mean a level tool. gain: the tool's
@@ -69,8 +70,9 @@ bool kn_object_still_copy(kn_object_still *to, const kn_object_still *from);
 void kn_object_still_free(kn_object_still *still);
 
 // Comparison of two objects vertex by vertex. Each vertex of the second object is matched with the nearest vertex of
-// the first object at rest. In equal meshes that is the same vertex. The distance tells how far two matched vertices
-// have moved apart: |(x2 - X2) - (x1 - X1)|, x now, X at rest.
+// the first object at rest. If both objects have the same mesh, the two vertices coincide at rest. The distance tells
+// how far two matched vertices have moved apart: |(x2 - X2) - (x1 - X1)|, where x is the present position and X the
+// position at rest.
 
 typedef struct kn_vertex_match {
     int count;  // number of vertices of the second object
@@ -93,8 +95,7 @@ void kn_vertex_match_distance(const kn_vertex_match *match, const kn_object_stil
                               float *value);
 void kn_vertex_match_free(kn_vertex_match *match); // a struct that is all zero is allowed
 
-// Shot: maker of pictures of stills. It renders the object and writes caption, scale bar and legend on the
-// picture.
+// Shot: maker of pictures of stills. A shot renders the object and writes caption, scale bar and legend on the picture.
 
 typedef struct kn_object_picture kn_object_picture;
 
@@ -126,13 +127,14 @@ void kn_object_picture_close(kn_object_picture *shot);
 // words if `text` is not a valid value.
 const char *kn_moment_take(void *at_s, const char *text);
 
-// Read the end of the colour scale from `text`. Return it in the SI unit of the measure, 1e-9 .. 1e12, or 0 if `text`
-// is not a valid value.
+// Read the upper end of the colour scale from `text`. Return the value in the SI unit of the measure, 1e-9 .. 1e12, or
+// 0 if `text` is not a valid value.
 double kn_measure_top(kn_measure measure, const char *text);
 const char *kn_measure_top_example(kn_measure measure); // example of a scale end for help texts, like "'2 mm'"
 
-// Return the end of the colour scale: `asked` if it is not 0, else a round number above the largest value `most` of the
-// data. The scale has a smallest end, so that an object at rest does not show rounding errors as colours.
+// Return the upper end of the colour scale: `asked` if it is not 0, else a round number above `most`, the largest value
+// of the data. Each measure has a smallest upper end, so that an object at rest does not show rounding errors as
+// colours.
 double kn_measure_scale(kn_measure measure, double asked, double most);
 
 #endif

@@ -18,8 +18,8 @@
 typedef struct cell_list {
     const kn_model *model; // model of the object; must outlive this list of cells
     int count;
-    // corner: node numbers of all cells, [end[count - 1]]; end: index in corner after the last node of each cell,
-    // VTK cell type of each cell, [count].
+    // corner: node numbers of the corners of all cells, end[count - 1] elements. end: for each cell, the index in
+    // `corner` after its last node, [count].
     int32_t *corner, *end;
     uint8_t *type; // VTK cell type of each cell, [count]
     double *rest;  // volume of each cell at rest, m^3, [count] values
@@ -92,7 +92,7 @@ static double cell_volume(const cell_list *c, const kn_state *state, int number)
     return kn_simplex_volume(m->def.mesh->dimension == 2 ? m->def.thickness_m : 0, (const double(*)[3])x, gradient);
 }
 
-// a struct that is all zero is allowed
+// Free a list of cells. A struct that is all zero is allowed.
 static void cells_free(cell_list *c)
 {
     free(c->corner);
@@ -145,7 +145,7 @@ typedef struct tool_form {
 #define STEPS 12 // number of steps that divide a quarter turn
 // Number of points of a ring: each of 4 quarters has STEPS + 1 points, both of its ends included.
 #define AROUND (4 * (STEPS + 1))
-// number of rings: STEPS + 1 in the lower half and STEPS + 1 in the upper half of the surface.
+// Number of rings: STEPS + 1 in the lower half and STEPS + 1 in the upper half of the surface.
 #define RINGS (2 * (STEPS + 1))
 #define POINTS (RINGS * AROUND + 2) // number of points: those of all rings, and one point at each end of the axis
 #define TRIANGLES (2 * AROUND * RINGS)
@@ -193,7 +193,7 @@ static void add_triangle(tool_form *f, int a, int b, int c)
         ac[k] = (double)f->xyz[c][k] - (double)f->xyz[a][k];
     }
     kn_cross(ab, ac, across);
-    // The triangle has no area, as at the pole of a sphere or at a sharp edge.
+    // Leave out a triangle without area, as there are at the pole of a sphere or at a sharp edge.
     if (kn_dot(across, across) < 1e-24) return;
     f->triangle[f->triangle_count][0] = a;
     f->triangle[f->triangle_count][1] = b;
@@ -211,7 +211,7 @@ static void add_solid(tool_form *f, const kn_solid *part)
         const float z = (float)(c.up_m + (end ? 1 : -1) * (c.half_m[2] + c.roll_m));
         memcpy(f->xyz[f->point_count++], (float[]){0, 0, z}, 3 * sizeof(float));
     }
-    // A strip of triangles from the lower end through all rings to the upper end.
+    // Append strips of triangles, each from the lower end through all rings to the upper end.
     for (int a = 0; a < AROUND; a++) {
         const int b = (a + 1) % AROUND, top = first + (RINGS - 1) * AROUND;
         add_triangle(f, middle, first + b, first + a);
@@ -332,7 +332,7 @@ struct kn_paraview {
     char folder[PATH_MAX - 128];
     kn_pvd *object, *edges;
     int moments;
-    // Model that the arrays below belong to. NULL: none yet.
+    // Model to which the arrays below belong. NULL: no model yet.
     const kn_model *model;
     int models; // running number of this model, see kn_moment
     cell_list cells;
@@ -344,7 +344,8 @@ struct kn_paraview {
     float *stress, *residual, (*force)[3];        // one element per node
     float *ratio;                                 // one element per cell
     float *edge_stress, *edge_strain, *edge_rest; // one element per edge
-    // Cells of the lines: indices of both end points of each edge; for each edge, end of its indices in `line`.
+    // Edges of the lattice as line cells. line: indices of both end points of each edge. line_end: for each edge, the
+    // index in `line` after its second end point.
     int32_t (*line)[2], *line_end;
     uint8_t *line_type; // one element per edge
 };
@@ -355,7 +356,7 @@ static bool short_of_memory(char *error, size_t size)
     return false;
 }
 
-// Free everything that depends on the model, and keep the rest.
+// Free everything that depends on the model. Keep the folder, the collections and the number of moments.
 static void forget_model(kn_paraview *p)
 {
     cells_free(&p->cells);
@@ -444,7 +445,7 @@ static bool write_one(const kn_paraview *p, kn_pvd *pvd, const kn_vtu *v, int pa
     return kn_vtu_write(v, path, error, size);
 }
 
-// Write the nodes with their numbers, and cells between them. An object without cells is drawn by its edges.
+// Write the nodes with their quantities, and the cells between the nodes. If an object has no cells, write its edges.
 static bool write_object(kn_paraview *p, const kn_moment *m, char *error, size_t size)
 {
     const bool solid = p->cells.count > 0;
@@ -510,7 +511,7 @@ static void fill_tool(tool_room *r, const tool_form *f, const kn_force *tool, co
 
 static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *error, size_t size)
 {
-    const kn_force *tool = m->tool[probe]; // NULL: nobody holds it
+    const kn_force *tool = m->tool[probe]; // NULL: no hand holds the tool
     const tool_form *f = &p->tool[probe];
     const size_t points = (size_t)f->point_count, cells = (size_t)f->triangle_count + 1;
     tool_room r = {calloc(points, sizeof *r.xyz), calloc(points, sizeof *r.vector), calloc(cells, 3 * sizeof *r.corner),
@@ -563,7 +564,7 @@ kn_paraview *kn_paraview_open(const char *folder, char *error, size_t size)
 
 bool kn_paraview_add(kn_paraview *p, const kn_moment *m, char *error, size_t size)
 {
-    // A new model, such as after a change of the scene, needs new arrays.
+    // When the model has changed, for example by a change of the scene, prepare new arrays.
     if ((!p->model || p->models != m->models) && !take_model(p, m->model)) return short_of_memory(error, size);
     p->models = m->models;
     read_nodes(p, m);

@@ -25,7 +25,7 @@
 typedef struct kn_moment {
     const kn_model *model;
     int models;            // running number of the model; two models can have the same address, but not the same number
-    const kn_state *state; // if `state` has no solver scratch, contact forces of the nodes are unknown and not exported
+    const kn_state *state; // contact forces of the nodes are exported only if `state` has its solver scratch
     double time_s;
     const kn_force *tool[KN_PROBES_MAX]; // pose and forces of the tool of each probe; NULL: no hand holds this tool
 } kn_moment;

@@ -151,8 +151,8 @@ kn_video_file *kn_video_file_open(const char *path, int width, int height, doubl
     film->stopped = stopped;
     film->pipe = -1;
     film->picture_bytes = 4 * (size_t)width * (size_t)height;
-    // SIGPIPE is ignored, so that a write to an ffmpeg that has died returns an error.
     if (!kn_beside_open(&film->out, path, error, error_size)) return free(film), NULL;
+    // Ignore SIGPIPE, so that a write to an ffmpeg that has died returns an error.
     sigaction(SIGPIPE, &(struct sigaction){.sa_handler = SIG_IGN}, &film->before);
     if (start(film, f, width, height, fps)) return film;
     snprintf(error, error_size, "ffmpeg: %s", strerror(errno));

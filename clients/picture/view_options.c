@@ -18,33 +18,34 @@ static const char help[] =
     "       knead view --png FILE [OPTION]... OBJECT...     draw files: a log, stepped to its end or to --at; a\n"
     "                                                       scene at rest; a snapshot of a kneadd state\n"
     "                                                       directory, with --scene\n"
-    "       knead view --png FILE --compare A B             draw two, and the distance between their surfaces\n"
+    "       knead view --png FILE --compare A B             draw two files, and the distance between their surfaces\n"
     "       knead view --video FILE [OPTION]... [OBJECT]... film logs, or the served object for --seconds\n"
     "       knead view --depth FILE [OPTION]... [OBJECT]    draw the heights, as a range finder above sees them\n\n"
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
-    "  --at SECONDS|end   moment of the recording, since its first session began; 1,3,end: three side by side\n"
-    "                     (default: end)\n"
+    "  --at SECONDS|end   time in the recording, counted from the beginning of its first session; 1,3,end: three\n"
+    "                     pictures side by side (default: end)\n"
     "  --scene FILE       scene of the snapshot; without a snapshot: draw the scene at rest\n"
     "  --size WxH         pixels, 16..4096 on each side; 16 or more for each of several objects; even numbers for a\n"
     "                     film (default: 1280x720; 640x480 for each of several, at most 1920x480; 640x640 for a\n"
     "                     range image)\n"
-    "  --camera FROM      front, back, left, right, top or corner: start of --azimuth and --elevation (default:\n"
-    "                     corner, azimuth 28, elevation 27)\n"
+    "  --camera FROM      front, back, left, right, top or corner: sets azimuth and elevation, which the two options\n"
+    "                     below may change (default: corner, azimuth 28, elevation 27)\n"
     "  --azimuth DEG      direction of the camera, -360..360: 0 from the front, 90 from the right\n"
     "  --elevation DEG    height of the camera: 0 level .. 90 from above\n"
-    "  --zoom X           magnification, 0.2..20; 2 shows half as much of the middle (default: 1)\n"
+    "  --zoom X           magnification, 0.2..20; 2 shows half the width and height (default: 1)\n"
     "  --color WHAT       displacement, stress (von Mises) or residual: permanent strain (default: none);\n"
-    "                     in a live view stress and residual need mesh.measures in the scene\n"
+    "                     for a served object, stress and residual need mesh.measures in the scene\n"
     "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
-    "                     picture or in the whole film); with --compare and without --color: of the distance\n"
+    "                     picture or in the whole film); with --compare and without --color: upper end of the scale\n"
+    "                     of distances\n"
     "  --style STYLE      lined, solid, wire: lines alone, or edges: every edge of the lattice (default: lined)\n"
     "  --no-lines         same as --style solid\n"
     "  --plain            draw no text\n"
-    "  --wait SECONDS     time to listen for the server, 0..3600 (default: 6; the scene is sent every 5)\n"
+    "  --wait SECONDS     longest wait for the messages of kneadd, 0..3600 (default: 6)\n"
     "  --lcm-url URL      bus of poses, forces, scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
     "Films (need the program ffmpeg; names end in " KN_VIDEO_FILE_NAMES "):\n"
-    "  --from S, --to S   part of the recording (default: 0, its end)\n"
+    "  --from S, --to S   part of the recording to film (default: from 0 to its end)\n"
     "  --seconds N        duration of a film of the served object, 0.1..3600\n"
     "  --fps N            pictures per second, 1..120 (default: 30)\n"
     "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n\n"
@@ -52,7 +53,7 @@ static const char help[] =
     "y up. The value 0 means no object; else the height above the table is (value - 1) times a step, which is 1 um\n"
     "for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are in the text chunks\n"
     "of the file.\n\n"
-    "A comparison is made of points that coincide at rest: the same vertices, or the nearest ones of another mesh.\n"
+    "--compare compares points that coincide at rest: the same vertices or, on another mesh, the nearest ones.\n"
     "The squares on the table and the black bar are 1 cm for an object of 2 to 20 cm. The arrow has one square per\n"
     "5 N.\n"
     "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n"
@@ -126,7 +127,7 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
         if (code != KN_EXIT_OK) return code;
     }
     if (o->scene && o->file_count > 0 && !kn_view_has(o, KN_VIEW_SNAPSHOT))
-        REFUSE("--scene %s: expected a snapshot of it, or no other file; logs and scenes hold their own scene",
+        REFUSE("--scene %s: expected a snapshot of this scene, or no other file; a log contains its own scene",
                o->scene);
     for (int i = 0; i < o->file_count; i++)
         if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
@@ -139,21 +140,21 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
 // ---- checks of all options together
 
 // Assign the moments of --at to the objects. One recording at several moments counts as several objects. A single
-// moment is for all objects.
+// moment applies to all objects.
 static int share_out(kn_view_options *o)
 {
     if (o->moments == 0) return KN_EXIT_OK;
     if (!kn_view_has(o, KN_VIEW_LOG)) REFUSE("--at: expected a log to step");
     if (o->video) REFUSE("--at: expected --from and --to for a film");
     for (int i = 1; o->moments == 1 && i < o->file_count; i++) o->at_s[i] = o->at_s[0];
-    // Repeat the only file once for each time of --at.
+    // If there is only one file, repeat it once for each moment of --at.
     while (o->moments > o->file_count && o->file[o->file_count - 1] == o->file[0]) {
         o->file[o->file_count] = o->file[0];
         o->kind[o->file_count++] = o->kind[0];
     }
     if (o->moments > 1 && o->moments != o->file_count)
-        REFUSE("--at: %d moments of %d objects, expected one, one of each, or one recording", o->moments,
-               o->file_count);
+        REFUSE("--at: %d moments of %d objects, expected one moment, one moment for each object, or one recording",
+               o->moments, o->file_count);
     return KN_EXIT_OK;
 }
 
@@ -161,9 +162,10 @@ static int share_out(kn_view_options *o)
 static int check_film(const kn_view_options *o)
 {
     const bool recorded = kn_view_has(o, KN_VIEW_LOG), live = o->file_count == 0;
-    if (!recorded && !live) REFUSE("--video: expected a log among them; an object at rest does not move by itself");
+    if (!recorded && !live)
+        REFUSE("--video: expected a log among the files; an object at rest does not move by itself");
     if (recorded && o->seconds > 0)
-        REFUSE("--seconds: is for films without an end of their own, expected --from and --to for a log");
+        REFUSE("--seconds: is for films of the served object, expected --from and --to for a log");
     if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N for the served object");
     if (live && o->speed != 1) REFUSE("--speed %g: expected a log; a served object is filmed in real time", o->speed);
     if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
@@ -200,7 +202,7 @@ static int check_scale(kn_view_options *o)
            kn_measure_top_example(measure));
 }
 
-// Set the default size. Several objects stand side by side in panels of 4:3, as long as that fits on a screen.
+// Set the default size. Several objects stand side by side in panels of 4:3, as long as the picture fits on a screen.
 static void default_size(kn_view_options *o)
 {
     const int panels = o->file_count + o->compare;

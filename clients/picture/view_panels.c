@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Time to wait after the first complete mesh. In this time the forces of the probes arrive, and a mesh that is at least
-// as recent as the forces.
+// Time to wait after the first complete mesh, ms. In this time, forces of the probes arrive, and then a mesh that is
+// not older than these forces.
 #define SETTLE_MS 50
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
@@ -26,7 +26,7 @@ static void forget_scene(kn_view_source *s)
     s->scene = NULL;
 }
 
-// Load a scene with sets and create its state at rest.
+// Load a scene, apply the settings `sets` (KEY=VALUE, as for --set), and create its state at rest.
 static int load_scene(kn_view_source *s, const char *path, const char *const *sets, int set_count)
 {
     char error[400];
@@ -43,14 +43,14 @@ static int open_scene(kn_view_source *s) { return load_scene(s, s->path, NULL, 0
 
 // ---- a snapshot
 
-// Restore a snapshot. The scene is loaded with the sets that were made at run time, which the snapshot contains.
+// Restore a snapshot. Load the scene with the settings that were made at run time, which the snapshot contains.
 static int open_saved(kn_view_source *s, const char *scene, const uint8_t *bytes, size_t size)
 {
     char error[400], room[KN_SETTINGS_BYTES];
     const char *list[KN_SETTINGS_MAX];
     kn_settings sets;
     int code = load_scene(s, scene, NULL, 0);
-    // A snapshot's sets can be read only with the name of its scene. So a scene with sets is loaded twice.
+    // The settings in a snapshot can be read only with the name of its scene. So a scene with settings is loaded twice.
     if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
         forget_scene(s);
         code = load_scene(s, scene, list, kn_settings_list(&sets, room, list));
@@ -111,7 +111,8 @@ static int step_log(kn_view_source *s, double at_s)
     }
     // Report a damaged recording once.
     if (s->ended && r->damage[0])
-        fprintf(stderr, "knead view: %s: %s; the part before it was used\n", s->path, r->damage), r->damage[0] = 0;
+        fprintf(stderr, "knead view: %s: %s; the part before the damage was used\n", s->path, r->damage),
+            r->damage[0] = 0;
     if (isinf(s->time_s))
         return kn_complain("view", KN_EXIT_USAGE, "%s: it contains no tick, expected a recorded session", s->path);
     return KN_EXIT_OK;
@@ -182,13 +183,14 @@ static int untold(const kn_live_server *live, kn_measure what)
     const char *name = kn_measure_names[what].name;
     if (what == KN_MEASURE_DISPLACEMENT) return no_memory();
     if (live->scene->mesh_measures & bit)
-        return kn_complain("view", KN_EXIT_DEVICE, "--color %s: kneadd sends none now, although its scene asks for it",
-                           name);
+        return kn_complain("view", KN_EXIT_DEVICE,
+                           "--color %s: kneadd does not send this measure now, although its scene asks for it", name);
     return kn_complain("view", KN_EXIT_USAGE,
-                       "--color %s: the served scene has no such mesh.measures, expected kneadd with it", name);
+                       "--color %s: the served scene has no such mesh.measures, expected a scene with this measure",
+                       name);
 }
 
-// Make a still of the live object. Without its scene, the object is drawn without tools and colours.
+// Make a still of the object on the bus. If its scene is not known, the object is drawn without tools and colours.
 static int still_of_bus(kn_view_source *s, const kn_view_options *o, kn_object_still *still)
 {
     char error[400];
@@ -197,8 +199,7 @@ static int still_of_bus(kn_view_source *s, const kn_view_options *o, kn_object_s
     if (o->measure >= 0 && !error[0] && !kn_object_still_told(still, &s->live, (kn_measure)o->measure))
         return untold(&s->live, (kn_measure)o->measure);
     if (error[0] && !s->told) {
-        fprintf(stderr, "knead view: %s; drawn without probes and colours, with the edges of the present shape\n",
-                error);
+        fprintf(stderr, "knead view: %s; the object is drawn without probes and colours\n", error);
         s->told = true; // the warning is printed once per film
     }
     snprintf(still->caption, sizeof still->caption, "%s live, tick %" PRId64,
@@ -307,13 +308,13 @@ bool kn_view_panels_ended(const kn_view_panels *l)
     return ended == l->count;
 }
 
-// Create the still of the last panel, which shows the comparison of two objects. Only the skins are compared, because
-// the lattice edges are inside the objects.
+// Create the still of the last panel, which shows the comparison of two objects. Only the surfaces of the objects are
+// compared, not their lattice edges.
 static int compare(kn_view_panels *l)
 {
     char error[300];
     kn_object_still *s = &l->still[2];
-    // Use the last match of vertices again as long as it fits the two meshes.
+    // Use the match of vertices from the last picture again if it fits the two meshes.
     const bool known = kn_vertex_match_fits(&l->match, &l->still[0], &l->still[1]);
     if (!known) kn_vertex_match_free(&l->match);
     if (!known && !kn_vertex_match_make(&l->match, &l->still[0], &l->still[1], error, sizeof error))
@@ -322,8 +323,8 @@ static int compare(kn_view_panels *l)
     if (s->view.style == KN_VIEW_EDGES) s->view.style = KN_VIEW_LINED;
     kn_vertex_match_distance(&l->match, &l->still[0], &l->still[1], s->value);
     snprintf(s->caption, sizeof s->caption,
-             l->match.same ? "the second, by its distance from the first"
-                           : "the second, by its distance from the first, another mesh");
+             l->match.same ? "distance of the second from the first object"
+                           : "distance of the second from the first object, another mesh");
     return KN_EXIT_OK;
 }
 
@@ -344,7 +345,7 @@ static void take_in(kn_view_extent *e, const kn_object_still *s, int scale)
 int kn_view_panels_stills(kn_view_panels *l, kn_view_extent *e)
 {
     int code = KN_EXIT_OK;
-    // Reset the view of each panel to the look that the options give, at each moment.
+    // At each moment, begin with the view that the options describe.
     for (int i = 0; i < l->panels; i++) l->still[i].view = l->o->look;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++)
         code = kn_view_source_still(&l->source[i], l->o, &l->still[i]);
@@ -413,7 +414,7 @@ int kn_view_panels_shoot(kn_view_panels *l, const kn_view_extent *e, bool framed
         const kn_scale scale = scale_of(l->o, distance, e->most[distance]);
         l->still[i].view.frame = framed ? e->box : NULL;
         l->still[i].view.follow = true;
-        // Draw the legend of a colour scale in the last panel with this scale.
+        // Draw the legend of a colour scale in the last panel that uses the scale.
         const kn_object_picture_words words = i + 1 >= l->count ? KN_OBJECT_PICTURE_LEGEND : KN_OBJECT_PICTURE_NAMED;
         ok = kn_object_picture_take(l->shot[i], &l->still[i], distance || l->o->measure >= 0 ? &scale : NULL,
                                     l->o->plain ? KN_OBJECT_PICTURE_PLAIN : words, l->panel, error, sizeof error);

@@ -34,16 +34,16 @@ typedef struct kn_view_options {
     double wait_s;                  // longest time to wait for a running kneadd
     double from_s, to_s;            // part of a recording to film; to_s INFINITY: to the end of the recording
     double seconds;                 // length of a film of the served object; 0: not given
-    double fps, speed;              // of a film: pictures per second, playing speed relative to real time
+    double fps, speed;              // pictures per second of a film, and its speed relative to real time
     int width, height;
     kn_view_scene look; // camera and style of the picture
     int measure;        // kn_measure that colours the object; -1: none
     const char *top;    // argument of --top, as the user wrote it
-    double top_si;      // end of the colour scale in SI units; 0: the largest value in the picture
+    double top_si;      // upper end of the colour scale, SI units; 0: computed from the largest value in the picture
     bool compare;       // draw two files, and in a third panel the distance of the second object from the first
     bool plain;
-    // Options that are applied after all others are known. Angles: of --azimuth and --elevation; NAN: as set by
-    // --camera. sized: --size was given. moments: number of times in the list of --at.
+    // Options that are applied when all others are known. azimuth_deg, elevation_deg: NAN if the option was not given,
+    // so that --camera decides. sized: true if --size was given. moments: number of times in the list of --at.
     double azimuth_deg, elevation_deg;
     bool sized;
     int moments;
@@ -59,18 +59,19 @@ bool kn_view_has(const kn_view_options *options, kn_view_kind kind);
 typedef struct kn_view_source { // source of one object to draw; read-only for the caller
     kn_view_kind kind;
     const char *path; // name of the file; NULL: the source is the bus
-    // Time of the state to draw. For a recording, since its first session began; for the bus, since it was opened.
+    // Time of the state to draw. In a recording, the time counts from the beginning of the first session; for the bus,
+    // from the opening of the source.
     double time_s;
     bool ended;          // true: the source has no state later than time_s
     kn_replay *replay;   // replay of the recording; NULL for other kinds of sources
     kn_live_server live; // state received from the bus; used by a bus source only
-    // Scene or snapshot only:
+    // Scene, model and state of a scene at rest or of a snapshot; NULL for a recording and for the bus.
     kn_scene *scene;
     kn_model *model;
     kn_state *state;
     kn_saved *saved; // contents of the snapshot file; used by a snapshot source only
     int64_t opened_ms;
-    bool told;       // true: the warning about an unknown scene has been printed
+    bool told;       // true: the warning about a missing scene has been printed
     kn_gauge *gauge; // computes measures of the object; created when a measure is needed for the first time
     int gauged;      // number of changes of the recording's model until `gauge` was created
 } kn_view_source;
@@ -96,7 +97,7 @@ void kn_view_source_close(kn_view_source *source);
 //
 // Functions that return int return an exit code. If the code is not KN_EXIT_OK, they have printed one line on stderr.
 
-// KN_VIEW_SCALES counts the colour scales: one of --color, one of --compare
+// KN_VIEW_SCALES: number of colour scales, one for the measure of --color and one for the distance of --compare.
 enum { KN_VIEW_PANELS_MAX = KN_VIEW_FILES_MAX + 1, KN_VIEW_SCALES = 2 };
 
 typedef struct kn_view_panels { // panels of the picture; the caller only reads the fields
@@ -109,7 +110,7 @@ typedef struct kn_view_panels { // panels of the picture; the caller only reads 
     uint8_t *panel, *rgba; // [o->height][o->width][4], allocated with the first picture
 } kn_view_panels;
 
-typedef struct kn_view_extent { // extent of all objects, which several pictures share, so that all show the same box
+typedef struct kn_view_extent { // extent of all objects; several pictures may share it, so that all show one box
     float box[2][3];            // lowest and highest coordinates of all objects, at rest and at the present time
     double most[KN_VIEW_SCALES];
 } kn_view_extent;

@@ -20,17 +20,17 @@ typedef struct kn_pvd {
 
 static int put(void *file, const char *bytes, int size) { return (int)fwrite(bytes, 1, (size_t)size, file); }
 
-// Record whether a call of libxml2 failed: its result is then below 0.
+// Remember the failure of a call of libxml2, whose result is then below 0.
 static void say(sheet *s, int result) { s->failed |= result < 0; }
 
-// Write to `error` why the file could not be written.
+// Write the reason why the file could not be written to `error`.
 static bool explain(const sheet *s, char *error, size_t size)
 {
     snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written to its end");
     return false;
 }
 
-// Open a file and write the root element. Its attributes are the same for both types of files.
+// Open a .vtu or .pvd file and write its root element. header: attribute header_type; NULL: none.
 static bool sheet_open(sheet *s, const char *path, const char *type, const char *header, char *error, size_t size)
 {
     *s = (sheet){0};
@@ -77,9 +77,9 @@ static void begin(sheet *s, const char *element) { say(s, xmlTextWriterStartElem
 static void end(sheet *s) { say(s, xmlTextWriterEndElement(s->xml)); }
 
 // Write an array: the number of bytes and then the numbers, together in base64. VTK calls this format uncompressed
-// inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built (core/fixed.h,
-// server/snapshot_file.h). tuples: number of tuples; a negative number stands for an array of -tuples tuples for the whole
-// file.
+// inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built
+// (core/fixed.h, server/snapshot_file.h). tuples: number of tuples (groups of `components` numbers); a negative number
+// stands for an array of -tuples tuples for the whole file.
 static void write_array(sheet *s, const char *name, const char *type, int components, int64_t tuples, const void *value,
                         size_t size)
 {

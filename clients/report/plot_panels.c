@@ -1,4 +1,4 @@
-#include "clients/report/plot_panels.h"
+#include "clients/report/report_page.h"
 #include "clients/cli/plot.h"
 #include <math.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@ void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
     if (panel->series < KN_FIGURE_SERIES && series.count > 0) panel->of[panel->series++] = series;
 }
 
-// Compute a scaled point. Return false if it cannot be drawn on the panel's axes.
+// Compute the scaled point i of a series. Return false if the point cannot be drawn on the panel's axes.
 static bool point(const kn_figure_panel *p, const kn_figure_series *s, int i, double at[2])
 {
     at[0] = s->x[i] * s->x_scale;
@@ -22,7 +22,7 @@ static bool point(const kn_figure_panel *p, const kn_figure_series *s, int i, do
     return isfinite(at[0]) && isfinite(at[1]) && !(p->log_x && at[0] <= 0) && !(p->log_y && at[1] <= 0);
 }
 
-// ---- where the legend goes
+// ---- the corner of a panel for the legend
 
 typedef struct extent {
     double low[2], high[2];
@@ -52,7 +52,7 @@ static extent measure(const kn_figure_panel *p)
 static const char *key_corner(const kn_figure_panel *p, const extent *e, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
-    // small extra weights, so that among empty corners the usual one is chosen
+    // small extra weights: among empty corners, top right and bottom left are preferred
     double weight[2][2] = {{0, 1e-3}, {1e-3, 0}};
     for (int s = 0; s < p->series; s++)
         for (int i = 0; i < p->of[s].count; i++) {
@@ -71,7 +71,7 @@ static const char *key_corner(const kn_figure_panel *p, const extent *e, double 
     return names[best >> 1][best & 1];
 }
 
-// ---- gnuplot
+// ---- output for gnuplot
 
 // Write the data of a panel as gnuplot data blocks.
 static void put_data(FILE *f, int number, const kn_figure_panel *p)
@@ -130,7 +130,8 @@ static void put_panel(FILE *f, int number, const kn_figure_panel *p)
     const extent e = measure(p);
     const char *corner = key_corner(p, &e, &hidden);
     const int rows = names(p) <= IN_A_CORNER ? names(p) : 0;
-    if (rows > 0 && hidden > 0.01) { // points are in all corners, so make room for the names above the points
+    // all corners hold points, so make room for the names above the points
+    if (rows > 0 && hidden > 0.01) {
         fprintf(f, "set offsets 0, 0, graph %g, 0\n", 0.06 + 0.075 * rows);
         corner = "top right";
     } else {
@@ -153,7 +154,8 @@ static void put_place(FILE *f, int column, int row, int wide, int high)
             (top - HIGH + FOOT) / high);
 }
 
-// Return the panel with too many names for a corner: the first one. Its names have the same hues in the other panels.
+// Return the first panel that has too many names for a corner, or NULL. Its names form the legend below all panels, in
+// which they have equal colours.
 static const kn_figure_panel *legend_of(const kn_figure_panel *panel, int panels)
 {
     for (int i = 0; i < panels; i++)
@@ -166,7 +168,7 @@ static int legend_rows(const kn_figure_panel *p, int across)
     return p ? (names(p) + 4 * across - 1) / (4 * across) : 0;
 }
 
-// Draw the names below the panels.
+// Draw the legend with the names of the panel p below all panels.
 static void put_legend(FILE *f, const kn_figure_panel *p, int rows, int high)
 {
     kn_plot_legend(f, true, rows, high);

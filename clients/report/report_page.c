@@ -12,9 +12,9 @@ __asm__(".section .rodata\nreport_css: .incbin \"" KN_CLIENTS_DIR "/report/repor
 
 bool kn_document_is_open(const kn_document *d) { return d->body; }
 
-// ---- text
+// ---- text as HTML
 
-// Return the length of the UTF-8 character at p, or 0 if it is invalid.
+// Return the length of the UTF-8 character at p, or 0 if its bytes are invalid.
 static int utf8_length(const unsigned char *p)
 {
     const int n = *p < 0x80                 ? 1
@@ -107,7 +107,7 @@ void kn_document_verdict(kn_document *d, kn_document_mood mood, const char *form
     fputs("</p>\n", d->body);
 }
 
-// Write one cell. Cells of the head and first cells of a row are headers.
+// Write one cell of a table. Cells of the head row and the first cell of each row are header cells.
 static void put_cell(FILE *out, const char *text, size_t length, char column, bool head, bool first)
 {
     const char *tag = head || first ? "th" : "td";
@@ -119,7 +119,7 @@ static void put_cell(FILE *out, const char *text, size_t length, char column, bo
     fprintf(out, "</%s>", tag);
 }
 
-// Write one row of cells between tabs. The first cell of a row in the body is the row's name.
+// Write one row of a table. Tabs separate its cells. The first cell of a row in the body is the row's name.
 static void put_cells(kn_document *d, const char *text, bool head)
 {
     const size_t columns = strlen(d->columns);
@@ -207,7 +207,7 @@ void kn_document_link(kn_document *d, const char *name, const char *words)
     fputs("</p>\n", d->body);
 }
 
-// ---- the folder
+// ---- the folder of the report
 
 static void append(kn_document *d, const char *text)
 {
@@ -247,7 +247,7 @@ int kn_document_open(kn_document *d, const char *subcommand, const char *folder,
     return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
-// Write the table of contents, if there are enough sections.
+// Write the table of contents, if there are at least three sections.
 static void put_contents(const kn_document *d, FILE *out)
 {
     if (d->sections < 3) return;

@@ -9,21 +9,19 @@
 
 static const char help[] =
     "usage: knead creep MATERIAL|EXPR [OPTION]...\n\n"
-    "Loads a specimen with a weight, unloads it, and prints creep and recovery: the height against time, the share\n"
-    "that recovers and the share that remains. The default is the test of the first paper: 50 gf for 60 s, then 70\n"
-    "s of rest.\n\n"
+    "Loads a specimen with a weight, unloads it, and prints the height under the weight and the recovery after it.\n"
+    "The default is the first paper's test: 50 gf for 60 s, then 70 s of rest.\n\n"
     "    knead creep dough\n"
     "    knead creep dough --load 10gf,30gf,50gf,70gf,90gf --png creep.png\n"
     "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
     "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
     "  --hold TIME       time under the weight (default: 60 s)\n"
     "  --rest TIME       time after unloading (default: 70 s)\n"
-    "  --lattice NxNxN   also test a block of that many cells over the height of the cube, with the solver that\n"
-    "                    serves scenes, beside the element\n"
+    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd\n"
     "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
-    "Stress is W h/(S0 h0): it falls while the specimen creeps.\n"
+    "The stress of a load W is W h/(S0 h0). It falls with the height h while the specimen creeps.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};
@@ -102,7 +100,7 @@ static int run(kn_rheometer *b, kn_table *t)
     for (int i = 0; i < opt->loads; i++) {
         reading r;
         for (int lattice = 0; lattice <= (model != NULL); lattice++) {
-            // NULL selects the one-dimensional element, which is run first for comparison
+            // run the one-dimensional element first, for comparison; a model of NULL selects the element
             b->model = lattice ? model : NULL;
             kn_rheometer_bar(b, opt->hold_s + opt->rest_s);
             int code = creep(b, t, opt->load_n[i], &r);
@@ -123,7 +121,7 @@ static const kn_axes axes[] = {
 static void title(const kn_rheometer *b, char *text, size_t size)
 {
     const kn_rheometer_options *opt = b->opt;
-    snprintf(text, size, "creep of %s: %g s loaded, %g s not", b->title, opt->hold_s, opt->rest_s);
+    snprintf(text, size, "creep of %s: %g s under load, %g s of rest", b->title, opt->hold_s, opt->rest_s);
 }
 
 int kn_creep_main(int argc, char **argv)

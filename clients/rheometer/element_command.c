@@ -11,16 +11,17 @@
 static const char usage[] =
     "usage: knead element EXPR          analyse an element of springs and dampers, with reasons\n"
     "       knead element --catalogue   list the eleven elements of the first paper's figure 2\n\n"
-    "EXPR connects springs s and dampers d in series (-) and in parallel (|); - binds tighter, parentheses group:\n"
+    "EXPR connects springs s and dampers d in series (-) or in parallel (|). - binds tighter; parentheses group:\n"
     "    knead element '(s|d)-d'       a spring beside a damper, in series with a damper: the papers' element\n"
     "    knead element 's-d|s'         the same as '(s-d)|s'\n"
-    "    knead element burgers         also voigt (kelvin, kelvin-voigt) s|d, maxwell s-d, zener (sls) (s-d)|s,\n"
-    "                                  jeffreys (s|d)-d, burgers s-d-(s|d), spring, damper (dashpot)\n"
+    "    knead element burgers         an element by its name: burgers s-d-(s|d), jeffreys (s|d)-d, maxwell s-d,\n"
+    "                                  voigt (kelvin, kelvin-voigt) s|d, zener (sls) (s-d)|s, spring s,\n"
+    "                                  damper (dashpot) d\n"
     "    knead element 'maxwell|maxwell'    names can be parts of an expression, too\n\n"
-    "The output begins with the paper's verdicts (residual deformation, bouncing, decreasing vibration) and the\n"
-    "rule for each group. The impedance between the two ends follows: the long-term and the instantaneous response,\n"
-    "the number of parameters that can be identified, and the other elements that no experiment can tell from this\n"
-    "one. knead creep, relax and sweep test an element on a bench.\n\n"
+    "The output begins with the verdicts of the first paper's rules on residual deformation, bouncing and vibration.\n"
+    "The impedance between the two ends follows, with its limits at low and at high frequency.\n"
+    "Last come the number of parameters that can be identified, and the elements with the same response.\n"
+    "To test an element on the virtual rheometer, use knead creep, relax and sweep.\n\n"
     "A wrong EXPR is reported in one line, EXPR:1:col: what is wrong, what was expected, with exit code 2.\n";
 
 // Parse the text of an element that is known to be valid.
@@ -53,7 +54,8 @@ static void list_parts(const kn_element *e, int node, bool (*holds)(const kn_ele
     }
 }
 
-// Print one line per group on residual deformation: the verdict, the rule, and the parts that decide the verdict.
+// Print one line for each group: whether a residual deformation remains, the rule, and the parts that decide the
+// verdict.
 static void explain_residual(const kn_element *e, int node)
 {
     const kn_element_node *g = &e->node[node];
@@ -63,27 +65,30 @@ static void explain_residual(const kn_element *e, int node)
     printf("            %-12s %s", text, yes ? "yes, " : "no, ");
     if (g->kind == KN_ELEMENT_SPRING) printf("a spring recovers\n");
     else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper keeps its deformation\n");
-    // Single parts decide if a series group has residual deformation, or if a parallel group has none.
+    // In a series, one part with residual deformation decides the verdict. In a parallel group, one part without it
+    // does.
     else if (yes == (g->kind == KN_ELEMENT_SERIES)) {
-        printf(yes ? "in series one is enough (Table 1a): "
-                   : "in parallel one that has none takes it back (Table 1b): ");
+        printf(yes ? "in series, one part with residual deformation is enough (Table 1a): "
+                   : "in parallel, one part that recovers is enough (Table 1b): ");
         list_parts(e, node, kn_element_residual, yes);
         printf("\n");
-    } else printf(yes ? "in parallel, and all have it (Table 1b)\n" : "in series, and none has it (Table 1a)\n");
-    // Explain the groups inside this group. Single springs and dampers need no explanation.
+    } else
+        printf(yes ? "in parallel, and all parts have residual deformation (Table 1b)\n"
+                   : "in series, and all parts recover (Table 1a)\n");
+    // Explain the groups of parts inside this group. Single springs and dampers need no explanation.
     for (int i = 0; i < g->count; i++)
         if (e->node[g->child[i]].kind >= KN_ELEMENT_SERIES) explain_residual(e, g->child[i]);
 }
 
 static bool has_damper(const kn_element *e, int node) { return kn_element_count(e, node, KN_ELEMENT_DAMPER) > 0; }
 
-// Print whether a vibration decays by the rule, and which parts of the element decide this.
+// Print by which parts of the element the vibration rule decides whether a vibration decays.
 static void explain_vibration(const kn_element *e)
 {
     // The vibration rule concerns the parts of a series. An element that is not a series counts as a series of one
     // part.
     if (e->node[e->root].kind != KN_ELEMENT_SERIES) {
-        printf("            it is one part, %s a damper\n", has_damper(e, e->root) ? "with" : "without");
+        printf("            the element is a single part, %s a damper\n", has_damper(e, e->root) ? "with" : "without");
         return;
     }
     bool dies = kn_element_vibration_dies(e, e->root);
@@ -102,8 +107,8 @@ static void print_rules(const kn_element *e)
     printf("residual    %s\n", residual ? "yes: part of the deformation remains" : "no: all deformation recovers");
     explain_residual(e, e->root);
     printf("bouncing    %s\n", bouncing ? "yes: deformation recovers, at least in part" : "no: nothing recovers");
-    if (bouncing) printf("            a spring anywhere is enough (Table 2): it has %d\n", springs);
-    else printf("            it has no spring (Table 2)\n");
+    if (bouncing) printf("            one spring anywhere is enough (Table 2): the element has %d\n", springs);
+    else printf("            the element has no spring (Table 2)\n");
     printf("vibration   %s\n", dies ? "decreases" : "remains");
     explain_vibration(e);
     printf("verdict     ");
@@ -115,8 +120,8 @@ static void print_rules(const kn_element *e)
                !dies && !(residual && bouncing) ? ", " : "", dies ? "" : "vibration remains");
 }
 
-// Print a polynomial like "b0 + b1 p + b2 p^2" from the term `from` on. The coefficient a0 of a denominator is always
-// 1.
+// Print a polynomial like "b0 + b1 p + b2 p^2", beginning with the term of degree `from`. The coefficient a0 of a
+// denominator is always 1.
 static void print_polynomial(char letter, int from, int degree)
 {
     bool brackets = degree > from;
@@ -141,11 +146,10 @@ static void print_impedance(const kn_oneport *o)
     printf("long term   %s\n", o->fluid
                                    ? "fluid: Z(0) = 0, it flows under any constant load, and this deformation remains"
                                    : "solid: Z(0) > 0, a constant load leads to a final strain, which recovers");
-    // spring or like a dashpot.
-    printf("instant     %s\n", o->elastic
-                                   ? "spring: Z stays finite for fast changes; a step of strain meets a finite stress"
-                                   : "dashpot: Z grows with p; no step of strain is possible, a fast probe feels c, "
-                                     "never k");
+    // Print whether the element responds to a fast change like a spring or like a dashpot.
+    printf("instant     %s\n",
+           o->elastic ? "spring: Z stays finite for fast changes; a step of strain needs a finite stress"
+                      : "dashpot: Z grows with p; no step of strain is possible, and a fast probe feels c");
 }
 
 // Print the class of elements that have the same impedance, by its two canonical forms (Maxwell, Voigt).
@@ -165,7 +169,7 @@ static void print_class(const kn_oneport *o)
         if (kn_oneport_equal(o, &other)) snprintf(letters + at, sizeof letters - at, " %c", kn_catalogue[i].letter);
     }
     if (*letters)
-        printf("            of the paper's figure 2:%s; no experiment at the ends tells elements of a class apart\n",
+        printf("            in the paper's figure 2:%s; no experiment at the ends tells elements of a class apart\n",
                letters);
 }
 
@@ -184,12 +188,13 @@ static void print_vibration(const kn_element *e, const kn_oneport *o)
     if (kn_element_vibration_dies(&m, m.root) != dies) other = maxwell;
     if (kn_element_vibration_dies(&v, v.root) != dies) other = voigt;
     printf("vibration   ");
-    if (!has_damper(e, e->root)) printf("a mass on it swings for ever\n");
+    if (!has_damper(e, e->root)) printf("a mass on the element swings for ever\n");
     else if (o->elastic)
-        printf("a mass on it comes to rest, a light one after ringing: its loss falls as 1/frequency\n");
-    else printf("a mass on it comes to rest, a light one without ringing: it meets the dashpot\n");
+        printf("a mass on the element comes to rest, a light mass after ringing: the loss falls as 1/frequency\n");
+    else printf("a mass on the element comes to rest, a light mass without ringing: the dashpot brakes it\n");
     if (other)
-        printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: it depends on the drawing\n",
+        printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: "
+               "the rule depends on the drawing\n",
                dies ? "decreases" : "remains", dies ? "remains" : "decreases", other);
 }
 
@@ -232,10 +237,11 @@ static int explain(const char *text)
 static void print_catalogue(void)
 {
     static const char *const provenance[] = {"forced", "one of 2", "one of 4"};
-    printf("Figure 2 of the first paper. The drawings are lost: the verdicts are from its text, and the elements fit "
-           "them.\n"
-           "forced: nothing else of that size fits, or another figure shows it. one of 2, one of 4: reconstructed.\n\n"
-           "    element        residual  bouncing  vibration  all three  one-port               the text leaves\n");
+    printf(
+        "Figure 2 of the first paper. Its drawings are lost, so the elements are chosen to fit the paper's verdicts.\n"
+        "forced: no other element of this size fits, or another figure shows the element.\n"
+        "one of 2, one of 4: this many elements fit, and one of them was chosen.\n\n"
+        "    element        residual  bouncing  vibration  all three  one-port               the text leaves\n");
     for (int i = 0; i < KN_CATALOGUE; i++) {
         const kn_catalogue_entry *c = &kn_catalogue[i];
         kn_element e = element_of(c->expression);
@@ -248,9 +254,9 @@ static void print_catalogue(void)
                name ? name : "(solid of four)", provenance[c->provenance], c->because);
     }
     printf(
-        "\nAll three with the fewest parts: (d) and (f). The paper takes (d); between their ends they are the same.\n"
+        "\nAll three properties with the fewest parts: (d) and (f). Both are the same one-port; the paper takes (d).\n"
         "Entries with the same one-port differ in their drawing, not in their response: figure 2 holds six one-ports.\n"
-        "The rule for vibration is no property of one-ports: it separates (c) from (e), and (h), (j) from (g), (k).\n"
+        "The vibration rule is no property of a one-port: it separates (c) from (e), and (h), (j) from (g), (k).\n"
         "Redundant elements, like ((s-d)|d)-d, are left out: they have one parameter too many.\n");
 }
 

@@ -10,29 +10,33 @@
 
 static const char help[] =
     "usage: knead sweep MATERIAL|EXPR [--freq LOW:HIGH[:NUMBER]] [OPTION]...\n\n"
-    "Oscillates a specimen and prints its storage modulus G' and its loss modulus G'' (stress over strain in\n"
-    "compression, in phase and a quarter period ahead). The frequencies are evenly spaced on a logarithmic scale.\n\n"
+    "Compresses a specimen sinusoidally and prints two moduli (stress over strain) at each frequency.\n"
+    "G' is the storage modulus, from the stress in phase with the strain.\n"
+    "G'' is the loss modulus, from the stress a quarter period ahead of the strain.\n"
+    "The frequencies are evenly spaced on a logarithmic scale.\n\n"
     "    knead sweep dough --freq 0.001:10 --png sweep.png\n"
     "    knead sweep dough --freq 0.01:1:5 --amplitude 1%\n"
     "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
     "  --freq L:H[:N]    N frequencies from L to H, Hz (default: 0.001:100:26)\n"
-    "  --amplitude A     oscillate with strain amplitude A, 1% or 0.01, until the stress is periodic, and evaluate\n"
-    "                    its fundamental (default: an infinitesimal amplitude)\n"
+    "  --amplitude A     oscillate with the strain amplitude A, 1% or 0.01, until the stress is periodic\n"
+    "                    (default: an infinitesimal amplitude)\n"
     "  --csv FILE        write frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP "\n"
-    "Without --amplitude the moduli are those of an infinitesimal oscillation: a damper that depends on the stress\n"
-    "has its viscosity at rest. linear_strain is the largest amplitude for which this is exact (the stress stays\n"
-    "below p0 in every such damper). With --amplitude the test is made as on an instrument, and harmonics is the\n"
-    "share of the stress outside the fundamental. The area is constant: moduli refer to S0.\n"
+    "Without --amplitude the oscillation is infinitesimal: every damper has its viscosity at rest.\n"
+    "This holds up to the amplitude linear_strain, at which the first stress-dependent damper reaches its stress p0.\n"
+    "With --amplitude the test is made as on an instrument: the moduli are those of the fundamental of the stress.\n"
+    "The column harmonics is then the share of the stress outside the fundamental.\n"
+    "The area is constant: moduli refer to the initial section S0.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",
                                       "linear_strain", "harmonics",  NULL};
 
-// Return the largest strain of the whole specimen at which all dampers stay linear. This strain is the least p0/|stress
-// per unit strain| of all dampers that depend on stress, or infinity if there is none. `stress`: amplitude of the
-// stress at this node per unit strain of the whole specimen.
+// Return the largest strain of the whole specimen at which every damper keeps its viscosity at rest. A stress-dependent
+// damper keeps it until its stress exceeds p0. The strain of the specimen is then p0 divided by the damper's stress per
+// unit strain. Return the least of these strains, or infinity if no damper depends on the stress. `stress`: amplitude
+// of the stress in this part per unit strain of the whole specimen.
 static double linear_strain(const kn_network *net, const double *moduli, double omega, int node, double stress)
 {
     const kn_element *e = &net->element;
@@ -41,7 +45,7 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     if (n->kind < KN_ELEMENT_SERIES)
         return kn_part_thins(&net->part[n->leaf]) ? net->part[n->leaf].p0_pa / stress : INFINITY;
     kn_oneport_modulus(e, node, moduli, omega, &whole[0], &whole[1]);
-    // Parts in series carry the whole stress. Each part in parallel carries a fraction of the stress.
+    // Parts in series carry the whole stress. Parts in parallel share the stress.
     for (int i = 0; i < n->count; i++) {
         double part[2], share = stress;
         kn_oneport_modulus(e, n->child[i], moduli, omega, &part[0], &part[1]);
@@ -53,7 +57,7 @@ static double linear_strain(const kn_network *net, const double *moduli, double 
     return least;
 }
 
-// Compute the moduli for vanishing amplitude, where every damper has its viscosity at rest.
+// Compute the moduli for a vanishing amplitude, at which every damper has its viscosity at rest.
 static void linear(const kn_rheometer *b, double hz, double row[6])
 {
     double moduli[KN_ELEMENT_MAX], omega = 2 * acos(-1.0) * hz;
@@ -64,9 +68,9 @@ static void linear(const kn_rheometer *b, double hz, double row[6])
     row[5] = 0;
 }
 
-// Strain the specimen for one period of the sine and compute the Fourier sums of the stress. row[1]: modulus in phase
-// with the strain. row[2]: modulus of the stress a quarter period ahead of the strain. row[5]: share of the stress (rms
-// without the mean) outside of the fundamental.
+// Strain the specimen for one period of the sine, and compute the Fourier sums of the stress. row[1]: storage modulus,
+// from the stress in phase with the strain. row[2]: loss modulus, from the stress a quarter period ahead of the strain.
+// row[5]: share of the stress (rms, without the mean) outside the fundamental.
 static int swing_once(kn_rheometer *b, double hz, int period, double row[6])
 {
     enum { SAMPLES = 64 };
@@ -88,8 +92,8 @@ static int swing_once(kn_rheometer *b, double hz, int period, double row[6])
     return KN_EXIT_OK;
 }
 
-// Strain the specimen until the fundamental of the stress repeats within 1e-5, for 500 periods at most. *repeats: false
-// if the fundamental did not repeat.
+// Strain the specimen until the fundamental of the stress repeats within 1e-5, for at most 500 periods. Set *repeats to
+// whether it has repeated.
 static int measured(kn_rheometer *b, double hz, double row[6], bool *repeats)
 {
     enum { PERIODS = 500 };
@@ -114,8 +118,8 @@ static int run(kn_rheometer *b, kn_table *t)
     bool any_nonlinear = false;
     kn_rheometer_print(b);
     if (opt->amplitude > 0)
-        printf("test      oscillations of %g %%, the fundamental once it repeats within 1e-5\n", 100 * opt->amplitude);
-    else printf("test      linear: dampers as at rest\n");
+        printf("test      oscillations of %g %%, until the fundamental repeats within 1e-5\n", 100 * opt->amplitude);
+    else printf("test      infinitesimal oscillations: every damper has its viscosity at rest\n");
     printf("\n%12s %12s %12s %9s %s\n", "frequency Hz", "G' Pa", "G'' Pa", "G''/G'",
            opt->amplitude > 0 ? "harmonics" : "linear up to a strain of");
     kn_table_series(t, "G");
@@ -166,7 +170,7 @@ static void title(const kn_rheometer *b, char *text, size_t size)
 {
     const kn_rheometer_options *opt = b->opt;
     char how[40] = "linear";
-    if (opt->amplitude > 0) snprintf(how, sizeof how, "swings of %g %%", 100 * opt->amplitude);
+    if (opt->amplitude > 0) snprintf(how, sizeof how, "oscillations of %g %%", 100 * opt->amplitude);
     snprintf(text, size, "sweep of %s, %s", b->title, how);
 }
 

@@ -14,21 +14,20 @@ static const char help[] =
     "    knead relax dough --strain 30% --ramp 10%/s --hold 200 --png relax.png\n"
     "    knead relax zener --param s1='46 kPa' --param d1='245 kPa*s' --param s2='20 kPa' --strain 10%\n\n"
     "  --strain S        share of the height, 10% or 0.1 (default: 10 %)\n"
-    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s'. Without --ramp the strain is a step, which\n"
-    "                    is impossible for an element that responds as a dashpot at first (dough)\n"
+    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s' (default: a step of strain)\n"
+    "                    A step is impossible for an element that responds as a dashpot at first, such as dough\n"
     "  --hold TIME       time at that strain (default: 100 s)\n"
-    "  --lattice NxNxN   also test a block of that many cells over the height of the cube, with the solver that\n"
-    "                    serves scenes, beside the element; needs --ramp\n"
-    "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s is negative during the\n"
-    "                    ramp\n"
+    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd;\n"
+    "                    needs --ramp\n"
+    "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s < 0 during the ramp\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};
 
-// Number of samples during the ramp, and number of samples during the hold. The samples of the hold are evenly spaced
-// in the logarithm of time over five decades.
+// RAMP_SAMPLES: number of samples during the ramp. SAMPLES_PER_DECADE, DECADES: samples during the hold, evenly spaced
+// in the logarithm of time.
 enum { RAMP_SAMPLES = 100, SAMPLES_PER_DECADE = 40, DECADES = 5 };
 
 // Append the present time, strain and stress of the specimen to the table.
@@ -60,7 +59,7 @@ typedef struct reading {
 
 static const double share[3] = {0.5, 0.36787944117144233, 0.1};
 
-// Record the times at which the stress passes one of the three levels between two samples.
+// Record the times at which the stress falls through one of the three levels between two samples.
 static void fall(reading *r, double from_s, double from_pa, double to_s, double to_pa)
 {
     for (int i = 0; i < 3; i++) {
@@ -88,7 +87,7 @@ static int relax(kn_rheometer *b, kn_table *t, reading *r)
     for (int i = 0; i <= SAMPLES_PER_DECADE * DECADES && code == KN_EXIT_OK; i++) {
         double from_s = b->time_s, from_pa = b->stress_pa;
         double held = opt->hold_s * pow(10, (double)i / SAMPLES_PER_DECADE - DECADES);
-        // Skip times that lie before the present one, as in the ten steps above.
+        // Skip times before the present time, which passed during the ten steps above.
         if (begin_s + held <= from_s) continue;
         code = kn_rheometer_advance(b, begin_s + held);
         if (b->time_s <= from_s) continue; // the interval is shorter than a step of the lattice
@@ -115,7 +114,7 @@ static void print_row(const char *name, const reading *r)
     printf("\n");
 }
 
-// Run the element and then, if asked for, the lattice. A bench without a model is an element.
+// Run the element and then, with --lattice, the lattice. If b->model is NULL, the rheometer runs the element.
 static int run(kn_rheometer *b, kn_table *t)
 {
     const kn_rheometer_options *opt = b->opt;

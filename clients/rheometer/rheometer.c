@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- the specimen
+// ---- the scene of a specimen
 
 // Beginning of the error that kn_element_parse reports for an unknown name.
 static const char missing[] = "EXPR:1:1: unknown element";
@@ -36,8 +36,8 @@ static kn_scene *load_scene(const kn_rheometer_options *opt, bool *other, char e
 
 // ---- parameters of an expression
 
-// Read a quantity that must have the given unit. If `height` is true, one power of metre less in the unit is accepted
-// as well: the value is then given per length of the specimen and is multiplied by the specimen's height.
+// Read a quantity in the given unit. If `height` is true, a unit with one power of metre less is accepted, too. Such a
+// value is given per length of the specimen, so it is multiplied by the specimen's height.
 static bool read_part(const char *text, const char *unit_text, bool height, double *value, char why[160])
 {
     kn_unit unit;
@@ -70,7 +70,7 @@ static bool read_exponential(const char *text, kn_part *part, char why[160])
            read_part(field[2], "Pa", false, &part->p0_pa, why) && read_part(field[3], "Pa", false, &part->p1_pa, why);
 }
 
-// Example values for error messages, indexed by 0: damper, 1: spring.
+// Example values for error messages: example[0] for a damper, example[1] for a spring.
 static const char *const example[2] = {"245 kPa*s", "46 kPa"};
 
 // Apply one option --param PART=VALUE to the spring or damper that has the name PART.
@@ -114,7 +114,7 @@ static int take_expression(kn_rheometer *b)
         int code = read_param(b, opt->params[i], given);
         if (code != KN_EXIT_OK) return code;
     }
-    // Every spring and damper needs a value, because a material constant has no default.
+    // Every spring and damper of an expression needs a value, because there is no default.
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++)
         if (!given[i])
             return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s: %s has no value, expected --param %s='%s'", parts,
@@ -140,36 +140,35 @@ static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
         kn_element_normalize(&normal);
         kn_element_print(&normal, normal.root, false, text);
         const char *name = kn_element_name(&normal);
-        return kn_complain(
-            opt->subcommand, KN_EXIT_USAGE,
-            "--lattice: an edge cannot be %s%s%s%s, expected s|d, s-d, d or (s|d)-d, force-dependent only in "
-            "series; without --lattice any element runs",
-            text, name ? " (" : "", name ? name : "", name ? ")" : "");
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: an edge cannot be %s%s%s%s, expected s|d, s-d, d or (s|d)-d, "
+                           "force-dependent only in series; without --lattice any element runs",
+                           text, name ? " (" : "", name ? name : "", name ? ")" : "");
     }
-    // If the scene's object is a mesh, use only the material of the scene.
+    // If the scene's object is a mesh, use only the material of the scene, not the mesh.
     if (def.mesh) {
         def.mesh = NULL;
         def.diagonal_stiffness = 1;
         def.thickness_m = 0;
     }
-    // Replace the scene's object by a block of the bench's height, with the number of cells that --lattice gives.
+    // Replace the scene's object by a block as high as the cube, with the number of cells that --lattice gives.
     def.spacing_m = KN_RHEOMETER_HEIGHT_M / opt->lattice[2];
     for (int k = 0; k < 3; k++) def.nodes[k] = opt->lattice[k] + 1;
     if (def.thickness_m > 0) { // a flat object is one node deep along y
         def.nodes[1] = 1;
         def.thickness_m = def.spacing_m * opt->lattice[1];
     }
-    // Set the conditions of the bench: no gravity, a frictionless table, and one plate above the whole specimen.
+    // Set the conditions of the rheometer: no gravity, a frictionless table, and one plate above the whole specimen.
     def.gravity_m_s2 = 0;
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 1;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE};
     for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 3 * def.spacing_m * opt->lattice[k];
-    // Use accurate solver settings, because the bench is an experiment and not a real-time loop.
+    // Use accurate solver settings, because the rheometer is an experiment and not a real-time loop.
     def.solver.kind = KN_SOLVER_IMPLICIT;
     def.solver.precision = KN_PRECISION_F64;
     def.solver.linearization = KN_LINEARIZATION_BLEND;
-    def.solver.dt_s = 1e-2; // s; a coarse time step is sufficient, because creep takes seconds
+    def.solver.dt_s = 1e-2; // in s; a coarse time step is sufficient, because creep takes seconds
     def.solver.iterations_max = 100;
     def.solver.tolerance = 1e-4;
     if (!(b->model = kn_model_build(&def, error, sizeof error)))
@@ -178,7 +177,7 @@ static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
     return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
-// Return the undeformed section S0, m^2, of the cube, or of a block that has the cube's height.
+// Return the undeformed section S0 [m^2]: of the cube, or of the block of the lattice, which is as high as the cube.
 static double area_m2(const kn_rheometer *b)
 {
     const int *n = b->opt->lattice;
@@ -240,7 +239,7 @@ void kn_rheometer_fresh(kn_rheometer *b)
     if (b->model) kn_state_reset(b->model, b->lattice);
 }
 
-// ---- the experiment
+// ---- running an experiment
 
 // Ratio S0/S of the undeformed section to the present section.
 static double grown(const kn_rheometer *b) { return b->opt->constant_area ? 1 : 1 - b->strain; }
@@ -266,8 +265,8 @@ static int take_drive(kn_rheometer *b, kn_drive drive)
     if (b->model) return KN_EXIT_OK; // with a lattice, the drive acts from the next step on
     if (!kn_network_jump(&b->net, &b->now, &drive))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "%s: responds as a dashpot at first, so a step of strain needs an infinite stress, expected "
-                           "--ramp RATE, e.g. --ramp 10%%/s",
+                           "%s: responds as a dashpot at first, so a step of strain needs an infinite stress, "
+                           "expected --ramp RATE, e.g. --ramp 10%%/s",
                            b->title);
     read_element(b);
     return KN_EXIT_OK;
@@ -378,7 +377,7 @@ void kn_rheometer_print(const kn_rheometer *b)
                KN_RHEOMETER_TOLERANCE);
 }
 
-// Write the table of an experiment and draw its curves, as --csv and --png ask.
+// Write the table of an experiment and draw its curves, if --csv and --png are given.
 static int write_files(const kn_experiment *x, const kn_rheometer *b, const kn_table *t)
 {
     char title[500];

@@ -16,7 +16,8 @@
 #include "core/step.h"
 #include "server/option_table.h"
 
-// Height of the specimen in the papers, a cube. The section S0 of the cube is 1 cm^2 (KN_RHEOMETER_AREA_M2).
+// Height of the specimen, which is a cube as in the papers. The section S0 of the cube is 1 cm^2
+// (KN_RHEOMETER_AREA_M2).
 #define KN_RHEOMETER_HEIGHT_M 0.01
 #define KN_RHEOMETER_AREA_M2 1e-4
 // Tolerance of kn_network_advance: local error of one integration step, relative to the largest strain of any spring or
@@ -67,7 +68,7 @@ void kn_rheometer_fresh(kn_rheometer *b); // replace the specimen by an undeform
 
 // Apply a load (weight `load_n`), a strain that starts at `from` and changes at a constant rate, or an oscillating
 // strain, from the present time on. Afterwards the readings in `b` are those just after the change. Return an exit
-// code. A sudden step of strain fails if the element responds to it with a dashpot, because the stress would be
+// code. A sudden step of strain fails if the element at first responds as a dashpot, because the stress would be
 // infinite.
 int kn_rheometer_load(kn_rheometer *b, double load_n);
 int kn_rheometer_strain(kn_rheometer *b, double from, double rate_per_s);
@@ -94,7 +95,7 @@ typedef struct kn_experiment {
 } kn_experiment;
 int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt, int argc, char **argv);
 
-// Help text on the specimen, shared by all four experiments.
+// Help text on the specimen, shared by creep, relax, sweep and tpa.
 #define KN_RHEOMETER_HELP                                                                                              \
     "the specimen, a 1 cm cube:\n"                                                                                     \
     "  MATERIAL          clay, dough, fibrotic-liver, jelly, liver, putty, alone or with -rheological,\n"              \
@@ -106,7 +107,7 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
     "                    alpha exp(-beta P) between the stresses P0 and P1, constant outside\n"
 
-// Help text of --area, for the three experiments whose stress depends on the section of the specimen.
+// Help text of --area, for creep, relax and tpa, whose stress depends on the section of the specimen.
 #define KN_RHEOMETER_AREA_HELP                                                                                         \
     "  --area constant   take stress = force/S0; by default the section grows as the height falls, S h = S0 h0\n"
 

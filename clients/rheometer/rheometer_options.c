@@ -12,7 +12,8 @@ static bool read_quantity(const char *text, const char *unit, bool bare, double 
     return kn_quantity_read(text, unit, bare, -DBL_MAX, DBL_MAX, value);
 }
 
-// Split a text like "50%/s" at its percent sign. Return the text from there on, or NULL if it has none.
+// Split a text like "50%/s": copy the part before the percent sign to `number`, and return the rest from the sign on.
+// Return NULL if the text has no percent sign.
 static const char *split_percent(const char *text, char number[64])
 {
     snprintf(number, 64, "%.*s", (int)strcspn(text, "%"), text);
@@ -85,7 +86,7 @@ static const char *take_lattice(void *lattice, const char *text)
 }
 
 #define AT(member) .offset = offsetof(kn_rheometer_options, member)
-// Options of all four experiments. `belongs` has the first letters of those that accept the option.
+// Options of creep, relax, sweep and tpa. `belongs` lists the first letters of the experiments that accept the option.
 static const kn_option rows[] = {
     KN_OPTION("load", SPECIAL, .take = take_loads, .belongs = "c"),
     KN_OPTION("hold", QUANTITY, AT(hold_s), .unit = "s", .expected = "a time like 60 or '1000 ms'", .belongs = "cr"),

@@ -20,15 +20,15 @@
 
 static const char help[] =
     "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
-    "Texture profile analysis: a plate bites twice. The figures that food laboratories read off the two peaks are\n"
-    "printed: hardness, cohesiveness, springiness, resilience. Adhesiveness is not modelled: the plate does not\n"
-    "stick, so no force ever pulls.\n\n"
+    "Texture profile analysis: a plate presses the specimen twice (two bites).\n"
+    "The two peaks of the force give hardness, cohesiveness, springiness and resilience, as in food laboratories.\n"
+    "Adhesiveness is not modelled, since the plate does not stick and never pulls.\n\n"
     "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
     "    knead tpa jelly --strain 30%\n\n"
     "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
     "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
-    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default:\n"
-    "                    5 s)\n"
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen\n"
+    "                    (default: 5 s)\n"
     "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
     "                    below the height of the untouched specimen\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
@@ -37,8 +37,8 @@ static const char help[] =
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};
 
-// State of the plate. Places are strains of the untouched specimen. peak_n and area_j: largest force, and work of the
-// force, in the present stroke.
+// State of the plate. The plate's place is the strain of a specimen that the plate just touches. peak_n: largest force
+// of the present stroke. area_j: work of the force in the present stroke.
 typedef struct plate {
     kn_rheometer *b;
     kn_table *t;
@@ -49,7 +49,7 @@ typedef struct plate {
     double peak_n, area_j, touched;
 } plate;
 
-// Return the place of the plate at time t, as a strain of the untouched specimen.
+// Return the place of the plate at time t, as the strain of a specimen that the plate just touches.
 static double place(const plate *p, double t) { return p->from + p->rate_per_s * (t - p->start_s); }
 
 // Append the present state to the table, and update the largest force of the stroke.
@@ -85,7 +85,7 @@ static bool changes(const plate *p)
 }
 
 // Find the moment at which contact begins or ends by bisection. The moment lies between `before`, an earlier state of
-// the bench, and the present state. Leave the bench just after the moment found.
+// the rheometer, and the present state. Leave the rheometer just after the moment.
 static int find_change(plate *p, const kn_rheometer *before)
 {
     double low = before->time_s, high = p->b->time_s;
@@ -97,7 +97,7 @@ static int find_change(plate *p, const kn_rheometer *before)
         if (changes(p)) high = middle;
         else low = middle;
     }
-    // The last state tried may lie before the change of contact, so step to the upper bound of the bisection.
+    // The last state tried may lie before the change of contact, so advance to the upper bound of the bisection.
     *p->b = *before;
     return code == KN_EXIT_OK ? kn_rheometer_advance(p->b, high) : code;
 }
@@ -110,7 +110,7 @@ static int go(plate *p, double until_s)
     int code = kn_rheometer_advance(b, until_s);
     bool change = code == KN_EXIT_OK && changes(p);
     if (change) code = find_change(p, &before);
-    // Add the area of force over way by the trapezoidal rule.
+    // Add the area under the force over the way of the plate, by the trapezoidal rule.
     double way = KN_RHEOMETER_HEIGHT_M * fabs(p->rate_per_s);
     p->area_j += 0.5 * (force_n + fmax(b->force_n, 0)) * way * (b->time_s - before.time_s);
     if (change && code == KN_EXIT_OK) {
@@ -122,7 +122,7 @@ static int go(plate *p, double until_s)
     return code;
 }
 
-// Simulate one stroke of the plate, or a wait (rate 0).
+// Simulate one stroke of the plate, down or up, or a wait (rate_per_s = 0).
 static int stroke(plate *p, double from, double rate_per_s, double seconds)
 {
     enum { SAMPLES = 250 };
@@ -159,7 +159,7 @@ static int take_bite(plate *p, int number, double wait_s, bite *r)
     snprintf(label, sizeof label, "%s bite", number == 1 ? "first" : "second");
     kn_table_series(p->t, label);
     int code = stroke(p, 0, rate, seconds);
-    // A plate that never touched has its touch at full depth.
+    // If the plate never touched the specimen, full depth counts as the place of the touch.
     *r = (bite){.peak_n = p->peak_n, .down_j = p->area_j, .touched = p->touched < 0 ? opt->strain : p->touched};
     if (code == KN_EXIT_OK) code = stroke(p, opt->strain, -rate, seconds);
     r->up_j = p->area_j;
@@ -167,7 +167,7 @@ static int take_bite(plate *p, int number, double wait_s, bite *r)
     return code == KN_EXIT_OK && wait_s > 0 ? stroke(p, 0, 0, wait_s) : code;
 }
 
-// Print the numbers, and write them as JSON.
+// Print the results of both bites, and add them to the JSON output.
 static void print(const kn_rheometer *b, const bite r[2])
 {
     const kn_rheometer_options *opt = b->opt;

@@ -7,9 +7,9 @@
 #include <string.h>
 
 static const double exact = 0.005; // possible error of the computed force, as a share of the largest measured force
-// LEAST: least number of readings of the force. AROUND: number of neighbours on either side with which a possible outlier
-// is compared. MIDDLE: number of neighbours on either side in a median. DENSE: in a series of at least this many
-// readings, a single high reading cannot be the true peak of a press.
+// LEAST: least number of readings of the force. AROUND: number of neighbours on either side with which a possible
+// outlier is compared. MIDDLE: number of neighbours on either side in a median. DENSE: in a series of at least this
+// many readings, a single high reading cannot be the true peak of a press.
 enum { LEAST = 10, AROUND = 3, MIDDLE = 2, DENSE = 100 };
 
 void kn_force_residual_free(kn_force_residual *p)
@@ -42,7 +42,8 @@ static void fill_spans(kn_force_residual *p)
     }
 }
 
-// Keep the readings within the press. Return false if a reading is not a number or the times do not rise.
+// Keep the readings from the begin of the press to the end of the hold. Return false if a reading is not a number or
+// the times do not rise.
 static bool keep(kn_force_residual *p, const kn_press *press, char *error, size_t error_size)
 {
     const int count = p->count;
@@ -62,8 +63,9 @@ static bool keep(kn_force_residual *p, const kn_press *press, char *error, size_
     return true;
 }
 
-// Sort the readings up to `reach` on either side of a reading; near an end the window is shifted inwards. `itself`:
-// whether the reading itself is included.
+// Sort the readings of a window that reaches `reach` readings to either side of `reading`. Near an end of the series
+// the window is shifted inwards. If `itself` is false, the given reading is left out. Return the number of sorted
+// readings.
 static int around(const kn_force_residual *p, int reading, int reach, bool itself, double sorted[2 * AROUND + 1])
 {
     const int first = (int)fmin(fmax(reading - reach, 0), p->count - 1 - 2 * reach);
@@ -74,9 +76,10 @@ static int around(const kn_force_residual *p, int reading, int reach, bool itsel
     return n;
 }
 
-// Return whether a reading is an outlier. An outlier differs from the median of its six neighbours by more than the largest
-// force plus four times their spread, which is taken without the highest and the lowest. In a short series one reading
-// may be the true peak of a press, so an outlier must differ by more than 20 times the largest force.
+// Return whether a reading is an outlier: whether it differs from the median of its six neighbours by more than a
+// limit. The limit is the largest force plus four times the spread of the neighbours, taken without their highest and
+// lowest. In a series of fewer than DENSE readings, one reading may be the true peak of a press, so the limit contains
+// 20 times the largest force.
 static bool is_outlier(const kn_force_residual *p, int reading)
 {
     double sorted[2 * AROUND + 1];
@@ -111,22 +114,22 @@ static bool leave_out_outliers(kn_force_residual *p)
     return true;
 }
 
-// Check that there are enough readings, that some force is among them, and that few were left out.
+// Check that there are enough readings, that not all forces are 0, and that few readings were outliers. If not, write
+// an error to `error` and return false.
 static bool are_enough(const kn_force_residual *p, const kn_press *press, char *error, size_t error_size)
 {
     const bool many = p->count >= LEAST && p->time_s[p->count - 1] > p->time_s[0];
     if (many && p->most_n > 0 && p->outliers <= p->count / 20 + 2) return true;
     if (many && p->most_n > 0)
-        snprintf(
-            error, error_size,
-            "%d of %d readings are far from their neighbours, the first of them %.4g N at %.4g s, expected a force "
-            "that changes steadily",
-            p->outliers, p->outliers + p->count, p->outlier_n, p->outlier_s);
+        snprintf(error, error_size,
+                 "%d of %d readings are far from their neighbours, the first of them %.4g N at %.4g s, "
+                 "expected a force that changes steadily",
+                 p->outliers, p->outliers + p->count, p->outlier_n, p->outlier_s);
     else
         snprintf(error, error_size,
                  "%d readings between %.3g s, where the press begins, and %.3g s, the end of its hold, "
                  "expected %d or more%s",
-                 p->count, press->time_s[0], press->hold_end_s, LEAST, many ? ", and a force in them" : "");
+                 p->count, press->time_s[0], press->hold_end_s, LEAST, many ? ", not all of them 0 N" : "");
     return false;
 }
 
@@ -167,7 +170,7 @@ void kn_force_residual_compare(const kn_force_residual *p, const kn_press *press
     }
 }
 
-// ---- all measurements
+// ---- all measurements of one press
 
 void kn_measurement_close(kn_measurement *m)
 {
@@ -199,8 +202,8 @@ static double *compare_surfaces(const kn_measurement *m, const kn_model_surface 
     return residual;
 }
 
-// Improve the shift of the images by one Gauss-Newton step. The slopes come from shifts by a pixel to either side.
-// Return false if memory runs out.
+// Improve the shift of the images by one Gauss-Newton step. The slopes come from the residuals at shifts by one pixel
+// to either side. Return false if memory runs out.
 static bool align(const kn_measurement *m, const kn_model_surface *model, const kn_pressed *pressed, double shift_m[2])
 {
     const double h = m->surface[0].frame.pixel_m;
@@ -214,7 +217,7 @@ static bool align(const kn_measurement *m, const kn_model_surface *model, const 
         ok = compare_surfaces(m, model, pressed, there_m, r + (k + 1) * n, NULL);
     }
     for (int i = 0; ok && i < n; i++) {
-        // Central differences give the slopes; sum up the normal equations.
+        // Compute the slopes by central differences, and sum up the normal equations.
         const double slope[2] = {(r[2 * n + i] - r[n + i]) / (2 * h), (r[4 * n + i] - r[3 * n + i]) / (2 * h)};
         for (int a = 0; a < 2; a++) {
             right[a] -= slope[a] * r[i];

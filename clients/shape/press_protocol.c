@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// part of the path before the descent, in which the plate catches the nodes it touches
+// duration of the path before the descent [s]; in this time the plate takes hold of the nodes that it touches
 static const double lead_s = 0.2;
 // a tool less than this distance above its lowest position counts as being at its lowest position
 static const double still_m = 1e-4;
@@ -42,8 +42,8 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
 
 static const kn_probe_input *tool_at(const kn_press *p, int64_t tick) { return &p->input[tick * p->probes + p->probe]; }
 
-// Return the tick at which the rise of the tool begins that leads to its position in the given tick. A slow withdrawal
-// rises in every tick. A tool that shakes by less than 1 um in 10 ms (0.1 mm/s) does not rise.
+// Return the tick at which the tool begins the rise that leads to its position in the given tick. In a slow withdrawal,
+// the tool rises in every tick. A tool that only shakes rises by less than 1 um in 10 ms (0.1 mm/s).
 static int64_t begin_of_rise(const kn_press *p, int64_t tick)
 {
     enum { WINDOW = 10 };
@@ -56,8 +56,8 @@ static int64_t begin_of_rise(const kn_press *p, int64_t tick)
     return tick;
 }
 
-// Find the end of the hold. The last tick near the lowest position comes up to about 0.1 s after the tool has begun to
-// leave, when the force has vanished already. So the begin of the rise is searched backwards from that tick.
+// Find the end of the hold. The last tick near the lowest position may come about 0.1 s after the tool has begun to
+// leave, when the force has already vanished. So search backwards from this tick for the begin of the rise.
 static void find_hold(kn_press *p)
 {
     double lowest_m = INFINITY;
@@ -75,8 +75,8 @@ static void find_hold(kn_press *p)
 
 // ---- press along the path of the first paper
 
-// Return the probe of this name, else the first plate, else the first probe. On an error write the error to `error` and
-// return -1.
+// Return the probe of this name. Without a name, return the first plate, or else the first probe. If there is none,
+// write an error to `error` and return -1.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)
@@ -89,8 +89,8 @@ static int choose_probe(const kn_model_def *def, const char *name, char *error, 
     return -1;
 }
 
-// Fill the inputs of the path. In every tick the tool starts at the position of the path one tick before. Its velocity
-// takes it to the present position of the path by the end of the tick.
+// Fill the inputs of the path. In every tick the tool starts at the position that the path had one tick earlier. Its
+// velocity takes the tool to the present position of the path by the end of the tick.
 static void follow(kn_press *p, const kn_tool_path *path, double from_s)
 {
     for (int64_t t = 0; t < p->ticks; t++) {
@@ -120,7 +120,7 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     double extent_m[3];
     kn_model_def_extent(object, extent_m);
     *p = (kn_press){.probes = object->probe_count, .probe = choose_probe(object, def->probe, error, error_size)};
-    // A path is limited to an hour, and a press must leave part of the height.
+    // Limit the path to an hour, and let the press leave part of the object's height.
     if (p->probe < 0) return false;
     const double depth_m = def->depth_m > 0 ? def->depth_m : 0.01;
     if (depth_m > (1 - thinnest) * extent_m[2]) {
@@ -145,7 +145,7 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
         follow(p, path, from_s);
         find_hold(p);
     } else {
-        snprintf(error, error_size, "a press of %.0f s, expected at most an hour of it", path ? path->duration_s : 0);
+        snprintf(error, error_size, "a press of %.0f s, expected at most an hour", path ? path->duration_s : 0);
         kn_press_free(p);
     }
     kn_tool_path_destroy(path);
@@ -154,11 +154,11 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
 
 // ---- press from a log
 //
-// The servo loop and its safety stage decide which poses reach the lattice. So the servo replays the log, and a
-// listener between servo and backend records the poses.
+// The servo loop and its safety stage decide which poses of a log reach the lattice. So the servo replays the log, and
+// a listener between the servo and the backend records the poses that pass.
 
 typedef struct listener {
-    kn_backend own; // the original backend of the replay, to which the listener passes every call
+    kn_backend own; // the original backend of the replay, to which the listener passes every call on
     kn_press *press;
     int64_t room;
     bool short_of_memory; // memory ran out, or the log is longer than an hour
@@ -205,8 +205,8 @@ static void given_back(void *self, const kn_state *s)
     ((listener *)self)->own.restore(((listener *)self)->own.self, s);
 }
 
-// Return the first tool that comes down to the object at rest, or -1. If `wanted` >= 0, only this tool counts. An
-// attached tool that stays in the air does not count.
+// Return the first attached tool that comes down to the object at rest, or -1. If `wanted` >= 0, only this tool counts.
+// An attached tool that stays in the air does not count.
 static int first_touching(const kn_press *p, const kn_model_def *object, int wanted)
 {
     double extent_m[3];
@@ -220,7 +220,7 @@ static int first_touching(const kn_press *p, const kn_model_def *object, int wan
     return -1;
 }
 
-// Record the logged force of the wanted tool, or of the last attached one.
+// Store the logged force of the tool `wanted`. If `wanted` is -1, store the logged force of the last attached tool.
 static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
 {
     for (int i = 0; i < p->probes; i++) {
@@ -229,8 +229,8 @@ static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
     }
 }
 
-// Replay the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in missed
-// cycles, nor in ticks without contact, which a log may omit.
+// Replay the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in cycles
+// that the server missed, nor in ticks without contact, which a log may omit.
 static bool listen(kn_replay *r, listener *l)
 {
     kn_press *p = l->press;
@@ -246,8 +246,8 @@ static bool listen(kn_replay *r, listener *l)
 bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size)
 {
-    // The poses do not depend on the quality setting. Without this setting, the replay would accept only the log's own
-    // scene.
+    // With `afresh`, the replay accepts a log only if there is at least one setting. The setting quality=own changes no
+    // pose.
     const char *const set = "quality=own";
     *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
     if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;

@@ -26,7 +26,7 @@ typedef struct kn_press {
     double end_s;          // time of the last tick
 } kn_press;
 
-typedef struct kn_press_def { // a field of 0 means the default
+typedef struct kn_press_def { // definition of a press; a field of 0 means its default
     // name of the pressing probe; NULL: the scene's first plate, or else the scene's first probe; with a log, the first
     // probe that touches the object
     const char *probe;
@@ -40,7 +40,7 @@ typedef struct kn_press_def { // a field of 0 means the default
 bool kn_press_path(kn_press *press, const kn_scene *scene, const kn_press_def *def, char *error, size_t error_size);
 bool kn_press_log(kn_press *press, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size);
-void kn_press_free(kn_press *press); // a zeroed struct is allowed
+void kn_press_free(kn_press *press); // the struct may be all zeros
 
 // Return the first tick that ends at `time_s` or later, with a tolerance of half a tick, as `knead view --at` does. If
 // all ticks end earlier, return the last tick.
@@ -66,6 +66,6 @@ typedef struct kn_press_play {
     void *of;                              // passed to `told`
 } kn_press_play;
 bool kn_press_run(const kn_press *press, const kn_press_play *play, kn_pressed *pressed);
-void kn_pressed_free(kn_pressed *pressed); // a zeroed struct is allowed
+void kn_pressed_free(kn_pressed *pressed); // the struct may be all zeros
 
 #endif

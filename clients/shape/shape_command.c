@@ -17,16 +17,17 @@
 
 static const char me[] = "identify shape";
 
-// ---- outputs
+// ---- checking the output files
 
 enum { INPUTS = KN_PRESS_MOMENTS + 5, OUTPUTS = 3 };
 
 typedef struct named {
-    const char *option, *path; // path NULL: not requested
+    // path of an output, and the option that names it; path NULL: the output was not requested
+    const char *option, *path;
 } named;
 
-// Return whether a word of a scene is a file and is this output: a material, a device, a mesh. A word without a dot or
-// a folder is a built-in name.
+// Return whether a word in a scene names an existing file (a material, a device or a mesh) that is this output. A word
+// without a dot or a slash is a built-in name.
 static bool is_output(const char *folder, int folder_length, const char *word, const char *output)
 {
     char path[2 * PATH_MAX];
@@ -36,7 +37,7 @@ static bool is_output(const char *folder, int folder_length, const char *word, c
     return stat(path, &there) == 0 && S_ISREG(there.st_mode) && kn_output_same(path, output);
 }
 
-// Return whether YAML names this output, as far as it can be parsed. The YAML is a file, or else a text.
+// Return whether a YAML file, or else a YAML text, names this output. Only the part that can be parsed is searched.
 static bool names(FILE *file, const char *text, const char *folder, int folder_length, const char *output)
 {
     yaml_parser_t parser;
@@ -59,13 +60,14 @@ static bool scene_names(const char *scene, const char *output)
 {
     const char *slash = strrchr(scene, '/');
     FILE *f = fopen(scene, "rb");
-    if (!f) return false; // kn_scene_load complains about the file later
+    // kn_scene_load reports the missing file later
+    if (!f) return false;
     const bool found = names(f, NULL, scene, slash ? (int)(slash - scene) + 1 : 0, output);
     fclose(f);
     return found;
 }
 
-// Refuse an output that is an input or that the scene or a --set names.
+// Refuse an output that is also an input: one given by an option, or one that the scene or a --set option names.
 static int try_output(const kn_shape_options *o, const named *out)
 {
     const named in[INPUTS] = {{"the scene", o->scene.scene_path},
@@ -79,17 +81,17 @@ static int try_output(const kn_shape_options *o, const named *out)
                               {"--depth", o->depth[3]}};
     for (int i = 0; i < INPUTS; i++)
         if (kn_output_same(in[i].path, out->path))
-            return kn_complain(me, KN_EXIT_USAGE, "%s %s: is being read, as %s %s, expected another file to write",
+            return kn_complain(me, KN_EXIT_USAGE, "%s %s: is also the input %s %s, expected another file to write",
                                out->option, out->path, in[i].option, in[i].path);
     if (scene_names(o->scene.scene_path, out->path))
-        return kn_complain(me, KN_EXIT_USAGE, "%s %s: is being read, %s names it, expected another file to write",
+        return kn_complain(me, KN_EXIT_USAGE, "%s %s: is also an input, which %s names, expected another file to write",
                            out->option, out->path, o->scene.scene_path);
     for (int i = 0; i < o->scene.set_count; i++) {
         const char *value = strchr(o->scene.sets[i], '=');
         if (value && names(NULL, value + 1, "", 0, out->path))
             return kn_complain(me, KN_EXIT_USAGE,
-                               "%s %s: is being read, --set %s names it, expected another file to write", out->option,
-                               out->path, o->scene.sets[i]);
+                               "%s %s: is also an input, which --set %s names, expected another file to write",
+                               out->option, out->path, o->scene.sets[i]);
     }
     return KN_EXIT_OK;
 }
@@ -105,7 +107,7 @@ static int try_outputs(const kn_shape_options *o)
     for (int i = 0; i < OUTPUTS && code == KN_EXIT_OK; i++)
         for (int k = 0; k < i; k++)
             if (kn_output_same(out[i].path, out[k].path))
-                return kn_complain(me, KN_EXIT_USAGE, "%s %s, %s %s: are one file, expected a file for each",
+                return kn_complain(me, KN_EXIT_USAGE, "%s %s and %s %s are one file, expected a file for each",
                                    out[k].option, out[k].path, out[i].option, out[i].path);
     if (code == KN_EXIT_OK && o->out) code = kn_output_try(me, o->out);
     if (code == KN_EXIT_OK && o->out_depth) code = kn_output_try(me, o->out_depth);
@@ -120,11 +122,11 @@ typedef struct fit_queue {
     int count, next;
     bool short_of_memory;
     kn_progress bar;
-    double done, total; // number of ticks simulated so far, and expected in all fits
+    double done, total; // numbers of ticks: simulated so far, and expected in all fits
     pthread_mutex_t lock;
 } fit_queue;
 
-// Advance the progress bar; called by all threads.
+// Advance the progress bar. All threads call this function.
 static void advance(void *of, int64_t ticks)
 {
     fit_queue *q = of;
@@ -168,7 +170,7 @@ static int fit_all(kn_candidate *candidate, int count, const kn_measurement *m, 
     return q.short_of_memory ? kn_complain(me, KN_EXIT_INTERNAL, "out of memory") : KN_EXIT_OK;
 }
 
-// ---- files
+// ---- writing the files
 
 // Write the scene of the best structure, with the verdict as a comment.
 static int write_scene(const kn_shape_options *o, const kn_candidate *best, const kn_structure_verdict *v)
@@ -209,15 +211,16 @@ static int write_files(const kn_shape_options *o, const kn_measurement *m, const
     return code == KN_EXIT_OK && o->png ? kn_shape_draw(o, m, best) : code;
 }
 
-// ---- the command
+// ---- the command knead identify shape
 
-// Press the best structure in cells of half the width and report the change.
+// Press the best structure once more in cells of half the width, and report the change.
 static int press_finer(const kn_shape_options *o, const kn_measurement *m, const kn_candidate *best)
 {
     char error[600];
     kn_candidate finer;
-    if (best->scene->model.mesh) { // the cells of a mesh cannot be halved, so only report that
-        printf("\n%s is a mesh: not pressed again with halved cells.\n", best->name);
+    // the cells of a mesh cannot be halved, so only print a remark
+    if (best->scene->model.mesh) {
+        printf("\n%s is a mesh, so it was not pressed again with halved cells.\n", best->name);
         return KN_EXIT_OK;
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))
@@ -228,8 +231,8 @@ static int press_finer(const kn_shape_options *o, const kn_measurement *m, const
     return code;
 }
 
-// Check before the fits for errors that would otherwise appear only after them. Structures of blocks come first among
-// the candidates.
+// Check before the fits for errors that would otherwise appear only after the fits. Candidates of blocks come first in
+// the list, so the first candidate is a mesh only if all are.
 static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate)
 {
     if (candidate[0].scene->model.thickness_m > 0)
@@ -251,11 +254,11 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
     kn_shape_print_object(o, candidate);
     code = kn_shape_measured(&m, o, &candidate[0]);
     if (code != KN_EXIT_OK) return code;
-    // The log may have no forces, which is known only now.
+    // Only now is it known whether the log has forces.
     if (o->png && o->depths == 0 && !m.has_force)
-        code =
-            kn_complain(me, KN_EXIT_USAGE,
-                        "--png %s: expected --depth or a force, %s has none and points are not drawn", o->png, o->log);
+        code = kn_complain(me, KN_EXIT_USAGE,
+                           "--png %s: expected --depth or a force, but %s has no force and points are not drawn",
+                           o->png, o->log);
     if (code == KN_EXIT_OK) code = fit_all(candidate, count, &m, o->jobs);
     if (code == KN_EXIT_OK) {
         kn_structure_verdict_make(&v, count, candidate, &m);

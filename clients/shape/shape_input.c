@@ -1,5 +1,5 @@
 // Read the measurements of `knead identify shape` from files.
-#include "clients/identify/measured_series.h"
+#include "clients/identify/measured_curve_parts.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/hand/tool_height.h"
@@ -12,7 +12,7 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-// width of the margin around the outline of the tool that counts as hidden by the tool
+// width of the margin around the outline of the tool that counts as hidden, too
 static const double beside_m = 1e-3;
 
 // ---- the area hidden by the tool
@@ -29,14 +29,15 @@ static void plan_of(const kn_probe_def *def, const double turn_wxyz[4], double l
     kn_tool_shape(def, &shape);
     kn_turn_unit(turn_wxyz, unit);
     kn_turn_matrix(unit, r);
-    for (int k = 0; k < 2; k++) { // directions of the scene in the tool's frame
+    for (int k = 0; k < 2; k++) { // x axis and y axis of the scene, in the tool's frame
         const double right[3] = {r[k][0], r[k][1], r[k][2]}, left[3] = {-r[k][0], -r[k][1], -r[k][2]};
         high_m[k] = kn_shape_support(&shape, right);
         low_m[k] = -kn_shape_support(&shape, left);
     }
 }
 
-// Return the area that the tool of the press hides at a time. A tool above the top of the object at rest hides nothing.
+// Return the area that the pressing tool hides at the time time_s. A tool above the top of the object at rest hides
+// nothing.
 static kn_hidden_area hidden_at(const kn_press *p, const kn_scene *scene, double time_s)
 {
     kn_hidden_area box = {{0}, {0}};
@@ -54,9 +55,9 @@ static kn_hidden_area hidden_at(const kn_press *p, const kn_scene *scene, double
     return box;
 }
 
-// ---- surfaces
+// ---- measured surfaces
 
-// Load one range image, compare its place with the object, and report it.
+// Load one range image, check its place against the object, and report it.
 static int take_image(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c, int number)
 {
     char error[400];
@@ -76,7 +77,8 @@ static int take_image(kn_measurement *m, const kn_shape_options *o, const kn_can
     return KN_EXIT_OK;
 }
 
-// Return the column of this name and dimension. On an error print the error and return -1.
+// Return the column of this name. The column must have a unit with the dimension of `unit`. On an error print the error
+// and return -1.
 static int named(const kn_table_reader *s, const char *name, const char *unit)
 {
     for (int i = 0; i < s->columns; i++) {
@@ -130,8 +132,8 @@ static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_ca
     kn_surface_residual *r = &m->surface[number];
     char lacking[100] = "";
     if (missing > 0)
-        snprintf(lacking, sizeof lacking, "left out: %d that lack%s a coordinate, the first in line %d", missing,
-                 missing > 1 ? "" : "s", line);
+        snprintf(lacking, sizeof lacking, "left out: %d point%s without all coordinates, the first in line %d", missing,
+                 missing > 1 ? "s" : "", line);
     if (!kn_surface_residual_points(r, rows, point_m, &c->surface, &hidden, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "%s: %s%s%s", o->points, error, missing > 0 ? "; " : "", lacking);
     m->surfaces++;
@@ -141,10 +143,11 @@ static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_ca
     return KN_EXIT_OK;
 }
 
-// ---- force
+// ---- measured force
 
-// Rank how likely a column in N is the force of the press: contact_fz_n of Knead's own tables first, then a column
-// called force or load, then a name that contains either word.
+// Rank how likely a column is the force of the press. Highest: contact_fz_n of Knead's own tables; next: a column
+// called force or load; next: a name that contains either word; lowest: any other column in a unit of force. Return 0
+// without a unit of force.
 static int rank_of(const kn_heading *h)
 {
     if (!h->has_unit || !kn_column_unit_is(&h->unit, "N")) return 0;
@@ -184,7 +187,7 @@ static int time_of(const kn_table_reader *s)
     return -1;
 }
 
-// Read only the rows of this probe, if the table has rows of several probes, as Knead's own tables do.
+// If the table has rows of several probes, as Knead's own tables do, read only the rows of this probe.
 static void choose_rows(kn_table_reader *s, const char *probe)
 {
     for (int i = 0; i < s->columns; i++)
@@ -234,7 +237,7 @@ static int read_force(kn_table_reader *s, kn_force_residual *f, const char *file
     return moved >= 0 ? KN_EXIT_OK : kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
 }
 
-// Collect the forces of the log, without ticks that have none.
+// Collect the forces of the log. Ticks without a force are skipped.
 static int logged_force(kn_force_residual *f, const kn_press *p)
 {
     if (!make_room(f, p->ticks)) return kn_complain(me, KN_EXIT_INTERNAL, "out of memory");
@@ -251,8 +254,8 @@ static void print_force(const kn_force_residual *p, const char *file, const char
     printf("force      %s%s: %d readings in %d spans, up to %.4g N%s; noise %.2g N\n", file, told, p->count, p->spans,
            p->most_n, p->turned ? ", where compression is negative" : "", p->noise_n);
     if (p->outliers > 0)
-        printf("           left out: %d far from their neighbours, the first of them %.4g N at %.4g s\n", p->outliers,
-               p->outlier_n, p->outlier_s);
+        printf("           outliers left out: %d, the first of them %.4g N at %.4g s\n", p->outliers, p->outlier_n,
+               p->outlier_s);
 }
 
 // Read the force from a file or from the log, sort it into spans, and report it.
@@ -279,9 +282,9 @@ static int take_force(kn_measurement *m, const kn_shape_options *o, const kn_can
     return KN_EXIT_OK;
 }
 
-// ---- all measurements
+// ---- all measurements of the press
 
-// Make the press and find the moments of all surfaces in it.
+// Make the press, and find the time at which each surface was measured.
 static int take_press(kn_measurement *m, const kn_shape_options *o, const kn_candidate *c)
 {
     char error[600];

@@ -17,11 +17,11 @@ void kn_shape_print_object(const kn_shape_options *o, const kn_candidate *c)
            1e3 * extent_m[1], 1e3 * extent_m[2], c->first->node_count);
     kn_result_text(kn_result(), "scene", o->scene.scene_path);
     if (c->one_skin)
-        printf("note       the scene's object.pressure=object is ignored: each structure has gas in every cell or in "
-               "none\n");
+        printf("note       the scene's object.pressure=object is ignored: "
+               "each structure has gas in every cell or in none\n");
 }
 
-// Write a parameter as "1.03 [0.98 .. 1.08]", "< 0.05", or "-" if it is not an unknown.
+// Write a parameter as "1.03 [0.98 .. 1.08]", as "< 0.05", or as "-" if the parameter is not an unknown of the fit.
 static const char *number(const kn_parameter_estimate *k, bool sought, double unit, char text[48])
 {
     const kn_fit_interval *i = &k->interval;
@@ -130,7 +130,7 @@ void kn_shape_print(const kn_measurement *m, const kn_candidate *c, int count, c
 
 void kn_shape_print_finer(const kn_measurement *m, const kn_candidate *best, const kn_candidate *finer)
 {
-    // Compare the residuals with those of the coarser cells: the change is the share of the misfit that comes from the
+    // Compare the residuals with those of the coarser cells. Their change is the part of the misfit that comes from the
     // lattice.
     const double off = sqrt(finer->sum / m->readings), was = sqrt(best->sum / m->readings);
     double sum = 0;
@@ -139,15 +139,17 @@ void kn_shape_print_finer(const kn_measurement *m, const kn_candidate *best, con
     for (int i = 0; finer->found && i < m->readings; i++)
         sum += pow(finer->residual[i] - best->residual[i], 2) / m->readings;
     const double moved = sqrt(sum);
-    if (!finer->found) printf("so the lattice's part of the misfit is unknown.\n");
+    if (!finer->found)
+        printf("The best structure could not be pressed with halved cells, "
+               "so the lattice's part of the misfit is unknown.\n");
     // A change of more than half of the misfit means that the lattice matters.
     else if (moved > 0.5 * was)
-        printf("Halving the cells changes the predictions by %.1f times the noise: structure and parameters hold for "
-               "this lattice only; --set object.spacing='%g mm' sets a finer one.\n",
+        printf("Halving the cells changes the predictions by %.1f times the noise. "
+               "Structure and parameters hold for this lattice only; --set object.spacing='%g mm' sets a finer one.\n",
                moved, 1e3 * finer->scene->model.spacing_m);
     else
-        printf("Halving the cells changes the predictions by %.1f times the noise: the lattice is not the cause of the "
-               "misfit.\n",
+        printf("Halving the cells changes the predictions by %.1f times the noise. "
+               "The lattice is not the cause of the misfit.\n",
                moved);
     if (!kn_result()) return;
     json_t *row = json_object();
@@ -159,7 +161,7 @@ void kn_shape_print_finer(const kn_measurement *m, const kn_candidate *best, con
     if (m->has_force) kn_result_number(row, "force_rms_share", finer->force_share);
 }
 
-// ---- the plot
+// ---- the plot of --png
 
 // width and height of the plot [pixels]; largest number of heights drawn along one axis of a map
 enum { WIDE = 1180, HIGH = 900, ACROSS = 200 };

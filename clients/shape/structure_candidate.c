@@ -10,9 +10,9 @@
 #include <string.h>
 
 static const double atm_pa = 101325;
-// if the scene's diagonal stiffness is below this, the structure `diagonals` uses 1 instead
+// if the stiffness of the scene's diagonals is below this, the structures `diagonals` and `both` use 1 instead
 static const double weak = 0.1;
-// largest difference of a mesh's extent from the object's extent, as a share of the latter
+// largest difference between the extents of a mesh and of the object, as a share of the object's extent
 static const double alike = 0.1;
 static const double least_pa = 100, most_pa = 1e7; // limits of the inside pressure P0 in a scene
 static const double area_low = 0.2, area_high = 5; // limits of the factor on gamma
@@ -22,7 +22,7 @@ static const double area_low = 0.2, area_high = 5; // limits of the factor on ga
 typedef struct kind {
     const char *name, *words;
     bool mesh, gas;
-    // stiffness of the diagonals; NULL: the scene's stiffness, or 1 if the scene's is below `weak`
+    // stiffness of the diagonals; NULL: the scene's stiffness, or 1 if that stiffness is below `weak`
     const char *stiffness;
 } kind;
 
@@ -58,15 +58,16 @@ static bool are_known(const char *only, char *error, size_t error_size)
         for (int k = 0; k < KN_CANDIDATES; k++) known |= is_first(at, kinds[k].name);
         if (known) continue;
         snprintf(error, error_size,
-                 "--only %s: unknown structure '%.*s', expected a list of diagonals, pressure, both, mesh, "
-                 "mesh-pressure, separated by commas",
+                 "--only %s: unknown structure '%.*s', expected a list separated by commas: "
+                 "diagonals, pressure, both, mesh, mesh-pressure",
                  only, (int)fmin((double)strcspn(at, ","), 40), at);
         return false;
     }
     return true;
 }
 
-// Return the text of the scene, freed by the caller. If a mesh is wanted and given, it replaces the scene's object.
+// Return the text of the scene, freed by the caller. If the structure is a mesh and --mesh gives one, the mesh replaces
+// the scene's object.
 static char *text_for(const kn_scene *base, const kind *k, const kn_candidate_def *def, char *error, size_t error_size)
 {
     char block[PATH_MAX + 100], path[PATH_MAX];
@@ -79,7 +80,7 @@ static char *text_for(const kn_scene *base, const kind *k, const kn_candidate_de
     return kn_yaml_patch(base->text, "object", block, error, error_size);
 }
 
-// Parse the text of a scene with settings, in place of the scene file.
+// Parse the text of a scene with settings, as if the text were in the scene file.
 static kn_scene *parse(const kn_candidate_def *def, const char *text, const char *const *sets, int count, char *error,
                        size_t error_size)
 {
@@ -161,8 +162,8 @@ static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn
     for (int k = 0; k < 3; k++) same &= fabs(is_m[k] - was_m[k]) <= alike * was_m[k];
     if (!same)
         snprintf(error, error_size,
-                 "--mesh %s: the mesh is %.3g x %.3g x %.3g mm, expected the object's %.3g x %.3g x %.3g mm within 10 "
-                 "%%; is --mesh-unit %s right?",
+                 "--mesh %s: the mesh is %.3g x %.3g x %.3g mm, "
+                 "expected the object's %.3g x %.3g x %.3g mm within 10 %%; is --mesh-unit %s right?",
                  def->mesh, 1e3 * is_m[0], 1e3 * is_m[1], 1e3 * is_m[2], 1e3 * was_m[0], 1e3 * was_m[1], 1e3 * was_m[2],
                  def->mesh_unit);
     return same;
@@ -192,13 +193,13 @@ int kn_candidates_open(kn_candidate candidate[KN_CANDIDATES], const kn_candidate
     return ok ? count : 0;
 }
 
-// ---- the fit
+// ---- fitting a candidate
 
 kn_model_def kn_candidate_model(const kn_candidate *c, double pressure_pa, double area_factor)
 {
     kn_model_def def = c->scene->model;
     if (c->gas) def.inside_pressure_pa = pressure_pa;
-    if (c->area) { // stretch the damper's law
+    if (c->area) { // stretch the damper law by the factor on gamma
         def.material.p0_pa *= area_factor;
         def.material.p1_pa *= area_factor;
         def.material.beta_per_pa /= area_factor;
@@ -214,14 +215,14 @@ typedef struct work {
     double shift_m[2]; // shift of the best press so far; the next search for the shift begins there
 } work;
 
-// Press the structure with these parameters and compute the residuals. kn_candidate_model ignores the value of what is
-// no unknown. Keep the result of the best press.
+// Press the structure with these values of the unknowns, and compute the residuals. Keep the result of the best press.
+// If P0 or gamma is no unknown, kn_candidate_model ignores its value.
 static bool press(void *of, const double value[KN_TRUST_UNKNOWNS], double *residual)
 {
     work *w = of;
     kn_candidate *c = w->candidate;
     const kn_measurement *m = w->measurement;
-    // Build the model with these parameters and repeat the press.
+    // Build the model with the values of the unknowns, and press it.
     const kn_model_def def = kn_candidate_model(c, value[0], value[c->gas]);
     kn_pressed pressed = {0};
     kn_model *model = kn_model_build(&def, c->why, sizeof c->why);
@@ -263,7 +264,7 @@ static kn_trust_region search_of(const kn_candidate *c, const kn_measurement *m)
     return s;
 }
 
-// Take values and intervals from the finished search.
+// Take the values of the unknowns and their intervals from the finished search.
 static void take(kn_candidate *c, const kn_trust_region *s)
 {
     c->settled = s->settled;
@@ -297,7 +298,8 @@ static double force_share(const kn_measurement *m, const kn_candidate *c)
 
 double kn_candidate_work(const kn_candidate *c, const kn_measurement *m)
 {
-    // Typical numbers of presses per fit, indexed by gas and area: whether P0 and the factor on gamma are unknowns.
+    // Typical number of presses of a fit. First index: whether P0 is an unknown. Second index: whether the factor on
+    // gamma is an unknown.
     static const double presses[2][2] = {{1, 4}, {7, 11}};
     return presses[c->gas][c->area] * (double)(kn_press_tick(&m->press, m->until_s) + 1);
 }
@@ -313,7 +315,7 @@ bool kn_candidate_fit(kn_candidate *c, const kn_measurement *m, void (*told)(voi
     memcpy(c->shift_m, w.shift_m, sizeof c->shift_m);
     bool ok = c->residual && (ran || !c->found);
     if (ok && c->found) {
-        // Compare the best press once more to get the residuals and misfits that belong to it.
+        // Compare the best press with the measurement once more, to get its residuals and misfits.
         ok = kn_measurement_compare(m, &c->surface, &c->pressed, c->shift_m, c->residual, c->misfit);
         c->independent = kn_measurement_independent(m, c->residual);
         c->unknowns = s.unknowns + (m->align ? 2 : 0);
@@ -325,7 +327,7 @@ bool kn_candidate_fit(kn_candidate *c, const kn_measurement *m, void (*told)(voi
     return ok;
 }
 
-// ---- output as a scene
+// ---- a candidate as a scene
 
 char *kn_candidate_scene(const kn_candidate *c, const kn_candidate_def *def, char *error, size_t error_size)
 {
@@ -363,7 +365,7 @@ bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_can
     return false;
 }
 
-// ---- the verdict
+// ---- the verdict on the candidates
 
 // Return the AICc of a candidate for a number of independent readings. A sum of squares below the number of residuals
 // is raised to that number, since a misfit below the noise supports no candidate.
@@ -382,7 +384,7 @@ static void judge(kn_structure_verdict *v, int count, const kn_candidate *c, int
     for (int i = 0; i < count; i++) {
         v->off[i] = c[i].found ? sqrt(c[i].sum / readings) : (double)INFINITY;
         v->delta[i] = c[i].found ? aicc(&c[i], readings, independent) : (double)INFINITY;
-        // A candidate whose fit removed the gas cannot be the best, unless there is no other.
+        // A candidate whose fit removed the gas cannot be the best, unless no other candidate has a solution.
         if (!c[i].found || c[i].no_gas_left || !(v->delta[i] < least)) continue;
         least = v->delta[i];
         v->best = i;
@@ -415,12 +417,13 @@ __attribute__((format(printf, 2, 3))) static void add(kn_structure_verdict *v, c
     va_end(args);
 }
 
-// State how the rival compares with the best, and which measurement could separate the two.
+// State how the rival compares with the best candidate, and which measurement could separate the two.
 static void tell_rival(kn_structure_verdict *v, const kn_candidate *c)
 {
     const kn_candidate *a = &c[v->best], *b = &c[v->rival];
     if (!v->explained) {
-        add(v, " %s is nearly as close, %.1f times the noise: these measurements cannot tell which of the two it is.",
+        add(v,
+            " %s is nearly as close, %.1f times the noise: these measurements do not show which of the two is right.",
             b->name, v->off[v->rival]);
         return;
     }
@@ -429,15 +432,15 @@ static void tell_rival(kn_structure_verdict *v, const kn_candidate *c)
     else add(v, ": a range image of the dent without the tool, or the force over the hold, may tell them apart.");
 }
 
-// State the verdict in words: the best, its misfit, the rival, and structures without gas.
+// State the verdict in words: the best candidate, its misfit, the rival, and candidates whose fit removed the gas.
 static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, const kn_measurement *m)
 {
     const kn_candidate *best = &c[v->best];
     if (v->explained) {
-        add(v, "%s explains it: the residual is %.2g times the noise.", best->name, v->off[v->best]);
+        add(v, "%s explains the measurements: the residual is %.2g times the noise.", best->name, v->off[v->best]);
     } else {
-        add(v, "None of them explains it. %s comes nearest and is off by %.1f times the noise", best->name,
-            v->off[v->best]);
+        add(v, "None of the structures explains the measurements. %s comes nearest and is off by %.1f times the noise",
+            best->name, v->off[v->best]);
         if (m->surfaces > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (m->has_force) add(v, ", %.2g %% of the force", 100 * best->force_share);
         add(v, ": use its parameters as the nearest ones; the material, the lattice or the set-up differs as well.");
@@ -447,7 +450,7 @@ static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, cons
         if (c[i].no_gas_left && i != v->best)
             add(v, " The fit of %s has no gas left: it equals the structure without gas.", c[i].name);
     if (best->no_gas_left) add(v, " The fit has no gas left.");
-    if (!best->settled) add(v, " Its fit had not settled.");
+    if (!best->settled) add(v, " The search for its parameters reached the limit of presses.");
 }
 
 void kn_structure_verdict_make(kn_structure_verdict *v, int count, const kn_candidate *candidate,
@@ -456,7 +459,7 @@ void kn_structure_verdict_make(kn_structure_verdict *v, int count, const kn_cand
     *v = (kn_structure_verdict){.best = -1, .rival = -1};
     judge(v, count, candidate, measurement->readings);
     if (v->best < 0) {
-        add(v, "No structure can be pressed like that: %s", candidate[0].why);
+        add(v, "No structure can be pressed as the specimen was: %s", candidate[0].why);
         return;
     }
     tell(v, count, candidate, measurement);

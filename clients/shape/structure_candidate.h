@@ -43,7 +43,7 @@ typedef struct kn_candidate {
     kn_pressed pressed;       // results of the press with the best parameters so far; owned
     bool gas, area; // gas: the inside pressure P0 is an unknown of the fit; area: the factor on gamma is an unknown
     bool one_skin;  // the scene requests gas in one skin around all cells, which no candidate structure offers
-    // Set by kn_candidate_fit:
+    // The next fields are set by kn_candidate_fit.
     bool found;    // false: the model of this structure has no solution at any start of the search
     char why[200]; // reason why the model has no solution; set if `found` is false
     double pressure_pa, area_factor, shift_m[2];
@@ -57,7 +57,8 @@ typedef struct kn_candidate {
     kn_surface_misfit misfit[KN_PRESS_MOMENTS];
     double force_share; // rms difference of measured and computed force, as a share of the largest measured force
     int presses;
-    bool settled, early; // settled: the search converged; early: it ended early, far from the data (kn_trust_region)
+    // settled: the search converged; early: the search ended early, far from the data (kn_trust_region)
+    bool settled, early;
     double seconds;
 } kn_candidate;
 

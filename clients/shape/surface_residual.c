@@ -1,4 +1,4 @@
-#include "clients/shape/surface_residual.h"
+#include "clients/shape/measurement.h"
 #include "core/algebra/algebra.h"
 #include <math.h>
 #include <stdio.h>
@@ -23,7 +23,7 @@ void kn_surface_residual_free(kn_surface_residual *r)
     memset(r, 0, sizeof *r);
 }
 
-// Compute the direction of one of `rays` rays around the middle of the object.
+// Compute the direction of one ray (number `ray` of `rays`) from the middle of the object.
 static void direction(int ray, int rays, double way[2])
 {
     const double angle = (ray + 0.5) * 2 * M_PI / rays;
@@ -107,7 +107,7 @@ static void find_outline(kn_surface_residual *r, const kn_hidden_area *hidden)
     r->ray_sigma_m = hypot(r->frame.pixel_m / sqrt(12), exact * r->tall_m);
 }
 
-// ---- the patches
+// ---- the patches of an image
 
 // Choose the pixels whose height is compared: seen, not hidden, and inside the outline by at least a thirtieth of the
 // height.
@@ -126,7 +126,8 @@ static void choose_pixels(kn_surface_residual *r, const kn_hidden_area *hidden)
         }
 }
 
-// Compute the standard deviation of independent noise of each pixel, from the median second difference along rows.
+// Compute the standard deviation of the independent noise of a pixel, from the median second difference along the rows
+// of the image.
 static bool find_noise(kn_surface_residual *r)
 {
     enum { SAMPLES = 100000 };
@@ -151,7 +152,7 @@ typedef struct mean {
     int count;
 } mean;
 
-// Average the pixels of a patch that are compared and visible in this image.
+// Average those pixels of a patch that are compared and are visible in this image.
 static mean mean_of(const kn_surface_residual *r, const uint16_t *level, double step_m, int patch)
 {
     const int first[2] = {patch % r->across * r->side, patch / r->across * r->side};
@@ -186,7 +187,7 @@ static bool make_patches(kn_surface_residual *r, double extent_m)
     return true;
 }
 
-// ---- plausibility check
+// ---- check of a measured image
 
 // Find the extent of the surface at rest.
 static void box_of(const kn_model_surface *model, double low_m[3], double high_m[3])
@@ -199,7 +200,8 @@ static void box_of(const kn_model_surface *model, double low_m[3], double high_m
         }
 }
 
-// Check that height, extent and place of the image agree with the object, and that enough of it is seen.
+// Check that height, extent and place of the measured object agree with the scene's object, and that enough of it is
+// seen. If not, write an error to `error` and return false.
 static bool fits(const kn_surface_residual *r, const double low_m[3], const double high_m[3], char *error,
                  size_t error_size)
 {
@@ -207,7 +209,7 @@ static bool fits(const kn_surface_residual *r, const double low_m[3], const doub
     for (int i = 0; i < KN_SURFACE_RAYS; i++) {
         double way[2];
         direction(i, KN_SURFACE_RAYS, way);
-        // The visible extent along each axis is twice the longest ray along that axis.
+        // Along each axis, the visible extent is estimated as twice the longest reach of a ray.
         for (int k = 0; k < 2; k++) reach_m[k] = fmax(reach_m[k], 2 * fabs(r->ray_m[i] * way[k]));
     }
     for (int k = 0; k < 2; k++) there_m[k] = high_m[k] - low_m[k];
@@ -221,7 +223,7 @@ static bool fits(const kn_surface_residual *r, const double low_m[3], const doub
     else if (fabs(r->centre_m[0] - 0.5 * (low_m[0] + high_m[0])) > 0.25 * there_m[0] ||
              fabs(r->centre_m[1] - 0.5 * (low_m[1] + high_m[1])) > 0.25 * there_m[1])
         snprintf(error, error_size,
-                 "has its centre at %.3g, %.3g mm, expected the object's place; is left or top right?",
+                 "has its centre at %.3g, %.3g mm, expected the object's place; are --left and --top right?",
                  1e3 * r->centre_m[0], 1e3 * r->centre_m[1]);
     else if (r->rays < KN_SURFACE_RAYS / 6 || r->patches < 10)
         snprintf(error, error_size,
@@ -251,7 +253,7 @@ bool kn_surface_residual_image(kn_surface_residual *r, const kn_range *frame, ui
     return false;
 }
 
-// ---- distance of a point
+// ---- distance of a point from a triangle
 
 static double length2(const double a[3]) { return kn_dot(a, a); }
 
@@ -264,8 +266,8 @@ static void to_side(const double p[3], const double a[3], const double b[3], dou
     for (int k = 0; k < 3; k++) near[k] = a[k] + share * along[k];
 }
 
-// Find the nearest point of a triangle: the foot of p on its plane if that is inside, else the nearest point of its
-// sides. normal is not normalised.
+// Find the point of a triangle that is nearest to p: the foot of p on the triangle's plane if the foot is inside, or
+// else the nearest point of the sides. `normal` need not have the length 1.
 static void to_triangle(const double p[3], const double corner[3][3], const double normal[3], double near[3])
 {
     double from[3], foot[3], best = INFINITY;
@@ -319,7 +321,8 @@ typedef struct outline {
     double reach_m[ALL_RAYS];
 } outline;
 
-// Extend the rays that the edge from `a` to `b` of a triangle crosses. These rays lie between the angles of its ends.
+// Extend the rays that cross the edge from `a` to `b` of a triangle. Their angles lie between the angles of the two
+// ends of the edge.
 static void sweep(outline *o, const float a[3], const float b[3])
 {
     double p[2] = {a[0] - o->centre_m[0], a[1] - o->centre_m[1]}, q[2] = {b[0] - o->centre_m[0], b[1] - o->centre_m[1]};
@@ -336,15 +339,15 @@ static void sweep(outline *o, const float a[3], const float b[3])
     const double unit = 2 * M_PI / ALL_RAYS;
     for (int k = (int)ceil(from / unit - 0.5); (k + 0.5) * unit <= to; k++) {
         const double way[2] = {cos((k + 0.5) * unit), sin((k + 0.5) * unit)};
-        // The ray from the middle meets the side at turn/across.
+        // The ray meets the edge at the distance turn/across from the middle.
         const double across = way[0] * (q[1] - p[1]) - way[1] * (q[0] - p[0]);
         double *reach_m = &o->reach_m[((k % ALL_RAYS) + ALL_RAYS) % ALL_RAYS];
         if (across > 0) *reach_m = fmax(*reach_m, turn / across);
     }
 }
 
-// Find the largest distance of ray ends beyond the object's sides at rest. Only rays that count and point mostly along
-// the axis are used.
+// Find the largest distance by which rays end beyond the sides that the object has at rest. Along each axis, only rays
+// that count and point mostly along this axis are used.
 static void bulge_of(const kn_surface_residual *r, const double centre_m[2], const double *ray_m, const double low_m[3],
                      const double high_m[3], double bulge_m[2])
 {
@@ -360,7 +363,8 @@ static void bulge_of(const kn_surface_residual *r, const double centre_m[2], con
     }
 }
 
-// Find the model's outline by sweeping all triangle edges, and compare it along the rays that count.
+// Find the model's outline by sweeping over all edges of the triangles, and compare the outline with the measured one
+// along the rays that count.
 static double *compare_outline(const kn_surface_residual *r, const double centre_m[2], const kn_surface *mesh,
                                const float (*now_m)[3], double ray_m[KN_SURFACE_RAYS], double *residual,
                                double *squares)
@@ -379,7 +383,7 @@ static double *compare_outline(const kn_surface_residual *r, const double centre
     return residual;
 }
 
-// Draw the model's range image in the shifted frame and compare the patches.
+// Draw the model's range image in the shifted frame, and compare the mean heights of the patches.
 static bool compare_heights(const kn_surface_residual *r, const double shift_m[2], const kn_surface *mesh,
                             const float (*now_m)[3], double *residual, double *squares)
 {
@@ -433,7 +437,7 @@ bool kn_surface_residual_compare(const kn_surface_residual *r, const double shif
     return true;
 }
 
-// ---- points
+// ---- measured points
 
 bool kn_surface_residual_points(kn_surface_residual *r, int count, double (*point_m)[3], const kn_model_surface *model,
                                 const kn_hidden_area *hidden, char *error, size_t error_size)
@@ -452,15 +456,15 @@ bool kn_surface_residual_points(kn_surface_residual *r, int count, double (*poin
         if (near && point_m[i][2] > 0 && !inside(hidden, point_m[i][0], point_m[i][1]))
             memmove(point_m[kept++], point_m[i], sizeof *point_m);
     }
-    // Keep every n-th point, so that at most KN_SURFACE_POINTS remain.
+    // Keep every n-th point, so that at most KN_SURFACE_POINTS points remain.
     const int every = (kept + KN_SURFACE_POINTS - 1) / KN_SURFACE_POINTS;
     for (int i = 0; every > 0 && i < kept; i += every) memmove(point_m[r->points++], point_m[i], sizeof *point_m);
     r->readings = r->points;
     if (r->points >= 20 && far <= count / 2) return true;
     if (far > count / 2)
         snprintf(error, error_size,
-                 "%d of %d points are farther from the object than its height, expected points on its surface, in the "
-                 "scene's frame",
+                 "%d of %d points are farther from the object than its height, "
+                 "expected points on its surface, in the scene's frame",
                  far, count);
     else
         snprintf(error, error_size, "%d points on the surface that the tool does not hide, expected 20 or more",

@@ -4,18 +4,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-// initial and largest size of the trust region, in the logarithm of an unknown
+// first_trust, most_trust: initial and largest size of the trust region, in the logarithm of an unknown
 static const double first_trust = 0.8, most_trust = 1.6;
 // secant: length of a new secant; short_secant: longest secant that is trusted when the search ends; both in the
 // logarithm of an unknown
 static const double secant = 0.2, short_secant = 0.3;
-// distances in the logarithm of an unknown. settled: a shorter step ends the search; near: evaluations closer than this
-// count as one; far: larger than any distance
+// distances between evaluations, in the logarithm of an unknown. settled: a shorter step ends the search; near:
+// evaluations closer than this count as one; far: larger than any distance
 static const double settled = 0.005, near = 1e-3, far = 1e9;
-// a short step is not tried if its predicted decrease is below this share of the sum of squares
+// the search ends if the next step is shorter than `secant` and its predicted decrease is below this share of the sum
+// of squares
 static const double promise = 1e-3;
-// promise_far replaces `promise` if the sum of squares is above far_off per reading, so the residuals are ten times the
-// noise
+// promise_far replaces `promise` if the sum of squares is above far_off per reading: the residuals are then ten times
+// the noise
 static const double promise_far = 1e-2, far_off = 100;
 
 void kn_trust_region_free(kn_trust_region *s)
@@ -38,8 +39,8 @@ static double distance(const kn_trust_region *s, const double *a, const double *
     return sqrt(sum);
 }
 
-// Return the index of the evaluation at this place. Evaluate the model if there is none. Return -1 if memory runs out or
-// if all evaluations are used up.
+// Return the index of the evaluation at this place (within the distance `near`). If there is none, evaluate the model.
+// Return -1 if memory runs out or if all evaluations are used up.
 static int evaluate(kn_trust_region *s, const double at[KN_TRUST_UNKNOWNS])
 {
     double value[KN_TRUST_UNKNOWNS] = {0};
@@ -67,7 +68,7 @@ static void choose_best(kn_trust_region *s)
         if (s->evaluation[i].sum < s->evaluation[s->best].sum) s->best = i;
 }
 
-// ---- the linear model
+// ---- the linear model of the residuals
 
 static double cross(const double a[2], const double b[2]) { return a[0] * b[1] - a[1] * b[0]; }
 
@@ -98,7 +99,7 @@ static double neighbours(const kn_trust_region *s, int number[KN_TRUST_UNKNOWNS]
     return farthest;
 }
 
-// Solve for the slopes of every residual from the differences to the neighbouring evaluations.
+// Compute the slopes of every residual from its differences to the neighbouring evaluations.
 static void find_slopes(kn_trust_region *s, const int number[KN_TRUST_UNKNOWNS])
 {
     const kn_evaluation *here = &s->evaluation[s->best];
@@ -141,7 +142,7 @@ static kn_fit fit_of(const kn_trust_region *s, double trust)
     return fit;
 }
 
-// ---- the search
+// ---- the search for the minimum
 
 // Evaluate the model beside the best place, with one unknown larger, or smaller if the upper bound is near.
 static bool evaluate_beside(kn_trust_region *s, int unknown)
@@ -152,9 +153,9 @@ static bool evaluate_beside(kn_trust_region *s, int unknown)
     return evaluate(s, there) >= 0;
 }
 
-// Evaluate the model beside the best place until there are neighbours within the distance `reach`. With two unknowns,
-// the first direction is the one across the line to the nearest neighbour. Return false if no further evaluation is
-// possible.
+// Evaluate the model beside the best place until there are neighbours in all directions within the distance `reach`.
+// With two unknowns, consider the line to the nearest neighbour. If this neighbour is within reach, vary the unknown
+// across the line, otherwise the unknown along the line. Return false if no further evaluation is possible.
 static bool evaluate_around(kn_trust_region *s, double reach)
 {
     int number[KN_TRUST_UNKNOWNS];
@@ -170,12 +171,13 @@ static bool evaluate_around(kn_trust_region *s, double reach)
     return true;
 }
 
-// Take one step and adapt the trust region. Return false if no further decrease is expected or all evaluations are used up.
+// Take one step and adapt the trust region. Return false if no further decrease is expected or all evaluations are used
+// up.
 static bool step(kn_trust_region *s, double *trust)
 {
     int number[KN_TRUST_UNKNOWNS];
-    // find neighbours of the best evaluation in all directions, at any distance; twice, since a neighbour may become
-    // the best one
+    // Find neighbours of the best evaluation in all directions, at any distance. Do so twice, since a neighbour may
+    // become the best evaluation.
     for (int i = 0; i < 2; i++) {
         if (!evaluate_around(s, far)) return false;
         choose_best(s);
@@ -242,7 +244,8 @@ kn_fit_interval kn_trust_region_interval(const kn_trust_region *s, int unknown, 
     kn_fit fit = fit_of(s, INFINITY);
     kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
     if (!kn_fit_run(&fit)) return i;
-    // sigma is known, so the scale is at least 1: a smaller scatter is chance, or the data come from the same lattice
+    // The sigmas are known, so the scale is at least 1. A smaller scatter is chance, or the data were simulated with
+    // the same lattice.
     const double scale = fmax(fit.scale, 1);
     const double spread = scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(independent, 1));
     const double half = kn_fit_student(0.95, fmax(independent - s->unknowns, 1)) * spread;

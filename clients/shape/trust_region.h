@@ -19,7 +19,7 @@
 #define KN_TRUST_EVALUATIONS 16
 
 typedef struct kn_evaluation {
-    double at[KN_TRUST_UNKNOWNS]; // logarithms of the unknowns
+    double at[KN_TRUST_UNKNOWNS]; // logarithms of the unknowns at which the model was evaluated
     double *residual, sum; // residuals (owned), and their sum of squares; sum INFINITY: the model has no solution
 } kn_evaluation;
 
@@ -33,7 +33,7 @@ typedef struct kn_trust_region {
     // Callback: compute residual[readings]. Return false if the model has no solution for these values.
     bool (*misfit)(void *of, const double value[KN_TRUST_UNKNOWNS], double *residual);
     void *of;
-    // The following fields are results.
+    // The next fields are results of the search.
     int evaluations, best; // number of evaluations; index of the best one
     kn_evaluation evaluation[KN_TRUST_EVALUATIONS];
     double value[KN_TRUST_UNKNOWNS];
@@ -49,8 +49,8 @@ typedef struct kn_trust_region {
 bool kn_trust_region_run(kn_trust_region *search);
 void kn_trust_region_free(kn_trust_region *search);
 
-// Return the 95 % interval of an unknown by the method "curvature" of least_squares.h. `independent` is the number of independent
-// readings (kn_measurement_independent).
+// Return the 95 % interval of an unknown by the method "curvature" of least_squares.h. `independent` is the number of
+// independent readings (kn_measurement_independent).
 kn_fit_interval kn_trust_region_interval(const kn_trust_region *search, int unknown, double independent);
 
 #endif

@@ -1,7 +1,8 @@
 #ifndef KN_SIMDEV_ENGINE_H
 #define KN_SIMDEV_ENGINE_H
-// The engine behind a simulated device's registers: core/fixed.h in real time, or the circuit under a simulator, in a
-// time of its own.
+// Engine: the part of a simulated circuit board that computes the ticks, behind the registers. There are two engines:
+// `golden` computes by core/fixed.h in real time. `rtl` simulates the circuit of hdl/rtl by Verilator, whose clock runs
+// only while the host uses the circuit.
 #include "server/backend/frame.h"
 
 typedef struct kn_engine_caps {
@@ -10,12 +11,14 @@ typedef struct kn_engine_caps {
 
 typedef struct kn_engine {
     const char *name;
-    kn_word_bus bus;           // hdl/registers.h; time passes only in its transfers
-    void (*blank)(void *self); // power off and on
-    void (*stray)(void *self); // a tick that nobody asked for; NULL: it cannot do that
-    // The circuit's own link, for a serial line; NULL: use server/backend/frame.h. It reads bytes up to the end of the
-    // first frame that it answers, or all of them; *used is their number. It returns the bytes of the answer, including
-    // its 0x00; 0: none. Its transfers to the engine go over `bus`.
+    // Access to the words of hdl/registers.h; the clock of a simulated circuit runs only in these transfers.
+    kn_word_bus bus;
+    void (*blank)(void *self); // switch the power off and on; the memory is lost
+    void (*stray)(void *self); // step a tick that no host has requested; NULL: this engine cannot
+    // Serial link that is part of the circuit. NULL: the circuit has no link, and server/backend/frame.h is used
+    // instead. The function reads bytes up to the end of the first frame that it answers, or all bytes if it answers
+    // none; *used is the number of bytes read. It returns the number of bytes of the answer including its final 0x00,
+    // or 0 without an answer. Its transfers to the engine go over `bus`.
     size_t (*hear)(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
                    uint8_t wire[KN_FRAMER_WIRE]);
     void (*destroy)(void *self);
@@ -23,6 +26,6 @@ typedef struct kn_engine {
 
 // Create an engine. Return false when memory is short.
 bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps);
-bool kn_engine_rtl(kn_engine *engine); // if KN_SIMDEV_RTL is defined; caps 10, 13, 8
+bool kn_engine_rtl(kn_engine *engine); // exists only if KN_SIMDEV_RTL is defined; its caps are 10, 13, 8
 
 #endif

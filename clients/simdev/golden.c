@@ -1,4 +1,5 @@
-// The register map over core/fixed.h. A tick is over before the write that asked for it returns.
+// Engine `golden`: the register map of the circuit, computed by core/fixed.h. A write that requests a tick returns when
+// the tick is over.
 #include "clients/simdev/engine.h"
 #include "core/fixed.h"
 #include "hdl/knead_hash.h"
@@ -19,7 +20,7 @@ typedef struct golden {
     void *memory;
 } golden;
 
-// Set or get one half of a 64-bit number; set_high extends the sign.
+// Set or get one half of a 64-bit number. set_high also extends the sign of a number of `bits` bits.
 static void set_low(int64_t *v, uint32_t word) { *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | word); }
 
 static void set_high(int64_t *v, uint32_t word, int bits)
@@ -30,12 +31,13 @@ static void set_high(int64_t *v, uint32_t word, int bits)
 
 static uint32_t half(int64_t v, uint32_t which) { return (uint32_t)(v >> 32 * which); }
 
-// Return the signed number in the lowest bits of a word.
+// Return the signed number in the lowest `bits` bits of a word.
 static int32_t narrow(uint32_t word, int bits) { return (int32_t)(word << (32 - bits)) >> (32 - bits); }
 
-// ---- records: one word of a window, written or read; false: no such word
+// ---- windows: each function reads or writes one word of a window, and returns false if there is no such word
 
-// Words of a node: x lo, hi of each component, held, u, load, three zeros.
+// Access the words of a node: position x (low and high word of each component), mask of the components that never move,
+// displacement u in the last tick, load, three zeros.
 static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 16, w = at % 16;
@@ -53,7 +55,7 @@ static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Words of a rest position: x lo, hi of each component, two zeros.
+// Access the words of a rest position: low and high word of each component, two zeros.
 static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
@@ -66,7 +68,7 @@ static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Refuse an edge whose ends are no nodes.
+// Write a word of an edge. Refuse an edge with an end that is not a node.
 static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
 {
     kn_fixed_edge *e = &g->image.edge[n];
@@ -82,7 +84,7 @@ static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
     return true;
 }
 
-// Words of an edge: i + (j << 16), kv, ia, h lo, hi, three zeros.
+// Access the words of an edge: nodes i + (j << 16), kv, ia, low and high word of h, three zeros (core/fixed.h).
 static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
@@ -95,7 +97,7 @@ static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Words of a boundary record: node + (holds << 31), value x, y, z.
+// Access the words of a boundary record: node + (holds << 31), value x, y, z (core/fixed.h).
 static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 4, w = at % 4;
@@ -108,7 +110,7 @@ static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Words of the table: R.
+// Access the words of the table of R (core/fixed.h).
 static bool table(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     if (at > KN_FIXED_SEGMENTS) return false;
@@ -117,7 +119,7 @@ static bool table(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Choose the window by address, the highest first.
+// Find the window of an address, from the highest window down, and access the word in this window.
 static bool window(golden *g, uint32_t address, uint32_t *word, bool write)
 {
     if (address >= KN_WINDOW_EDGES) return edge(g, address - KN_WINDOW_EDGES, word, write);
@@ -135,7 +137,7 @@ static bool window(golden *g, uint32_t address, uint32_t *word, bool write)
 
 // ---- registers
 
-// Return the setting behind a register, NULL for other registers.
+// Return a pointer to the setting that a register holds, or NULL if the register holds no setting.
 static int32_t *config_of(golden *g, uint32_t address)
 {
     kn_fixed_config *c = &g->image.config;
@@ -146,7 +148,7 @@ static int32_t *config_of(golden *g, uint32_t address)
     return address >= KN_REG_NODE_COUNT && address <= KN_REG_RELAX ? at[address - KN_REG_NODE_COUNT] : NULL;
 }
 
-// Return the bits of a register; 0: there is none.
+// Return the number of bits of a register, or 0 if there is no register at this address.
 static int bits_of(uint32_t address)
 {
     if (address >= KN_REG_OMEGA) return KN_FIXED_OMEGA;
@@ -159,7 +161,7 @@ static int bits_of(uint32_t address)
     }
 }
 
-// Return the clocks that the circuit would take for a tick.
+// Return the number of clock cycles that the circuit would need for a tick.
 static uint32_t clocks(const golden *g)
 {
     const kn_fixed_config *c = &g->image.config;
@@ -167,7 +169,7 @@ static uint32_t clocks(const golden *g)
                             (uint32_t)c->iterations);
 }
 
-// Take a tick; CYCLES are those that the circuit would take.
+// Step one tick. The register CYCLES gets the number of clock cycles that the circuit would need.
 static void tick(golden *g)
 {
     kn_fixed_tick(&g->fixed, g->bound, (int)g->bound_count, g->reaction, &g->result);
@@ -176,7 +178,8 @@ static void tick(golden *g)
     if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
 }
 
-// The doorbell: only the next number steps, and only a loaded object. The number it has changes nothing.
+// Handle a write to the doorbell STEP_SEQ. Writing its present value plus 1 steps a tick if an object is loaded.
+// Writing its present value again has no effect.
 static void step(golden *g, uint32_t seq)
 {
     if (seq == g->seq) return;
@@ -190,17 +193,17 @@ static void step(golden *g, uint32_t seq)
     }
 }
 
-// Obey the bits of CONTROL.
+// Execute the commands in a word that was written to CONTROL. Each bit is a command.
 static void control(golden *g, uint32_t what)
 {
     if (what & KN_CONTROL_REST) {
-        // A rest keeps the flags; only CONTROL 2 clears them.
+        // The command REST keeps the flags, because only the command CLEAR clears them.
         uint32_t flags = g->fixed.flags;
         kn_fixed_rest(&g->fixed);
         g->fixed.flags = flags;
         g->tick = 0;
     }
-    // An invalid image is not stepped, because its indices would reach into other memory.
+    // Do not mark an invalid image as loaded: a step would follow its indices into memory outside the arrays.
     if (what & KN_CONTROL_LOADED) {
         g->status &= ~(uint32_t)KN_STATUS_LOADED;
         if (!kn_fixed_check(&g->image)) g->status |= KN_STATUS_LOADED;
@@ -210,7 +213,7 @@ static void control(golden *g, uint32_t what)
     if (what & KN_CONTROL_CRC) g->crc = kn_fixed_crc(&g->fixed);
 }
 
-// Read a register; false: there is none at this address.
+// Read a register. Return false if there is no register at this address.
 static bool read_register(golden *g, uint32_t address, uint32_t *word)
 {
     const uint32_t caps = (uint32_t)(g->caps.nodes | g->caps.edges << 8 | g->caps.bounds << 16);
@@ -239,7 +242,7 @@ static bool read_register(golden *g, uint32_t address, uint32_t *word)
     return config;
 }
 
-// Write a setting within its bits and the capacity. It clears LOADED.
+// Write a setting, and clear the status LOADED. Return false if the value has too many bits or exceeds the capacity.
 static bool write_config(golden *g, uint32_t address, uint32_t word)
 {
     int32_t *config = config_of(g, address);
@@ -251,7 +254,7 @@ static bool write_config(golden *g, uint32_t address, uint32_t word)
     return true;
 }
 
-// Write a register; false: read only, too many bits or beyond the capacity.
+// Write a register. Return false if it is read-only, or if the value has too many bits or exceeds the capacity.
 static bool write_register(golden *g, uint32_t address, uint32_t word)
 {
     if (config_of(g, address)) return write_config(g, address, word);
@@ -283,7 +286,7 @@ static bool bus_write(void *self, uint32_t address, uint32_t word)
 
 // ---- power
 
-// Power up: all zeros, nothing loaded.
+// Switch the power on: all memory is zero, and no object is loaded.
 static void blank(void *self)
 {
     golden *g = self;
@@ -301,7 +304,7 @@ static void blank(void *self)
     g->result = (kn_fixed_result){0};
 }
 
-// A tick that no host asked for, for the fault `torn`.
+// Step a tick that no host has requested, for the fault `torn`.
 static void stray(void *self)
 {
     golden *g = self;

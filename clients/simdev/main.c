@@ -21,25 +21,27 @@ static void help(void)
 {
     puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
          "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
-         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory. Print the URI\n"
-         "at which it can be reached, run until SIGTERM or SIGINT, then print the counters.\n\n"
+         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory.\n"
+         "Print the URI by which a host reaches the circuit, run until SIGTERM or SIGINT, then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
          "  --link PATH       symbolic link to the terminal, which stays when the device is unplugged or restarted\n"
          "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine NAME     golden, the lattice in integers, in real time; rtl, the circuit of hdl/rtl (with --uart\n"
-         "                    behind its link), simulated by Verilator in its own time (URI?miss=1000), if built with\n"
-         "                    Verilator (default: golden)\n"
-         "  --caps N,E,B      log2 of the most nodes, edges and nodes under tools for golden (default: 12,16,10); rtl has\n"
-         "                    10,13,8\n"
+         "  --engine NAME     golden or rtl (default: golden).\n"
+         "                    golden computes the lattice in integers, in real time.\n"
+         "                    rtl is the circuit of hdl/rtl, simulated by Verilator, with its own link for --uart.\n"
+         "                    It is slower than real time, so the host needs URI?miss=1000.\n"
+         "                    It exists only if the program was built with Verilator\n"
+         "  --caps N,E,B      log2 of the largest number of nodes, edges and nodes under tools.\n"
+         "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,13,8\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
-         "  --fault ...       inject faults into this share of the requests (default: 0.01):");
+         "  --fault ...       inject faults at random into this share of the requests (default: 0.01):");
 #define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
     printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
 #undef KN_LINK_FAULT_HELP
     puts("  --help, --version\n\n"
-         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or the name is taken.");
+         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or NAME is in use.");
 }
 // clang-format on
 
@@ -67,7 +69,7 @@ static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
     return !rtl && kn_engine_golden(engine, caps);
 }
 
-// Serve until a signal, then print the requests and the faults that struck.
+// Serve until a signal comes, then print the number of requests and of injected faults.
 static int serve(kn_simdev *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
 {
     struct sigaction action = {.sa_handler = on_signal};
@@ -149,10 +151,10 @@ static int run(int argc, char **argv)
         return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; o.bar && i < KN_LINK_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_link_fault_of_frames((kn_link_fault)i))
-            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, since memory has no frames");
-    if (o.rtl && o.sized) return bad("--caps", "--engine golden, since the circuit is built for 10,13,8");
+            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, because shared memory has no frames");
+    if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,13,8");
     if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
-        return bad("torn", "--engine golden, since the circuit steps only on request");
+        return bad("torn", "--engine golden, because the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL
     if (o.rtl)
         return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
@@ -164,7 +166,7 @@ static int run(int argc, char **argv)
 int main(int argc, char **argv)
 {
     int code = run(argc, argv);
-    // Check both: the last flush does not report an earlier failure.
+    // Check both results, because fflush does not report an error of an earlier write.
     if (!(fflush(stdout) | ferror(stdout))) return code;
     fputs("knead-simdev: standard output could not be written to its end\n", stderr);
     return code ? code : 3;

@@ -1,6 +1,6 @@
-// The Verilated circuit behind its word bus, and the Verilated link in front of it. Each has a time of its own, which
-// passes only while it is used: the engine runs for the few clocks of a transfer, the link for the clock of a byte and
-// until it has answered a frame.
+// Engine `rtl`: the circuit of hdl/rtl and its serial link, both simulated by Verilator. Each has its own clock, which
+// runs only while it is used. The circuit runs for the few cycles of a bus transfer. The link runs one cycle for each
+// received byte, and until it has answered a frame.
 #include "Vknead_engine.h"
 #include "Vknead_link.h"
 #include "hdl/sim/word_bus.h"
@@ -15,8 +15,8 @@ namespace
 {
 
 struct link : circuit<Vknead_link> {
-    uint32_t answers; // answers since reset; fewer than the frames it has counted: it is busy
-    size_t size;      // bytes so far of the answer
+    uint32_t answers; // number of answers since reset; if smaller than the number of frames, the link is busy
+    size_t size;      // number of bytes of the present answer so far
 
     explicit link(int seed) : circuit(seed) { reset(); }
     void reset()
@@ -29,7 +29,7 @@ struct link : circuit<Vknead_link> {
         answers = 0;
         size = 0;
     }
-    // Run one clock. Return true if the last byte of an answer has come.
+    // Run one clock cycle of the link. Return true if the link has sent the last byte of an answer.
     bool clock(const kn_word_bus *bus, uint8_t *wire)
     {
         top->clk = 0;
@@ -54,7 +54,7 @@ struct link : circuit<Vknead_link> {
     size_t hear(const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
     {
         *used = 0;
-        while (*used < count || answers != top->frames) { // a frame is counted in the clock of its 0x00
+        while (*used < count || answers != top->frames) { // the link counts a frame in the clock cycle of its 0x00
             top->rx_valid = *used < count && answers == top->frames && top->rx_ready;
             if (top->rx_valid) top->rx_data = bytes[(*used)++];
             if (!clock(bus, wire)) continue;
@@ -68,7 +68,7 @@ struct link : circuit<Vknead_link> {
 };
 
 struct rtl : word_bus<Vknead_engine> {
-    int power_ups = 1; // each one leaves other contents in the memories
+    int power_ups = 1; // number of power-ups; after each, the memories have different random contents
     link line{1};
 
     rtl() : word_bus(1) {}

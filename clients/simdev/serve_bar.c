@@ -1,5 +1,6 @@
-// The register space in a file of shared memory. Plain stores into memory cannot be trapped, so a doorbell beside it
-// tells that a word with an effect was written (server/backend/link.h). Windows are copied when the doorbell is served.
+// Serve the registers in a file of shared memory, which stands for the memory (BAR) of a PCI card. This process does
+// not notice a store into shared memory. So a host that has written a word with an effect rings a doorbell, another
+// word in the file (server/backend/link.h). Windows are copied between file and engine when the doorbell is handled.
 #include "clients/simdev/simdev.h"
 #include "core/fixed.h"
 #include "hdl/registers.h"
@@ -15,7 +16,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Poll without sleeping for SPIN_NS after a request, with short naps for AWAKE_NS, then with long ones.
+// Polling of the doorbell: without sleep until SPIN_NS after the last request, then with sleeps of NAP_US until
+// AWAKE_NS, then with sleeps of SLEEP_US.
 enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_US = 20, SLEEP_US = 2000 };
 
 typedef struct bar {
@@ -35,7 +37,7 @@ static void pull(bar *b, uint32_t from, uint32_t count)
     for (uint32_t at = from; at < from + count; at++) bus->write(bus->self, at, b->word[at]);
 }
 
-// Copy words from the engine into the file. CONTROL is skipped, as reading it means nothing.
+// Copy words from the engine into the file. Skip CONTROL, because it has no meaning when read.
 static void push(bar *b, uint32_t from, uint32_t count)
 {
     const kn_word_bus *bus = &b->simdev->engine.bus;
@@ -43,21 +45,21 @@ static void push(bar *b, uint32_t from, uint32_t count)
         if (at != KN_REG_CONTROL && bus->read(bus->self, at, &word)) b->word[at] = word;
 }
 
-// Copy the registers that the engine changes.
+// Copy the registers that the engine changes into the file.
 static void push_registers(bar *b)
 {
     push(b, KN_REG_ID, KN_REG_RESULT_FLAGS + 1);
     if (b->simdev->faults.rate[KN_LINK_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
 }
 
-// Run the engine until it is not busy.
+// Wait until the engine is not busy. Reading its status lets a simulated circuit run.
 static void run_out(bar *b)
 {
     const kn_engine *e = &b->simdev->engine;
     for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
 }
 
-// Copy the whole object into the engine.
+// Copy the whole object from the file into the engine.
 static void pull_image(bar *b)
 {
     pull(b, KN_REG_NODE_COUNT, KN_REG_RELAX - KN_REG_NODE_COUNT + 1);
@@ -76,8 +78,8 @@ static void push_state(bar *b)
 
 static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX; }
 
-// Make one tick that nobody asked for. Its number is published first, so a host that reads results and then the number
-// sees that the results are not those of its tick.
+// Step one tick that no host has requested. Publish its number before its results. A host that reads first the results
+// and then the number notices that the results are not those of the tick it requested.
 static void stray(bar *b)
 {
     kn_engine *e = &b->simdev->engine;
@@ -90,7 +92,8 @@ static void stray(bar *b)
     push_registers(b);
 }
 
-// Execute a word that the doorbell brought: copy what it needs into the engine, write it, copy the results back.
+// Execute the write that the doorbell announced: copy the words that this write needs into the engine, write the word,
+// and copy the results back into the file.
 static void obey(bar *b, uint32_t address, uint32_t word)
 {
     const kn_word_bus *bus = &b->simdev->engine.bus;
@@ -110,7 +113,7 @@ static void obey(bar *b, uint32_t address, uint32_t word)
 
 // ---- the file
 
-// Create the file under another name, lock and fill it, then rename it, so that no host sees a partial one.
+// Create the file under another name, lock and fill it, then rename it, so that no host sees a partial file.
 static bool make_file(bar *b)
 {
     char fresh[PATH_MAX];
@@ -123,7 +126,8 @@ static bool make_file(bar *b)
     b->word = at;
     b->shm = kn_shm_of(at);
     push_registers(b);
-    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1); // all that the engine holds has survived
+    // The engine may hold an object, because its memory survives the fault `disconnect`.
+    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1);
     push(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
     push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
     push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
@@ -135,13 +139,14 @@ static bool make_file(bar *b)
 
 static void drop_file(bar *b)
 {
-    b->word[KN_REG_ID] = UINT32_MAX; // as a BAR reads when its card is gone
+    b->word[KN_REG_ID] = UINT32_MAX; // a host reads all ones from a PCI card that was removed
     munmap((void *)b->word, KN_SHM_BYTES);
     close(b->fd);
     unlink(b->path);
 }
 
-// Mark a file that another simulator left behind as gone, so that its hosts notice. Return false if one is serving it.
+// In a file that an earlier simulator left behind, mark the device as removed, so that hosts notice. Return false if
+// another simulator still serves the file.
 static bool retire(const char *path)
 {
     int fd = open(path, O_RDWR | O_CLOEXEC);
@@ -158,7 +163,8 @@ static bool retire(const char *path)
     return ours;
 }
 
-// Apply the faults of a request, and set *unplugged if it is lost. Return false if the new file could not be made.
+// Apply the faults that strike a request. Set *unplugged if the device was unplugged, which loses the request. Return
+// false if the file could not be created again.
 static bool suffer(bar *b, bool *unplugged)
 {
     bool blanked;
@@ -170,7 +176,7 @@ static bool suffer(bar *b, bool *unplugged)
     return make_file(b);
 }
 
-// Serve one doorbell, or nap. A fault that unplugs drops the request.
+// Handle the doorbell if a host has rung it, otherwise sleep. If a fault unplugs the device, the request is lost.
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
     kn_engine *e = &b->simdev->engine;

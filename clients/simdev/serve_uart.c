@@ -1,4 +1,4 @@
-// Serve frames on a pseudo-terminal.
+// Serve the registers by frames over a pseudo-terminal.
 #include "clients/simdev/simdev.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
@@ -16,17 +16,19 @@
 typedef struct line {
     kn_simdev *simdev;
     const char *link;
-    char name[64];                     // path of the slave
-    int fd, keep;                      // master; slave, held open so that a host that leaves is no hang-up
-    kn_framer framer;                  // used when the engine has no link of its own
-    uint8_t frame[2 * KN_FRAMER_WIRE]; // the frame so far; noise if it does not end within this size
-    size_t size;                       // bytes of frame
-    bool reacted;                      // this request has had its torn result
-    bool refuses;                      // this request is refused
-    int64_t in_ns, out_ns;             // time at which the last byte was through, in each direction
+    char name[64]; // path of the pseudo-terminal's slave side, which hosts open
+    int fd, keep;  // fd: master side; keep: slave side, kept open so that the master gets no hang-up when a host leaves
+    kn_framer framer; // decoder of frames, used if the engine has no link of its own
+    // Bytes of the present frame; bytes without the end of a frame within this size are noise.
+    uint8_t frame[2 * KN_FRAMER_WIRE];
+    size_t size;           // bytes of frame
+    bool reacted;          // true: the fault `torn` has already struck the present request
+    bool refuses;          // true: the fault `refuse` strikes the present request
+    int64_t in_ns, out_ns; // time at which the last byte has passed the line, received and sent, ns
 } line;
 
-// Make the name a link to this line. A symbolic link there is replaced; anything else belongs to somebody.
+// Create the symbolic link of --link to this pseudo-terminal. An existing symbolic link is replaced. Any other file
+// stays, because it belongs to somebody else.
 static bool take_name(const line *l)
 {
     struct stat was;
@@ -44,7 +46,7 @@ static void leave_name(const line *l)
     if (l->link && readlink(l->link, to, sizeof to - 1) > 0 && strcmp(to, l->name) == 0) unlink(l->link);
 }
 
-// Open a pseudo-terminal in raw mode and name it.
+// Open a pseudo-terminal in raw mode and create the symbolic link to it. tell: print the URI of the device.
 static bool plug_in(line *l, bool tell)
 {
     struct termios t;
@@ -74,7 +76,7 @@ static bool read_word(void *self, uint32_t address, uint32_t *word)
 {
     line *l = self;
     kn_engine *e = &l->simdev->engine;
-    // The fault `torn`: take another tick while a host reads the reactions, once a request.
+    // Fault `torn`: while a host reads the reactions, step another tick, at most once per request.
     bool reaction = address >= KN_WINDOW_REACTIONS && address < KN_WINDOW_NODES;
     if (reaction && !l->reacted && address % 6 == 3 && e->stray &&
         kn_link_faults_strike(&l->simdev->faults, KN_LINK_FAULT_TORN)) {
@@ -94,7 +96,8 @@ static bool write_word(void *self, uint32_t address, uint32_t word)
 
 // ---- frames
 
-// Wait until bytes are through. Each direction is a line of its own, on which one byte follows the other.
+// Wait until the bytes have passed the line at its baud rate. Each direction is a separate line, on which the bytes
+// follow one another.
 static void pass(line *l, int64_t *through_ns, size_t bytes)
 {
     int64_t now_ns = kn_now_ns();
@@ -114,7 +117,7 @@ static void say(line *l, const uint8_t *wire, size_t size)
     }
 }
 
-// Send an answer, with the faults of the line.
+// Send an answer to the host. Faults of the line may strike it.
 static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
 {
     kn_link_faults *f = &l->simdev->faults;
@@ -125,7 +128,7 @@ static void answer(line *l, uint8_t wire[KN_FRAMER_WIRE], size_t size)
     if (kn_link_faults_strike(f, KN_LINK_FAULT_DUPLICATE)) say(l, wire, size);
 }
 
-// Do in C what the circuit's link does.
+// Do the work of the circuit's link in C: decode a frame, execute its request and encode the answer.
 static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
                       uint8_t wire[KN_FRAMER_WIRE])
 {
@@ -134,7 +137,7 @@ static size_t execute(line *l, const kn_word_bus *bus, const uint8_t *bytes, siz
     return payload ? kn_framer_encode(reply, kn_request_execute(l->framer.bytes, payload, bus, reply), wire) : 0;
 }
 
-// Give bytes to the link and send its answers.
+// Give received bytes to the link, and send its answers.
 static void hear(line *l, const uint8_t *bytes, size_t count)
 {
     const kn_engine *e = &l->simdev->engine;
@@ -148,7 +151,8 @@ static void hear(line *l, const uint8_t *bytes, size_t count)
     }
 }
 
-// Bring a frame to the link with the faults of the line. The link decides whether it is a frame.
+// Give a received frame to the link, after the faults of the line have struck. The link decides whether the frame is
+// valid.
 static void bring(line *l)
 {
     kn_link_faults *f = &l->simdev->faults;
@@ -160,8 +164,8 @@ static void bring(line *l)
     l->refuses = false;
 }
 
-// Apply the faults of a request, and set *unplugged if it is lost. Return false if the line could not be plugged in
-// again.
+// Apply the faults that strike a request. Set *unplugged if the device was unplugged, which loses the request. Return
+// false if the pseudo-terminal could not be opened again.
 static bool suffer(line *l, bool *unplugged)
 {
     bool blanked;
@@ -172,7 +176,7 @@ static bool suffer(line *l, bool *unplugged)
     return plug_in(l, false);
 }
 
-// Read what came, and handle each frame at its 0x00.
+// Read the bytes that have come, and handle each frame when its final 0x00 is reached.
 static bool listen_once(line *l)
 {
     uint8_t bytes[4096];
@@ -181,7 +185,7 @@ static bool listen_once(line *l)
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     if (size > 0) pass(l, &l->in_ns, (size_t)size);
     for (ssize_t at = 0; at < size && !*l->simdev->stop; at++) {
-        // Collect bytes up to a 0x00 or a full buffer.
+        // Collect bytes until a 0x00 comes or the buffer is full.
         l->frame[l->size++] = bytes[at];
         if (bytes[at] && l->size < sizeof l->frame) continue;
         if (l->size == 1 || bytes[at]) { // nothing, or noise
@@ -189,7 +193,7 @@ static bool listen_once(line *l)
         } else {
             bool unplugged;
             if (!suffer(l, &unplugged)) return false;
-            if (unplugged) at = size; // drop what came with the frame, too
+            if (unplugged) at = size; // also drop the bytes that came after the frame
             else bring(l);
         }
         l->size = 0;

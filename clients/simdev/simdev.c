@@ -1,11 +1,12 @@
-// Parts of the service that both links share: the faults, and the faults that strike a whole request.
+// Functions for both kinds of link, serial line and shared memory: faults at random, and faults that strike a whole
+// request.
 #include "clients/simdev/simdev.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
-// Words of the faults, and whether they only apply to frames.
+// Name of each fault on the command line, and whether the fault applies to frames only.
 static const struct {
     const char *word;
     bool frames;
@@ -19,7 +20,7 @@ const char *kn_link_fault_word(kn_link_fault fault) { return faults_known[fault]
 
 bool kn_link_fault_of_frames(kn_link_fault fault) { return faults_known[fault].frames; }
 
-// Set the rate of one entry, NAME or NAME=RATE.
+// Parse one entry, NAME or NAME=RATE, and set the rate of this fault.
 static bool parse_one(kn_link_faults *f, const char *entry, size_t length)
 {
     const char *equals = memchr(entry, '=', length);

@@ -1,12 +1,12 @@
 #ifndef KN_SIMDEV_SIMDEV_H
 #define KN_SIMDEV_SIMDEV_H
-// An engine's registers, served to a link of server/backend/link.h until *stop. The URI of that link is printed when
-// serving begins.
+// Simulated device: serves the registers of an engine to a host until *stop is set, over a serial line or in shared
+// memory. At the beginning it prints the URI by which a host reaches the device (server/backend/link.h).
 #include "clients/simdev/engine.h"
 #include <signal.h>
 
-// Deliberate faults, which strike by chance from a seed.
-// name, word, true if the fault only applies to frames (--uart), effect of each strike
+// Faults that are injected on purpose. Random numbers from a seed decide which requests a fault strikes. Columns: name
+// of the constant; name on the command line; true if the fault applies to frames only (--uart); effect of each strike.
 #define KN_LINK_FAULTS(FAULT)                                                                                          \
     FAULT(FLIP, flip, true, "invert one bit of a request or an answer")                                                \
     FAULT(DROP, drop, true, "lose a request or an answer")                                                             \
@@ -16,7 +16,7 @@
     FAULT(HANG, hang, false, "stop for 20 ms, then handle the requests that wait")                                     \
     FAULT(DISCONNECT, disconnect, false, "unplug the device for 5 ms; its memory is kept")                             \
     FAULT(BLANK, blank, false, "switch the power off and on; the memory is lost")                                      \
-    FAULT(TORN, torn, false, "take a tick without a request while the results are read")                               \
+    FAULT(TORN, torn, false, "step a tick without a request while the host reads the results")                         \
     FAULT(REFUSE, refuse, true, "refuse to read or write the words of a request")                                      \
     FAULT(HASH, hash, false, "report a wrong BUILD_HASH, always")
 
@@ -39,9 +39,11 @@ bool kn_link_fault_of_frames(kn_link_fault fault);
 // Parse "NAME[=RATE],...". A rate is 0 .. 1, by default 0.01. Return false with the wrong entry in bad.
 bool kn_link_faults_parse(kn_link_faults *faults, const char *text, char bad[64]);
 
-bool kn_link_faults_strike(kn_link_faults *faults, kn_link_fault fault); // decide by chance; counts each strike
+// Decide at random whether the fault strikes, and count the strike.
+bool kn_link_faults_strike(kn_link_faults *faults, kn_link_fault fault);
 
-// Apply flip and truncate to the bytes of a frame; its last byte stays 0x00. Return its new size.
+// Apply the faults flip and truncate to the bytes of a frame, each at random. The last byte stays 0x00. Return the new
+// size of the frame.
 size_t kn_link_faults_mangle(kn_link_faults *faults, uint8_t *wire, size_t size);
 
 typedef struct kn_simdev {
@@ -49,18 +51,18 @@ typedef struct kn_simdev {
     kn_link_faults faults;
     volatile sig_atomic_t *stop;
     int64_t requests;
-    int64_t byte_ns; // time of a byte on the line; 0: no limit
+    int64_t byte_ns; // time that a byte takes on the line, ns; 0: no limit
 } kn_simdev;
 
-// Serve a pseudo-terminal. link: a name for it, made anew when the terminal changes; NULL: none. Return false with
-// errno set.
+// Serve on a pseudo-terminal. link: path of a symbolic link to the terminal, which is created again when the terminal
+// changes; NULL: no symbolic link. Return false with errno set on failure.
 bool kn_simdev_uart(kn_simdev *simdev, const char *link);
 bool kn_simdev_bar(kn_simdev *simdev, const char *name); // /dev/shm/NAME
 
 void kn_simdev_sleep_us(uint32_t us);
 
 // Apply the faults that strike a whole request: delay, hang and blank, in this order. Set *blanked if the engine has
-// lost its memory. Return true if the fault disconnect strikes, too; the caller then unplugs the device for 5 ms.
+// lost its memory. Return true if the fault disconnect strikes as well. The caller then unplugs the device for 5 ms.
 bool kn_simdev_suffer(kn_simdev *simdev, bool *blanked);
 
 #endif

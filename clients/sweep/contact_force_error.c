@@ -1,4 +1,4 @@
-#include "clients/sweep/contact_force_error.h"
+#include "clients/sweep/replay_trace.h"
 #include <complex.h>
 #include <math.h>
 
@@ -20,7 +20,7 @@ static double squared_distance(const double a[3], const double b[3])
 // Return the relative Euclidean distance sqrt(difference / size) from two sums of squares. Return NAN if `size` is 0.
 static double ratio(double difference, double size) { return size > 0 ? sqrt(difference / size) : NAN; }
 
-// Return the relative distance of n vectors from those in b.
+// Return the relative Euclidean distance between n vectors in a and those in b.
 static double relative(const double (*a)[3], const double (*b)[3], int64_t n)
 {
     double difference = 0, size = 0;
@@ -39,8 +39,8 @@ double kn_contact_force_error(const kn_replay_trace *a, const kn_replay_trace *b
 
 // ---- shape
 
-// Find the index of the cell along one axis that contains the coordinate `place`. It is measured from the first of n
-// nodes, in node spacings. `*in` becomes the position within the cell, 0 to 1.
+// Find the index of the cell that contains the coordinate `place` along one axis. `place` counts node spacings from the
+// first of n nodes. `*in` becomes the position within the cell, 0 to 1.
 static int64_t cell_of(double place, int64_t n, double *in)
 {
     int64_t cell = (int64_t)floor(place);

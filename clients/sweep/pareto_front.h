@@ -3,7 +3,7 @@
 // Comparison of the points of a sweep (`knead tradeoff`). A point is one replay of the log with one choice of lattice,
 // time step and solver settings (sweep_plan.h). The cost of a point is its time per tick. Its errors are measured
 // against references. The Pareto front, or front, is the set of points for which no faster point has a smaller or equal
-// error. All results depend on the traces alone: nothing here reads a clock, and no file but the CSV is written.
+// error. All results depend on the traces alone: nothing here reads a clock. Only the CSV and the picture are written.
 //
 //     error of force and shape, relative L2      solver   point against SAME: same lattice and step, but converged
 //                                                step     SAME against FINE: 1/16 of the scene's step
@@ -14,8 +14,9 @@
 #include "clients/sweep/sweep_plan.h"
 #include <stdio.h>
 
-// A point chatters if the total variation of its force exceeds this factor times the variation of its reference. The
-// total variation of dough is 2.4 times the peak force. A solver that chatters has 4 times the peak force or more.
+// A point chatters if the total variation of its force exceeds this factor times the variation of its reference. On
+// dough, the total variation of a converged solution is 2.4 times the peak force. A chattering solver reaches 4 times
+// the peak force or more.
 #define KN_PARETO_CHATTER 1.3
 
 typedef struct kn_pareto_errors {
@@ -30,7 +31,7 @@ typedef struct kn_pareto_row {
     double peak;
     // Delay of the force, s, and depth of the dent, m, minus those of the reference; positive: later, deeper.
     double lag_s, depth_m;
-    // Largest change of the force in one tick, N per ms: of the point, of its reference, of SAME.
+    // Largest change of the force in one tick, N per ms: in the point, in its reference, and in the reference SAME.
     double jump_n, reference_jump_n, same_jump_n;
     // Total variation of the force over time, of the point and of its reference, divided by the reference's peak force.
     double variation, reference_variation;
@@ -107,5 +108,16 @@ const kn_pareto_row *kn_pareto_front_elsewhere(const kn_pareto_front *front, con
 void kn_pareto_front_csv(const kn_pareto_front *front, FILE *f);
 // Add the rows to the JSON result (result.h) as the list `points`, with the numbers of the CSV file.
 void kn_pareto_front_result(const kn_pareto_front *front);
+
+// Table and picture of the Pareto front.
+
+void kn_pareto_chart_print(const kn_pareto_front *front, const kn_sweep_plan *plan,
+                           const kn_pareto_row *const named[KN_QUALITY_OWN]);
+
+// Draw the time of a tick against three errors with gnuplot: the solver's error of force, the solver's error of shape,
+// and the total error of force, which includes time step and lattice. The first two panels show the Pareto front of
+// each lattice. The third panel shows the Pareto front of all lattices. Return an exit code.
+int kn_pareto_chart_draw(const kn_pareto_front *front, const kn_sweep_plan *plan,
+                         const kn_pareto_row *const named[KN_QUALITY_OWN], const char *path);
 
 #endif

@@ -19,7 +19,7 @@ enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 };
 
 // Beginning of a trace file.
 typedef struct head {
-    uint64_t magic, program, hash; // hash: hash of all bytes of the file after the head
+    uint64_t magic, program, hash; // hash: hash of all bytes of the file after this head
     kn_replay_trace trace;         // sizes and results of the trace; the pointers in `trace` are not valid in a file
 } head;
 
@@ -101,7 +101,7 @@ static bool take_shape(record *r)
     kn_replay_trace *t = r->trace;
     const kn_model *model = r->replay->model;
     const kn_state *state = kn_replay_state(r->replay);
-    // A composite block is recorded at all nodes of its fine lattice.
+    // A block with two resolutions is recorded at all nodes of its fine lattice.
     bool block = !model->def.mesh;
     t->nodes = block ? model->grid.nodes : model->node_count;
     t->spacing_m = model->def.spacing_m;
@@ -135,7 +135,7 @@ static bool play(record *r, const char **why)
         if (kn_interrupted) *why = "interrupted";
         if (kn_interrupted) return false;
     }
-    if (t->ticks == 0) *why = "no hand has a tool in it";
+    if (t->ticks == 0) *why = "no hand holds a tool in this log";
     if (t->ticks == 0 || !take_shape(r)) return false;
     // If no tool ever touched the object, median and 90th percentile are 0; the comparison of the forces reports this
     // case.
@@ -156,7 +156,7 @@ bool kn_replay_trace_play(kn_replay_trace *t, const kn_replay_def *def, char *er
     return ok;
 }
 
-// ---- as a file
+// ---- trace files
 
 // Hash the arrays of a trace.
 static uint64_t hash_of(const kn_replay_trace *t)
@@ -185,7 +185,7 @@ bool kn_replay_trace_save(const kn_replay_trace *t, const char *path, uint64_t p
     return ok;
 }
 
-// Check the sizes in a head before anything is allocated.
+// Check the sizes in the head of a trace file before memory is allocated.
 static bool sensible(const kn_replay_trace *t)
 {
     bool block = t->grid[0] != 0;
@@ -197,7 +197,7 @@ static bool sensible(const kn_replay_trace *t)
     return t->nodes <= NODES_MAX && (!block || cells == (double)t->nodes) && t->spacing_m > 0;
 }
 
-// Read the arrays. The size of the file must agree with the head, and the hash must be right.
+// Read the arrays of a trace file. The size of the file must agree with its head, and the hash must be right.
 static bool read_body(kn_replay_trace *t, FILE *f, uint64_t hash)
 {
     size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;
@@ -297,7 +297,8 @@ static bool same_scene(const kn_replay *r, const kn_replay_def *def, const char 
     if (!r->logged_text) return true;
     if (!scene_hash(def->log_path, r->logged_name, r->logged_text, &logged)) return false;
     if (is_of(path, scene, logged)) return true;
-    // The user's sets may be the only difference between the scenes, so load the scene file once more without the sets.
+    // The user's sets (`key=value`) may be the only difference between the scenes, so load the scene file once more
+    // without the sets.
     kn_scene *file = kn_scene_load(path, NULL, 0, error, sizeof error);
     bool same = is_of(path, file, logged);
     kn_scene_destroy(file);

@@ -11,7 +11,7 @@
 
 typedef struct kn_replay_trace {
     int64_t ticks, probes;
-    // Contact force before any force limit, ticks * probes elements; 0 for a probe without a session.
+    // Contact force before any force limit, an array of ticks * probes forces; 0 for a probe without a session.
     double (*force_n)[3];
     // nodes: number of nodes of the lattice. grid: number of nodes along x, y, z; 0: the object is a mesh.
     int64_t nodes, grid[3];
@@ -71,5 +71,31 @@ bool kn_replay_trace_hash(const char *path, uint64_t *hash);
 // without the sets.
 bool kn_replay_log_check(const kn_replay_def *def, const char *scene_path, const kn_scene *scene, char *error,
                          size_t error_size);
+
+// Differences between two replays of a log: numerical differences, and differences that a hand would notice.
+
+// Return the relative difference |a - b| / |b| between the tool forces of two replays. | | is the Euclidean norm over
+// all ticks and tools. Return NAN if `b` has no force at all.
+double kn_contact_force_error(const kn_replay_trace *a, const kn_replay_trace *b);
+
+// Return the relative difference |a - b| / |b| between the node displacements of two replays after the last tick.
+// Blocks with different lattices are compared at the nodes of `a`. The displacement of `b` at these nodes is
+// interpolated in the cells of `b`. Return NAN if the two replays have different meshes, or if `b` is not deformed.
+double kn_contact_shape_error(const kn_replay_trace *a, const kn_replay_trace *b);
+
+double kn_contact_force_peak(const kn_replay_trace *t); // largest force on a tool, N
+// Largest change of the force on a tool from one tick to the next, N per ms.
+double kn_contact_force_jump(const kn_replay_trace *t);
+// Total variation of the forces on all tools over time, N; twice the peak force in a press without oscillation.
+double kn_contact_force_variation(const kn_replay_trace *t);
+double kn_contact_depth(const kn_replay_trace *t); // largest downward displacement of a node after the last tick, m
+
+// Return the delay of the force of `a` against the force of `b` at 10 Hz, s. Human hands tremble and stroke at about
+// this frequency. The delay is the phase of the cross spectrum, summed over 8 to 12 Hz and all tools, divided by the
+// mean angular frequency in that band. The same recorded motion drives the tools of both replays, so a signal common to
+// both forces comes from the hand. Return NAN if the force has less than 1e-6 of its sum of squares in that band.
+//
+//     S = sum over f of A(f) B*(f)        A(f) = sum over ticks of force exp(-2 pi i f t)        lag = -arg S/(2 pi f)
+double kn_contact_force_lag(const kn_replay_trace *a, const kn_replay_trace *b);
 
 #endif

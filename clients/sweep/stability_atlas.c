@@ -1,4 +1,4 @@
-#include "clients/sweep/stability_atlas.h"
+#include "clients/sweep/stability_trial.h"
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-// Relative error of the time step above which a cell of a map is reported as coarse.
+// Relative error of the time step above which a cell of a map counts as coarse.
 #define COARSE 0.25
 
 static int cells_of(const kn_stability_atlas *a) { return a->first[a->maps]; }
@@ -129,7 +129,7 @@ int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, const char *fam
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a->cell == MAP_FAILED || p == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
-    // Mark every cell as died first. A trial that completes overwrites this verdict.
+    // Mark every cell as DIED before the trials. A trial that completes overwrites this verdict.
     for (int c = 0; c < cells_of(a); c++)
         for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_STABILITY_TRIAL_DIED;
     const int64_t begin_ns = kn_now_ns();

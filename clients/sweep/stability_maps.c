@@ -302,18 +302,18 @@ typedef struct family {
 enum { F_K1, F_C1, F_C2, F_MASS, F_PAIR, F_LIMIT, F_BAR, F_ASPECT, F_SLIVER, F_SQUASH, F_GAS, F_JUMP, F_MIXED, F_SIZE };
 
 static const family families[] = {
-    [F_K1] = {"k1", "the spring, 1e-6 to 1e6 of dough's, at every time step", make_scale},
-    [F_C1] = {"c1", "the dashpot beside it", make_scale},
-    [F_C2] = {"c2", "the damper in series", make_scale},
+    [F_K1] = {"k1", "stiffness k1 of the spring, 1e-6 to 1e6 times dough's, at every time step", make_scale},
+    [F_C1] = {"c1", "damper c1 parallel to the spring, scaled like k1", make_scale},
+    [F_C2] = {"c2", "damper c2 in series, scaled like k1", make_scale},
     [F_MASS] = {"mass", "the density", make_scale},
-    [F_PAIR] = {"pairs", "two of these parameters at once, 1 ms steps", make_pair},
-    [F_LIMIT] = {"limits", "parameters that are zero, ramps, stops", make_limit},
-    [F_BAR] = {"bar", "a single edge, a single node", make_bar},
+    [F_PAIR] = {"pairs", "two of k1, c1, c2 and mass scaled at once, 1 ms steps", make_pair},
+    [F_LIMIT] = {"limits", "materials with zero parameters, ramps or stops", make_limit},
+    [F_BAR] = {"bar", "a single edge or a single node", make_bar},
     [F_ASPECT] = {"aspect", "tetrahedra elongated or flattened", make_aspect},
     [F_SLIVER] = {"sliver", "tetrahedra of almost no volume", make_sliver},
     [F_SQUASH] = {"squash", "compression up to 95 %", make_squash},
     [F_GAS] = {"gas", "cells released from zero volume, and inside out", make_gas},
-    [F_JUMP] = {"jump", "a pose up to 10 cm away for three steps", make_jump},
+    [F_JUMP] = {"jump", "a tool pose displaced by up to 10 cm for three steps", make_jump},
     [F_MIXED] = {"mixed", "all parameters at random over ten decades", make_mixed},
     [F_SIZE] = {"size", "finer blocks, stiffer springs", make_size},
 };
@@ -359,7 +359,7 @@ static void set_y(kn_stability_map *c, const double *y, int count)
     memcpy(c->y, y, (size_t)count * sizeof *y);
 }
 
-// The columns or rows of a map: a short list of values for a quick survey, a long one otherwise.
+// Set the columns (X) or the rows (Y) of a map: to the short list of values in a quick survey, else to the long list.
 #define X(few, all) (l->quick ? set_x(c, few, COUNT(few)) : set_x(c, all, COUNT(all)))
 #define Y(few, all) (l->quick ? set_y(c, few, COUNT(few)) : set_y(c, all, COUNT(all)))
 
@@ -376,7 +376,7 @@ static void add_scales(list *l)
     for (int p = 0; p < PARAMETERS; p++)
         for (int probe = 0; probe < (l->quick ? 1 : 2); probe++) {
             kn_stability_map *c = add(l, F_K1 + p, p + PARAMETERS * probe, parameter_name[p], "dt, s",
-                                      "dough under a %s, %s times", probe ? "ball" : "plate", parameter_name[p]);
+                                      "dough under a %s, %s scaled", probe ? "ball" : "plate", parameter_name[p]);
             X(few_scales, all_scales), Y(few_steps, all_steps);
         }
 }
@@ -389,7 +389,7 @@ static void add_pairs(list *l)
         for (int q = p + 1; q < PARAMETERS; q++) {
             kn_stability_map *c =
                 add(l, F_PAIR, p + PARAMETERS * q, parameter_name[p], parameter_name[q],
-                    "dough under a plate, 1 ms, %s and %s times", parameter_name[p], parameter_name[q]);
+                    "dough under a plate, 1 ms, %s and %s scaled", parameter_name[p], parameter_name[q]);
             X(ends, half_scales), Y(ends, half_scales);
         }
 }
@@ -425,7 +425,7 @@ static void add_meshes(list *l)
     }
     for (int v = 0; v < (l->quick ? 1 : 3); v++) {
         kn_stability_map *c =
-            add(l, F_SLIVER, v, "volume", "dt, s", "%s on tetrahedra, volume left of the flattest", common[v].name);
+            add(l, F_SLIVER, v, "volume", "dt, s", "%s on tetrahedra, volume of the flattest", common[v].name);
         X(few_left, left), Y(few_steps, decades);
     }
 }
@@ -471,7 +471,8 @@ static void add_rest(list *l)
         set_y(c, seeds, l->quick ? 5 : 16);
     }
     for (int v = 0; v < 2; v++) {
-        kn_stability_map *c = add(l, F_SIZE, v, "cells", "k1", "cells across 3 cm, k1 times, %s", v ? "10 ms" : "1 ms");
+        kn_stability_map *c =
+            add(l, F_SIZE, v, "cells", "k1", "cells across 3 cm, k1 scaled, %s", v ? "10 ms" : "1 ms");
         X(few_cells, cells), Y(few_k1, k1);
     }
 }

@@ -74,7 +74,7 @@ static kn_input input_at(const kn_stability_trial *t, const kn_model *m, double 
         in.top_load_n = t->strain * across / compliance;
     }
     if (t->def.probe_count == 0) return in;
-    // The tool has its pose at the begin of the step and its mean velocity over the step.
+    // Set the tool's position at the beginning of the step, and its mean velocity over the step.
     double depth = depth_at(t, time_s - dt), next = depth_at(t, time_s);
     const kn_probe_def *probe = &m->def.probe[0];
     in.probe[0].attached = true;
@@ -86,7 +86,7 @@ static kn_input input_at(const kn_stability_trial *t, const kn_model *m, double 
         in.probe[0].position_m[k] = aside[k] * depth;
         in.probe[0].velocity_m_s[k] = aside[k] * (next - depth) / dt;
     }
-    // The jump lasts three time steps of the trial. In a run with shorter time steps it lasts as long.
+    // The jump lasts three time steps of the trial. In a run with shorter time steps the jump lasts for the same time.
     double at = (time_s - 0.5 * dt) / t->def.solver.dt_s - floor(0.25 * t->steps);
     if (t->hand == KN_STABILITY_TRIAL_HAND_JUMP && at > 0 && at < 3)
         for (int k = 0; k < 3; k++) in.probe[0].position_m[k] += t->jump_m[k];
@@ -162,7 +162,7 @@ static void follow(const kn_stability_trial *t, const kn_model *m, kn_state *s, 
 static void average(const kn_stability_trial *t, trace *x)
 {
     int window = (int)fmin(ceil(DEVICE_S / t->def.solver.dt_s - 1e-9), t->steps / 8.0);
-    // From the last step backwards, because each average still needs the unaveraged samples before it.
+    // Go from the last step backwards, because each average still needs the unaveraged samples before it.
     for (int i = t->steps - 1; i > 0; i--) {
         int count = window < i + 1 ? window : i + 1;
         for (int k = 0; k < 3; k++) {
@@ -218,7 +218,7 @@ static kn_model_def reference_def(const kn_stability_trial *t, int substeps)
     return def;
 }
 
-// Return the settings of a way.
+// Return the settings of one way of solving a trial.
 static kn_model_def way_def(const kn_stability_trial *t, kn_way way)
 {
     kn_model_def def = t->def;
@@ -287,7 +287,7 @@ static double variation(const trace *t)
     return share(sum, peak(t));
 }
 
-// Compare a run x with the reference. finer: the reference with half the time step.
+// Judge the run x by comparison with the reference. finer: the reference with half the time step.
 static kn_score judge(const trace *x, const trace *ref, const trace *finer, double bound)
 {
     kn_score s = {.verdict = KN_STABILITY_TRIAL_REFUSED};

@@ -72,8 +72,8 @@ typedef enum kn_way { KN_WAY_DEFAULT, KN_WAY_SECANT, KN_WAY_TANGENT, KN_WAY_F64,
 // Judgement of one way of solving a trial.
 typedef struct kn_score {
     kn_judgement verdict;
-    // force, shape: force error and shape error as defined above. variation: (total variation / peak) of the forces,
-    // divided by the same ratio of the reference.
+    // force, shape: force error and shape error as defined at the top of this file. variation: (total variation / peak)
+    // of the forces, divided by the same ratio of the reference.
     double force, shape, variation;
     char reason[120]; // reason of the verdict REFUSED or DIED
 } kn_score;
@@ -125,5 +125,36 @@ int kn_stability_maps(kn_stability_map maps[KN_STABILITY_MAPS_MAX], bool quick);
 // Create the trial that belongs to one cell of a map. Free it with kn_stability_trial_free. Return false if out of
 // memory.
 bool kn_stability_map_trial(const kn_stability_map *map, int column, int row, kn_stability_trial *trial);
+
+// Atlas: all maps with the outcome of every cell. Several processes run the trials of the cells in parallel. Afterwards
+// the maps are printed, written to a file and drawn. Text and files do not depend on the number of processes.
+
+#define KN_STABILITY_ATLAS_JOBS_MAX 256
+
+typedef struct kn_stability_atlas {
+    kn_stability_map map[KN_STABILITY_MAPS_MAX];
+    int maps;
+    // Index of the first cell of each map, followed by the total number of cells. The cells of a map are numbered row
+    // by row, from left to right.
+    int first[KN_STABILITY_MAPS_MAX + 1];
+    kn_outcome *cell; // outcome of each cell, in memory that all processes share
+    double seconds;   // wall-clock duration of the survey of all cells, s
+} kn_stability_atlas;
+
+// The kn_stability_atlas functions that return int return an exit code. On failure they print one line on stderr.
+
+// Run the trials of all cells in `jobs` parallel processes. If `quick` is true, each map has fewer cells. Only maps of
+// the family `family` are included, or all maps if it is NULL.
+int kn_stability_atlas_survey(kn_stability_atlas *atlas, bool quick, const char *family, int jobs);
+void kn_stability_atlas_free(kn_stability_atlas *atlas);
+
+// Print the table of the outcomes, the maps and remarks on single cells. Return true if, in every cell, the default
+// solver gives a right result or refuses the scene.
+bool kn_stability_atlas_print(const kn_stability_atlas *atlas);
+
+// Write the outcome of every cell as CSV.
+int kn_stability_atlas_write(const kn_stability_atlas *atlas, const char *path);
+// Draw the maps as PNG.
+int kn_stability_atlas_draw(const kn_stability_atlas *atlas, const char *path);
 
 #endif

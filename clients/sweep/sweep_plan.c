@@ -39,7 +39,7 @@ const char *kn_sweep_run_name(const kn_sweep_run *run, char text[96])
     return text;
 }
 
-// Add one formatted `key=value` to the sets.
+// Add one formatted setting `key=value` to the list.
 __attribute__((format(printf, 2, 3))) static void put(kn_sweep_run_sets *s, const char *format, ...)
 {
     char *text = s->made[s->count];
@@ -57,7 +57,7 @@ void kn_sweep_run_sets_make(kn_sweep_run_sets *s, const kn_sweep_run *run)
     put(s, "solver.precision=%s", run->precision == KN_PRECISION_F64 ? "f64" : "f32");
     put(s, "solver.dt=%.17g s", run->dt_s);
     if (run->spacing_m > 0) put(s, "object.spacing=%.17g m", run->spacing_m);
-    // The keys below belong to the implicit solver only.
+    // The settings below belong to the implicit solver only.
     if (run->method == KN_METHOD_RK4) return;
     put(s, "solver.linearization=%s", names[run->method]);
     put(s, "solver.iterations=%d", run->iterations);
@@ -82,7 +82,8 @@ static bool resolve(const kn_sweep_plan *plan, kn_sweep_run *run, char *error, s
     if (scene && built) model = kn_model_build(&scene->model, error, error_size);
     bool ok = scene && (model || !built);
     if (ok) {
-        // In a composite lattice some nodes are tied to others. Tied nodes are not counted.
+        // In a lattice with two resolutions the motion of some nodes is interpolated from other nodes. Such nodes are
+        // not counted.
         const int *n = scene->model.nodes;
         run->nodes = scene->mesh ? scene->mesh->node_count : n[0] * n[1] * n[2];
         if (composite) run->nodes = model->node_count - kn_composite_tied(model);
@@ -176,7 +177,8 @@ static int cap_of(const kn_sweep_run *run)
     return cap < CAP_LEAST ? CAP_LEAST : cap > CAP ? CAP : cap;
 }
 
-// Add the runs of one method, precision, step and lattice: the product of passes, counts and tolerances.
+// Add the runs of one method, precision, step and lattice: one run for each combination of passes, counts and
+// tolerances.
 static bool add_efforts(kn_sweep_plan *plan, const kn_axes_def *a, kn_sweep_run run, char *error, size_t error_size)
 {
     if (run.method == KN_METHOD_RK4) {
@@ -200,7 +202,7 @@ static bool add_efforts(kn_sweep_plan *plan, const kn_axes_def *a, kn_sweep_run 
     return true;
 }
 
-// Add the runs of one lattice: the product of steps, methods and precisions.
+// Add the runs of one lattice: all combinations of steps, methods and precisions.
 static bool add_lattice(kn_sweep_plan *plan, const kn_axes_def *a, kn_sweep_run run, char *error, size_t error_size)
 {
     for (int d = 0; d < (a->steps ? a->steps : 1); d++)
@@ -254,7 +256,8 @@ bool kn_sweep_plan_references(kn_sweep_plan *plan, char *error, size_t error_siz
 {
     int points = plan->count;
     if (plan->scene->accuracy > 0)
-        note(plan, "two resolutions, in the references too: knead check --log measures the error of the coarser one");
+        note(plan, "the lattice has two resolutions, also in the references: knead check --log measures the error of "
+                   "the coarser one");
     for (int i = 0; i < points; i++) {
         kn_sweep_run run = plan->run[i];
         run.same = take_reference(plan, &run, KN_ROLE_SAME, error, error_size);

@@ -110,7 +110,7 @@ typedef struct kn_tradeoff_options {
     double budget_us;
     // True: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
     bool listed;
-    kn_axes_def axes; // values of each varied solver setting, see sweep_plan.h
+    kn_axes_def axes; // values of each varied solver setting
 } kn_tradeoff_options;
 
 // Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.

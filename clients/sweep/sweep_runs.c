@@ -277,7 +277,8 @@ static bool write_file(const kn_sweep_runs *c, const char *name, const char *end
     return f && fclose(f) == 0 && ok;
 }
 
-// Describe the replay of a run on the scene in the folder. `sets` and `scene` hold what the description points to.
+// Describe the replay of a run on the scene in the folder. `sets` and `scene` are the memory that the description
+// points to.
 static kn_replay_def replay_of(const kn_sweep_runs *c, const kn_sweep_run *run, kn_sweep_run_sets *sets,
                                char scene[PATH_MAX])
 {
@@ -496,7 +497,7 @@ static void clean_hosts(const kn_sweep_runs *c)
         "rm",       "-rf",     folder_there(c, folder), NULL};
     pid_t child = fork();
     if (child == 0) {
-        // GNU parallel has already reported the error of a host, so discard the messages
+        // GNU parallel has already reported the error of a host, so discard the messages.
         dup2(open("/dev/null", O_WRONLY), STDERR_FILENO);
         become(c, argv);
     }
@@ -572,7 +573,8 @@ static int play_in_parallel(kn_sweep_runs *c)
                            foreign);
     if (code == 0 && missing == 0) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%d of %d runs have no result%s", missing, c->plan->count,
-                       c->resume ? "; repeat the command to play them" : "; --resume DIR would keep the others");
+                       c->resume ? "; repeat the command to play them"
+                                 : "; with --resume DIR the finished runs would be kept");
 }
 
 // ---- all of it

@@ -62,7 +62,9 @@ typedef struct kn_sweep_runs {
 } kn_sweep_runs;
 
 // All functions of this header that return int return an exit code. On failure they print one line on stderr.
-int kn_sweep_runs_open(kn_sweep_runs *crew); // open the folder; the caller must have set the fields before `folder`
+
+// Open the folder; the caller must have set the fields declared before `folder`.
+int kn_sweep_runs_open(kn_sweep_runs *crew);
 int kn_sweep_runs_play(kn_sweep_runs *crew);
 // Load the traces of all runs into traces[number of runs], which the caller has zeroed.
 int kn_sweep_runs_load(const kn_sweep_runs *crew, kn_replay_trace *traces);

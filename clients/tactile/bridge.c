@@ -10,7 +10,8 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-// Priority of the bridge's thread (SCHED_FIFO), below kneadd's threads; it assumes a processor of its own.
+// Priority of the bridge's thread (SCHED_FIFO). It is below that of kneadd's threads, so the bridge needs another
+// processor than the servo thread.
 static const int priority = 60;
 static const int retry_ms = 500;
 
@@ -44,7 +45,7 @@ void kn_mount_orientation(const kn_device_def *d, const double device_wxyz[4], d
 {
     double a[3][3];
     kn_device_axes(d, a);
-    scene_wxyz[0] = device_wxyz[0]; // A rotates the axis of the rotation and leaves its angle unchanged
+    scene_wxyz[0] = device_wxyz[0]; // the matrix A turns the axis of the rotation and leaves its angle unchanged
     for (int i = 0; i < 3; i++)
         scene_wxyz[1 + i] = a[i][0] * device_wxyz[1] + a[i][1] * device_wxyz[2] + a[i][2] * device_wxyz[3];
 }
@@ -88,10 +89,10 @@ static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
     pose->utime = kn_stamp_us();
     pose->sent_ns = kn_now_ns();
     int size = knead_probe_pose_t_encode(bytes, 0, sizeof bytes, pose);
-    kn_bus_client_send(b->bus, b->pose_channel, bytes, size); // no retry: the watchdogs cover a lost pose
+    kn_bus_client_send(b->bus, b->pose_channel, bytes, size); // do not retry: the watchdogs cover a lost pose
 }
 
-// Take a pose of the device: give it the session's session and number, turn it into the scene's axes, and send it.
+// Take a pose of the device: turn it into the scene's axes, add the number of the session and of the pose, and send it.
 void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 {
     kn_device_session *t = &b->now.session;
@@ -150,8 +151,8 @@ static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *sel
     kn_haptic_render_contact(&b->now.session.render, &unit);
 }
 
-// Close a device that was reported lost. The close waits for the tick, so that no driver is closed inside its own
-// callback.
+// Close a device that was reported lost. The device is closed in the tick and not at once, because a driver must not be
+// closed inside its own callback.
 static void close_lost(kn_bridge *b)
 {
     if (!b->lost) return;
@@ -216,8 +217,8 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)ev, (void)events;
     kn_bridge *b = watcher->data;
-    // The timer counts the periods since the last read, so a stall is known to the watchdogs. More than 1 s counts
-    // as 1 s.
+    // The timer counts the periods since the last read, so the watchdogs learn of a stall. A stall of more than 1 s
+    // counts as 1 s.
     uint64_t times = 1;
     if (read(b->timer_fd, &times, sizeof times) == sizeof times) kn_bridge_tick(b, times < 1000 ? (int)times : 1000);
 }
@@ -242,7 +243,7 @@ static bool watch(kn_bridge *b)
     ev_io_init(&b->forces, on_forces, kn_bus_client_fd(b->bus), EV_READ);
     b->forces.data = b;
     ev_io_start(b->ev, &b->forces);
-    // A timerfd, because libev's own timers have only the millisecond resolution of epoll.
+    // Use a timerfd, because libev's own timers have only the millisecond resolution of epoll.
     const struct itimerspec every = {{0, KN_PERIOD_NS}, {0, KN_PERIOD_NS}};
     b->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     if (b->timer_fd < 0 || timerfd_settime(b->timer_fd, 0, &every, NULL) != 0) {
@@ -341,7 +342,7 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
     return false;
 }
 
-// Return the newest posted state. If no newer state was posted, return the same state as in the last call.
+// Return the newest posted state. If no state was posted since the last call, return the state of the last call again.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
 {
     bool fresh;

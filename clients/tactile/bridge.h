@@ -23,7 +23,7 @@
 #include <semaphore.h>
 #include <stdatomic.h>
 
-// ---- mounting of a device in the scene, beyond core/device.h; pure
+// ---- mounting of a device in the scene: pure functions that core/device.h does not have
 
 // Set a device to default values: axes as in the scene (x to the right, y forward, z up), scales 1, origin at 0.
 void kn_mount_init(kn_device_def *device);
@@ -60,9 +60,9 @@ typedef struct kn_tactile {
     // Open the device and attach its watchers to bridge->ev. On failure return false and one line in `error`. A driver
     // may return true before its device has answered. If no answer comes, the driver then calls kn_bridge_lost.
     bool (*open)(struct kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size);
-    // Closes the device; also called after kn_bridge_lost; never called before open.
+    // Close the device. Called at the end and after kn_bridge_lost, but never before open.
     void (*close)(struct kn_tactile *device);
-    // Free the driver's resources. Called once at the end, while bridge->ev still exists. NULL: nothing to free.
+    // Free the driver's resources. Called once at the end, while bridge->ev still exists. NULL: nothing is to be freed.
     void (*destroy)(struct kn_tactile *device);
     // Do the driver's periodic work. Called every ms while the device is open. NULL: the driver has no periodic work.
     void (*tick)(struct kn_tactile *device, int elapsed_ms);
@@ -85,9 +85,10 @@ typedef struct kn_tactile {
 // State of the bridge for other threads, posted every ms.
 typedef struct kn_bridge_news {
     kn_device_session session;
-    bool there;               // the device has given a pose since it was last opened
-    int64_t arrivals, losses; // times that the device appeared, and was lost after it had given a pose
-    char why[160];            // reason why the device was last lost
+    bool there; // true: the device has given a pose since it was last opened
+    // Number of times that the device gave its first pose after an opening, and that it was lost after that.
+    int64_t arrivals, losses;
+    char why[160]; // reason why the device was last lost
     // messages, bad, lost: counters of the driver, see kn_tactile. late: total delay of the 1 ms timer [ms].
     int64_t messages, bad, lost, late;
     char bad_why[96], state[96];
@@ -99,7 +100,7 @@ typedef struct kn_bridge_news {
 struct kn_bridge {
     struct ev_loop *ev;
     bool lost; // kn_bridge_lost was called: the device will be closed within 1 ms
-    // private
+    // The fields below are used by bridge.c only.
     kn_tactile *device;
     const char *url;
     char pose_channel[64], force_channel[64], contact_channel[64], *error;
@@ -132,15 +133,15 @@ typedef struct kn_bridge_def {
 // Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be
 // zeroed, and must not move in memory afterwards.
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
-// Returns the newest state of the bridge; valid until the next call.
+// Return the newest state of the bridge. It is valid until the next call of this function.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge);
-// Returns 0, or the errno with which the system refused the priority SCHED_FIFO.
+// Return 0, or the errno with which the system refused the priority SCHED_FIFO.
 int kn_bridge_priority_error(const kn_bridge *bridge);
-// Sets the motors to zero force, closes the device and ends the thread.
+// Set the motors to zero force, close the device and end the thread.
 void kn_bridge_stop(kn_bridge *bridge);
 
-// These four functions run a bridge without a thread and a timer of its own. The caller calls kn_bridge_tick every ms
-// and kn_bridge_hear as soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses
+// The four functions below run a bridge in the caller's thread, without a timer. The caller calls kn_bridge_tick every
+// ms, and kn_bridge_hear as soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses
 // bridge->ev cannot be opened with kn_bridge_open.
 bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 void kn_bridge_hear(kn_bridge *bridge);
@@ -153,7 +154,7 @@ void kn_bridge_close(kn_bridge *bridge);
 void kn_bridge_moved(kn_bridge *bridge, const kn_tactile_pose *pose);
 // Report that the device is gone. The bridge closes the device within 1 ms and tries every 500 ms to open it again.
 __attribute__((format(printf, 2, 3))) void kn_bridge_lost(kn_bridge *bridge, const char *format, ...);
-// Count a malformed message and keep the reason.
+// Count a malformed message of the device. The text says what was wrong with the message.
 __attribute__((format(printf, 2, 3))) void kn_tactile_bad(kn_tactile *device, const char *format, ...);
 
 #endif

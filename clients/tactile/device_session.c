@@ -9,7 +9,7 @@ void kn_device_session_init(kn_device_session *t, int64_t session, const kn_hapt
     *t = (kn_device_session){.session = session, .tick = -1};
     kn_haptic_render_init(&t->render, render);
     kn_haptic_render_begin(&t->render, session);
-    // The local model stays valid without messages for much longer than a bare force, so its watchdog waits longer.
+    // Without messages, the local model stays valid for much longer than a single force, so its watchdog waits longer.
     kn_watchdog_init(&t->forces, render->local ? KN_HAPTIC_RENDER_LOCAL_HOLD_MS : 0,
                      render->local ? KN_HAPTIC_RENDER_LOCAL_ZERO_MS : 0);
     kn_watchdog_init(&t->poses, 0, 0);
@@ -17,8 +17,7 @@ void kn_device_session_init(kn_device_session *t, int64_t session, const kn_hapt
 
 static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// The link is live if the mode is HELD, the forces have not stopped, and no stop of the output stage has faded the
-// force to zero.
+// A force may be given if the mode is HELD, forces arrive, and no stop of the output stage has faded the force to zero.
 bool kn_device_session_live(const kn_device_session *t)
 {
     bool stopped = t->render.stop && t->render.gain == 0.0;
@@ -65,7 +64,7 @@ bool kn_device_session_take(kn_device_session *t, const kn_device_session_force 
         t->late++;
         return false;
     }
-    // Only the first answer to a pose measures the round trip. Later answers are older by the ticks in between.
+    // Measure the round trip with the first answer to a pose only. Further answers to this pose come ticks later.
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_haptic_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
         t->refused++; // a refused force does not reset the watchdog
@@ -88,7 +87,7 @@ static void fall_silent(kn_device_session *t)
     t->flags = t->fault = 0;
 }
 
-// Begin a new session: from zero force, with both watchdogs rearmed.
+// Begin a new session with zero force, and rearm both watchdogs.
 static void begin_anew(kn_device_session *t)
 {
     t->mode = KN_SESSION_HELD;
@@ -100,12 +99,13 @@ static void begin_anew(kn_device_session *t)
     kn_watchdog_rearm(&t->poses);
 }
 
-// Return whether the session must be given up: after a fault or a faded reflex, which only a new session clears, or
-// when a link that was too slow has become fast enough again.
+// Return true if the session must end, so that a new one can begin. This is the case after a trip of kneadd's impulse
+// guard, after a trip of the own impulse guard once the force has faded, and when a link that was too slow has become
+// fast enough again.
 static bool wants_anew(kn_device_session *t)
 {
     const kn_haptic_render *r = &t->render;
-    // Lifting the tool does not clear this fault of kneadd, so only a new session helps.
+    // Lifting the tool does not clear a trip of kneadd's impulse guard; only a new session does.
     bool fault = t->fault == KN_FAULT_IMPULSE && (t->flags & KN_FLAG_LATCHED);
     bool near = r->stop == KN_HAPTIC_RENDER_FAR && r->round_trip_s < KN_HAPTIC_RENDER_NEAR_S;
     t->faults += fault;

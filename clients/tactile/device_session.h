@@ -5,7 +5,7 @@
 // kneadd.
 //
 //     device --pose-->  [ watchdog of poses ] --seq--> kneadd
-//            <-given--  [ output stage, render.h; watchdogs ] <--force, contact--
+//            <-given--  [ output stage (haptic_render.h), watchdogs ] <--force, contact--
 //
 //     HELD --no force for 20 ms, no pose for 20 ms, a faded reflex, a fault that only a new session -----> SILENT
 //       ^    clears, or a link that was too slow for forces and is fast enough again                         |
@@ -35,17 +35,16 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
     // did not run for that time.
     int stalled_ms;
     kn_watchdog forces, poses;
-    // fresh_force: a force has arrived since the last tick; fresh_pose: a pose has arrived since then.
-    bool fresh_force, fresh_pose;
-    bool given;          // kn_device_session_give has run since the last tick
-    double given_s;      // time of the last kn_device_session_give, s
-    int64_t answered;    // number of the newest pose of this session that a force has answered
-    int64_t tick;        // kneadd's tick of the newest force of this session; -1: no force yet
-    int64_t sent, heard; // number of poses sent, and of forces accepted, in all sessions of this device
-    // Number of forces that belong to another client's session, so that client holds the tool.
+    bool fresh_force, fresh_pose; // true: a force (a pose) has arrived since the last tick
+    bool given;                   // true: kn_device_session_give has run since the last tick
+    double given_s;               // time of the last kn_device_session_give, s
+    int64_t answered;             // number of the newest pose of this session that a force has answered
+    int64_t tick;                 // kneadd's tick of the newest force of this session; -1: no force yet
+    int64_t sent, heard;          // number of poses sent, and of forces accepted, in all sessions of this device
+    // Number of forces that belong to a session of another client. While this number grows, that client holds the tool.
     int64_t foreign;
-    // Number of repeated or overtaken forces: their tick is not newer than that of the last accepted force. Such forces
-    // do not reset the watchdog.
+    // Number of forces whose tick is not newer than that of the last accepted force, because they were repeated or
+    // overtaken. They do not reset the watchdog.
     int64_t late;
     int64_t refused; // number of poses and forces that contain a number that is not finite
     int64_t faults;  // number of sessions that ended because kneadd's impulse guard tripped
@@ -75,11 +74,11 @@ bool kn_device_session_take(kn_device_session *link, const kn_device_session_for
 void kn_device_session_give(kn_device_session *link, double now_s);
 
 // Advance both watchdogs and the mode by elapsed_ms. Call this every millisecond. The function also computes
-// render.given_n. With the local model it leaves given_n as it is if kn_device_session_give has run since the last
-// tick, unless the mode has just become SILENT.
+// render.given_n, except with the local model if kn_device_session_give has already computed it since the last tick.
+// When the mode becomes SILENT, given_n is always computed.
 void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
 
-// Return true if the motors may be enabled, because a force may be given.
+// Return true if the session may give a force, so that the motors may be enabled.
 bool kn_device_session_live(const kn_device_session *link);
 
 #endif

@@ -21,10 +21,11 @@ static const char help[] =
     "haptic devices on USB. Each entry tells how to use the device, which `device:` of a scene fits it, what is\n"
     "missing, and the fix. No device is opened.\n\n"
     "  --json       print JSON\n"
-    "  --root DIR   look for dev and sys in DIR (default: /)\n\n"
+    "  --root DIR   search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
     "Exit codes: 0 for any result, 2 bad input.\n";
 
-// Known USB devices: vendor, product (-1: any), name, most suitable profile. knead drives pucks through spacenavd.
+// Known USB devices. Columns: vendor, product (-1: any), true for a puck (3D mouse), name, most suitable profile. knead
+// drives pucks through spacenavd.
 static const struct known {
     unsigned vendor;
     int product;
@@ -92,7 +93,7 @@ static void find_spacenavd(kn_found *f, bool puck)
     strcpy(f->kind, "spacenavd");
     set(f->where, "%s", kn_spacenav_socket());
     set(f->use, "knead hand spacenav");
-    f->profile = "bench"; // a puck has no motors that a force limit must protect
+    f->profile = "bench"; // a puck has no motors, so the force limit of the profile does not matter
     if (!puck) set(f->name, "no known puck on USB");
     f->ready = kn_spacenav_reach();
     if (f->ready) return;
@@ -166,7 +167,7 @@ static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck
         set(f->use, "knead hand spacenav");
     } else {
         set(f->missing, "no driver for %s", known->name);
-        set(f->fix, "extend clients/examples/hand.c with the maker's library; `device: %s` in the scene",
+        set(f->fix, "extend clients/examples/hand.c with the maker's library; set `device: %s` in the scene",
             known->profile);
     }
     return true;
@@ -188,7 +189,7 @@ int kn_devices_find(const char *root, kn_found *found)
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
         globfree(&list);
     }
-    // USB devices of known vendors, by the ids in /sys.
+    // Find USB devices of known vendors by their ids in /sys.
     snprintf(pattern, sizeof pattern, "%s/sys/bus/usb/devices/*", root);
     if (glob(pattern, 0, NULL, &list) == 0) {
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++)
@@ -253,7 +254,7 @@ int kn_devices_main(int argc, char **argv)
     int code = kn_options_read(&table, &o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("devices", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("devices", KN_EXIT_USAGE, "--root: expected a shorter path");
     kn_found *found = calloc(KN_DEVICES_MAX, sizeof *found);
     if (!found) return kn_complain("devices", KN_EXIT_INTERNAL, "out of memory");
     int count = kn_devices_find(o.root, found);

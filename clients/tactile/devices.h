@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// Largest number of devices found, and size of a text, bytes.
+// Largest number of devices in a list, and size of each text of an entry, bytes.
 #define KN_DEVICES_MAX 64
 #define KN_DEVICES_TEXT 192
 
@@ -27,15 +27,15 @@ typedef struct kn_found {
     char fix[KN_DEVICES_TEXT];     // what the user can do to make the device ready
 } kn_found;
 
-// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. If more devices exist, the
-// others are left out. root: "", or for tests a folder that contains the folders dev and sys.
+// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. Further devices are left out.
+// root: "", or a folder whose subfolders dev and sys are searched instead of /dev and /sys.
 int kn_devices_find(const char *root, kn_found *found);
 
 // Read the first line of a file, without its end. Return false if the file cannot be read or is empty.
 bool kn_devices_read_line(const char *path, char *line, size_t size);
 
-// Print {key: list} as JSON, and free the list. Return KN_EXIT_OK, or complain in the name of the command and return
-// KN_EXIT_INTERNAL if memory is short.
+// Print {key: list} as JSON, and free the list. Return KN_EXIT_OK. If memory is short, print an error message that
+// begins with the name of the command, and return KN_EXIT_INTERNAL.
 int kn_devices_print(const char *command, const char *key, json_t *list);
 
 #endif

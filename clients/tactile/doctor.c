@@ -33,11 +33,11 @@ static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
     "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
     "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups of\n"
-    "the user, permissions of devices. Then measure how late a thread wakes that sleeps a millisecond at a time, as\n"
-    "kneadd's does.\n\n"
+    "the user, permissions of devices. Then run a thread that sleeps until each millisecond, as the servo thread of kneadd\n"
+    "does, and measure how late it wakes up.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
-    "  --root DIR    look for dev and sys in DIR (default: /)\n\n"
+    "  --root DIR    search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
     "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
 // clang-format on
 
@@ -123,7 +123,7 @@ static void look_at_limits(findings *f)
         "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo groupadd -fr knead; sudo usermod -aG "
         "knead $USER; log in again");
     // The kernel limits real-time threads to a part of each second. A limit below 90 % could stop a busy servo loop. A
-    // negative value means no limit.
+    // negative value stands for no limit.
     char word[32];
     if (!kn_devices_read_line("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
@@ -153,7 +153,8 @@ static void look_at_bus(findings *f)
     if (!kn_devices_read_line("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
     long bytes = strtol(word, NULL, 10);
     // Root may exceed rmem_max, so the limit does not matter for root.
-    c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may keep %ld KiB", bytes >> 10);
+    c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "the receive buffer of a socket may have %ld KiB",
+            bytes >> 10);
     fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
 }
 
@@ -193,7 +194,7 @@ static void look_at_processor(findings *f)
 enum { GROUPS = 256 };
 
 // Return true if the user is in a group. by_now false: use the groups of this process, which date from the log-in.
-// by_now true: use the system's files, which may be newer.
+// by_now true: use the system's list of groups, which may be newer.
 static bool has_group(gid_t group, bool by_now)
 {
     gid_t list[GROUPS];
@@ -206,7 +207,7 @@ static bool has_group(gid_t group, bool by_now)
     return !by_now && getegid() == group;
 }
 
-// Check that the user is a member of `group`. `whose`: text that states the purpose of the group.
+// Check that the user is a member of `group`. whose: text that says what members of the group may do.
 static void look_at_group(findings *f, const struct group *group, const char *whose)
 {
     char name[64];
@@ -235,7 +236,7 @@ static void look_at_groups(findings *f, const char *root, const kn_found *found,
         struct stat node;
         bool known = false;
         snprintf(path, sizeof path, "%s%s", root, found[i].where);
-        // Membership helps only if the group has access to the file and other users have none.
+        // Look at serial lines only, and only if the group may read and write the device file and other users may not.
         if (strcmp(found[i].kind, "tty") != 0 || stat(path, &node) != 0 || (node.st_mode & 0066) != 0060) continue;
         for (int t = 0; t < tolds; t++) known |= told[t] == node.st_gid;
         const struct group *owner = known ? NULL : getgrgid(node.st_gid);
@@ -253,7 +254,7 @@ static void look_at_devices(findings *f, const char *root)
     look_at_groups(f, root, found, count);
     for (int i = 0; i < count; i++) {
         const kn_found *d = &found[i];
-        // The services spacenavd and Inverse Service are optional.
+        // Check no service: spacenavd and the Inverse Service are optional.
         bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0;
         if (!service) fix(add(f, d->kind, d->ready, "%s: %s", d->where, d->ready ? d->use : d->missing), "%s", d->fix);
     }
@@ -297,14 +298,14 @@ static void measure(findings *f, int seconds)
         qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
         double most = 1e-6 * (double)w->late_ns[w->count - 1];
-        // A tick with an ordinary object leaves half a millisecond free, so a wake-up may be late by that half.
+        // A tick with an ordinary object takes half a millisecond, so a wake-up may be late by half a millisecond.
         check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
                        "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (most)",
                        1000 * seconds, w->missed, p50, p99, most);
         fix(c, "%s",
             rt.fifo ? "use a dedicated machine (a virtual one stands still while its host does other things), no other "
                       "real-time work, PREEMPT_RT"
-                    : "get real-time priority first, see above");
+                    : "get real-time priority first: see the check `priority`");
     }
     free(w);
 }
@@ -350,7 +351,7 @@ int kn_doctor_main(int argc, char **argv)
     int code = kn_options_read(&table, &o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
-    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter name");
+    if (strlen(o.root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter path");
     code = KN_EXIT_OK;
     look_at_limits(&f);
     look_at_bus(&f);

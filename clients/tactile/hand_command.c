@@ -1,48 +1,249 @@
-// knead hand: connect a real device to a running kneadd. The device's thread is in bridge.h. This file finds where the
-// tool begins, starts the bridge, and reports on both.
+// knead hand: connects a real device to a running kneadd. The thread that serves the device is in bridge.h. This file
+// reads the options, places the device's zero in the scene, starts the bridge, and reports on device and bridge.
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
+#include "clients/hand/bus_client.h"
 #include "clients/hand/tool_height.h"
 #include "clients/hand/live_server.h"
-#include "clients/tactile/hand_options.h"
+#include "clients/tactile/haply.h"
 #include "clients/tactile/paddle.h"
+#include "clients/tactile/spacenav.h"
+#include "core/scene/keys.h"
+#include "core/scene/units.h"
 #include "server/clock.h"
+#include "server/option_table.h"
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <signal.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
 #include <unistd.h>
 
+// ---- options
+
+typedef enum hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } hand_kind;
+
+// Parsed options. NULL or 0 means that the option was not given, except for baud, puck.turn_rad_s, device_id and
+// preset, which hold their defaults.
+typedef struct hand_options {
+    hand_kind kind;
+    const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round
+    const char *lcm_url, *mesh_url;
+    // Texts of --origin and --basis (zero and axes of the device); NULL: as in the scene's `device:`.
+    const char *origin, *basis;
+    // scale, force_limit_n: 0 means as in the scene's `device:`. origin_m: valid only if `origin` is not NULL.
+    double origin_m[3], scale, force_limit_n;
+    double seconds; // time to run; 0: run until a signal
+    // unwatched: --no-watchdog was given, so the device gets force without a test of its watchdog.
+    bool local, quiet, unwatched;
+    const char *tty; // device file of a paddle's serial line
+    int baud;
+    kn_puck_def puck;         // motion of a tool that a 3D mouse (spacenav) steers
+    char host[KN_HAPLY_HOST]; // host name of Haply's Inverse Service
+    int port;
+    const char *device_id, *preset;
+} hand_options;
+
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
+static const char help[] =
+    "usage: knead hand paddle --tty DEVICE [--baud N] [OPTION]...\n"
+    "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
+    "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n\n"
+    "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force as soon\n"
+    "as kneadd sends it. A watchdog sets the force to 0 N 20 ms after the last force or the last pose; then follow 1.2 s of\n"
+    "silence and a new session, which begins with the tool clear of the object. The same happens if a force would jump by\n"
+    "more than the scene's device.guard. Forces older than 5 ms are refused. If the device disappears, this program waits\n"
+    "for it. It runs until SIGINT or SIGTERM, then prints its counters. UNTESTED ON HARDWARE: all drivers have been tested\n"
+    "with simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
+    "  paddle    force-feedback paddle with one degree of freedom on a serial line (Hapkit class): 20-byte frames, see\n"
+    "            clients/tactile/README.md. Its position is z\n"
+    "    --tty DEVICE   serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
+    "    --baud N       " KN_PADDLE_BAUDS "\n"
+    "                   (default: 921600)\n"
+    "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. The deflection of the\n"
+    "            puck sets the velocity of the tool; its buttons become those of the pose\n"
+    "    --speed V      speed at full deflection (default: '5 cm/s')\n"
+    "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (default: 1)\n"
+    "    --dead N       dead zone in counts; full deflection is 350 counts (default: 15)\n"
+    "    --reach L      largest distance from the zero along each axis (default: '8 cm'); downwards at most half the\n"
+    "                   object's height, since without force nothing else stops the tool\n"
+    "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, and the\n"
+    "            orientation and buttons of a grip\n"
+    "    --url URL      address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
+    "    --device ID    arm to use (default: the first)\n"
+    "    --preset NAME  placement of the arm, a preset of the service (default: " KN_HAPLY_PRESET ")\n\n"
+    "  --probe NAME        tool of the scene (default: its first round one, else its first probe)\n"
+    "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; if this is 0,\n"
+    "                      over the middle of the object, with the tool 2 cm above the object)\n"
+    "  --basis PERMUTATION axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis; XYZ\n"
+    "                      is x to the right, y forward, z up)\n"
+    "  --scale F           metres of the scene per metre of the device (default: device.scale)\n"
+    "  --local             paddle, haply: compute the force here, from the contact that kneadd --local-model sends and the\n"
+    "                      device's own poses; needed if the round trip is above 5 ms, where forces are refused\n"
+    "  --force-limit F     largest force of the motors, like '3 N' (default: device.clamp; 3.3 N for the profile bench)\n"
+    "  --no-watchdog       paddle, haply: give force even if the device has not shown a watchdog of its own\n"
+    "  --seconds N         end after N seconds\n"
+    "  --lcm-url URL       bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL      bus of meshes (default: " KN_MESH_URL ")\n"
+    "  --quiet             do not print the line with the tool's position and force\n\n"
+    "Exit codes: 0 ok, 2 bad input, 3 no device, no bus or no kneadd.\n";
+// clang-format on
+
+#define DEVICES "paddle, spacenav or haply"
+
+// Read a quantity and convert it to `unit_text`. A number without a unit has the unit *otherwise. If `otherwise` is
+// NULL, such a number is refused. *said: the unit that the text has, or *otherwise.
+static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
+{
+    kn_unit unit;
+    kn_quantity q;
+    char why[128];
+    if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
+    if (!kn_quantity_parse(&q, text, why, sizeof why)) return false;
+    if (q.bare && otherwise) q.unit = *otherwise, q.bare = false;
+    if (q.bare || !kn_unit_same_dimension(&q.unit, &unit)) return false;
+    *said = q.unit;
+    *value = kn_quantity_in(&q, &unit);
+    return isfinite(*value);
+}
+
+// Read three lengths. The last must have a unit, and the others use this unit if they have none.
+static const char *take_origin(void *options, const char *text)
+{
+    hand_options *o = options;
+    char part[3][48];
+    kn_unit unit, said;
+    o->origin = text;
+    bool ok = sscanf(text, "%47[^,],%47[^,],%47[^,]", part[0], part[1], part[2]) == 3;
+    ok = ok && quantity(part[2], "m", NULL, &unit, &o->origin_m[2]);
+    for (int i = 0; ok && i < 2; i++) ok = quantity(part[i], "m", &unit, &said, &o->origin_m[i]);
+    return ok ? NULL : "three lengths like '0,0,6 cm'";
+}
+
+static const char *take_basis(void *basis, const char *text)
+{
+    char why[128];
+    kn_device_def any;
+    *(const char **)basis = text;
+    // Check the text of the basis now, with a temporary device. The scene's device, to which the basis applies, is not
+    // known yet.
+    kn_mount_init(&any);
+    if (kn_mount_basis(&any, text, why, sizeof why)) return NULL;
+    kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
+    return KN_OPTION_TOLD;
+}
+
+static const char *take_baud(void *baud, const char *text)
+{
+    return kn_paddle_baud_known(*(int *)baud = atoi(text)) ? NULL : KN_PADDLE_BAUDS;
+}
+
+static const char *take_id(void *id, const char *text)
+{
+    return kn_haply_id_known(*(const char **)id = text) ? NULL : "";
+}
+
+static const char *take_url(void *options, const char *text)
+{
+    hand_options *o = options;
+    return kn_haply_url(text, o->host, &o->port) ? NULL : "ws://HOST:PORT";
+}
+
+// Read the name of the device, which is the only argument that is not an option.
+static int device(hand_options *o, int count, char **names)
+{
+    if (count != 1)
+        return kn_complain("hand", KN_EXIT_USAGE, "expected one device: " DEVICES "; knead hand --help explains them");
+    const int kind = kn_choice_of("paddle|spacenav|haply", names[0]);
+    if (kind < 0) return kn_complain("hand", KN_EXIT_USAGE, "no device `%s`: expected " DEVICES, names[0]);
+    o->kind = (hand_kind)kind;
+    return KN_OPTIONS_READ;
+}
+
+// Check that the options go together, and that the URLs are valid.
+static int check(const hand_options *o)
+{
+    char error[256];
+    if (o->kind == KN_HAND_PADDLE && !o->tty)
+        return kn_complain("hand", KN_EXIT_USAGE, "expected --tty DEVICE; knead devices lists candidates");
+    if (o->kind == KN_HAND_SPACENAV && o->local)
+        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors, expected paddle or haply");
+    if (!kn_bus_client_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
+        !kn_bus_client_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
+        return kn_complain("hand", KN_EXIT_USAGE, "%s", error);
+    return KN_OPTIONS_READ;
+}
+
+#define AT(member) .offset = offsetof(hand_options, member)
+static const kn_option rows[] = {
+    KN_OPTION("tty", TEXT, AT(tty)),
+    KN_OPTION("baud", SPECIAL, AT(baud), .take = take_baud),
+    KN_OPTION("speed", QUANTITY, AT(puck.speed_m_s), .unit = "m/s", .expected = "something like '5 cm/s'"),
+    KN_OPTION("turn", REAL, AT(puck.turn_rad_s), KN_RANGE(0, 10), .expected = "0 to 10 rad/s"),
+    KN_OPTION("dead", INTEGER, AT(puck.dead), KN_RANGE(1, KN_PUCK_FULL - 1), .expected = "1 to 349 counts"),
+    KN_OPTION("reach", QUANTITY, AT(puck.reach_m), .unit = "m", .expected = "something like '8 cm'"),
+    KN_OPTION("url", SPECIAL, .take = take_url),
+    KN_OPTION("device", SPECIAL, AT(device_id), .take = take_id, .expected = "an id like 049D"),
+    KN_OPTION("preset", SPECIAL, AT(preset), .take = take_id, .expected = "a name like " KN_HAPLY_PRESET),
+    KN_OPTION("probe", TEXT, AT(probe)),
+    KN_OPTION("origin", SPECIAL, .take = take_origin),
+    KN_OPTION("basis", SPECIAL, AT(basis), .take = take_basis),
+    KN_OPTION("scale", REAL, AT(scale), .expected = "a number above 0"),
+    KN_OPTION("force-limit", QUANTITY, AT(force_limit_n), .unit = "N", .expected = "something like '3.3 N'"),
+    KN_OPTION("seconds", REAL, AT(seconds), .expected = "a number above 0"),
+    KN_OPTION("lcm-url", TEXT, AT(lcm_url)),
+    KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
+    KN_OPTION("quiet", FLAG, AT(quiet)),
+    KN_OPTION("local", FLAG, AT(local)),
+    KN_OPTION("no-watchdog", FLAG, AT(unwatched)),
+};
+
+// Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
+static int parse(hand_options *o, int argc, char **argv)
+{
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
+                                          .unknown = "unknown option; knead hand --help lists them"};
+    // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
+    *o = (hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
+    kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
+    int code = kn_options_read(&table, o, argc, argv);
+    if (code == KN_OPTIONS_READ) code = device(o, argc - optind, argv + optind);
+    return code == KN_OPTIONS_READ ? check(o) : code;
+}
+
+// ---- state
+
 static const int scene_wait_ms = 4000; // longest wait for KNEAD_SCENE, which comes every 1 s
 static const int look_ms = 50;         // interval at which the state of the bridge is read
 static const int answer_ms = 3000;     // time without a force after which the missing answer is reported
-// Length of a tick from which on this process itself counts as having stood still.
+// If a tick takes at least this time, this process itself stood still.
 static const int stalled_ms = 10;
 // Shortest time between two reports of bad messages, so that they cannot fill a terminal.
 static const int bad_ms = 10000;
 static const double above_m = 0.02; // height of the tool above the object at the start
-// Force limit used instead of that of the profile `bench`, which describes a virtual hand. It is the smallest limit of
-// the common devices.
+// Force limit that replaces the limit of the profile `bench`, which describes a virtual hand. The value is the smallest
+// force limit of the common devices.
 static const double cautious_n = 3.3;
 static const double thinnest = 0.5; // fraction of the object's height that must remain under a tool steered by a puck
 
 // State of the reports, so that each event is reported once.
 typedef struct told {
     kn_bridge_news last; // state of the bridge at the last report
-    // bad_ms, far_ms: times of the last reports of bad messages and of a slow link; answer_ms: time since when forces
-    // are missing.
+    // bad_ms, far_ms: times of the last reports of bad messages and of a slow link. answer_ms: time since which no
+    // force has come.
     int64_t bad_ms, far_ms, answer_ms;
-    int64_t model_ms; // time since when contact messages are missing although forces arrive
+    int64_t model_ms; // time since which forces have come without contact messages
     int64_t foreign;  // number of forces for other clients when a force of this session last arrived
     bool unanswered, modelless;
 } told;
 
 typedef struct hand {
-    kn_hand_options opt;
+    hand_options opt;
     char probe[KN_NAME_MAX], error[512];
     kn_haptic_render_def render;
     kn_bridge bridge;
@@ -65,11 +266,11 @@ static void on_signal(int number)
 
 static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
 
-// Set up the renderer from the scene's device and the tool. Options of the command line take precedence.
+// Set up the output stage from the scene's `device:` and the tool. Options of the command line take precedence.
 static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
 {
     kn_device_def *d = &h->render.device;
-    const kn_hand_options *o = &h->opt;
+    const hand_options *o = &h->opt;
     double extent_m[3], *at_m = d->position_m, axes[3][3];
     h->render = (kn_haptic_render_def){.device = scene->device,
                                        .coupling_n_m = tool->coupling_n_m,
@@ -92,8 +293,8 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     if (o->force_limit_n > 0.0) d->force_limit_n = o->force_limit_n;
     else if (!strcmp(d->name, "bench")) d->force_limit_n = cautious_n;
     kn_device_axes(d, axes);
-    // Limit how deep a steered tool can go. With a tilted mount only its reach limits the tool, because the device's z
-    // is not the height.
+    // Limit how deep a tool steered by a puck can go. If the mount is tilted, only --reach limits the tool, because the
+    // device's z axis does not point up.
     bool upright = axes[2][2] > 0.999;
     h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_tool_height_m(tool) - at_m[2]) / d->scale : -INFINITY;
 }
@@ -125,7 +326,7 @@ static int look_at_scene(hand *h)
     return code;
 }
 
-// ---- reports: each event once, bad messages at most every 10 s
+// ---- reports to the user: each event is reported once, bad messages are reported at most every 10 s
 
 // Report losses, arrivals and bad messages of the device.
 static void tell_device(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
@@ -139,7 +340,7 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
     t->bad_ms = now_ms;
 }
 
-// Report stops of the renderer: the impulse guard, a link that is too slow, and missing contacts.
+// Report stops of the output stage: a trip of the impulse guard, a link that is too slow, missing contact messages.
 static void tell_stop(told *t, const kn_device_session *r, const char *then, int64_t now_ms)
 {
     const kn_haptic_render *n = &r->render, *last = &t->last.session.render;
@@ -149,12 +350,12 @@ static void tell_stop(told *t, const kn_device_session *r, const char *then, int
         fprintf(stderr, "knead hand: %s\n", kn_haptic_render_why(KN_HAPTIC_RENDER_FAR));
         t->far_ms = now_ms;
     }
-    // The local model needs contacts. Forces without contacts mean that kneadd does not send them.
+    // The local model needs contact messages. If only forces arrive, kneadd was started without --local-model.
     bool misses = n->def.local && r->heard > t->last.session.heard && n->model.taken == last->model.taken;
     if (!misses) t->model_ms = now_ms, t->modelless = false;
     if (t->modelless || now_ms - t->model_ms < answer_ms) return;
     t->modelless = true;
-    fprintf(stderr, "knead hand: forces, but no contact for 3 s: 0 N; start kneadd with --local-model\n");
+    fprintf(stderr, "knead hand: forces, but no contact messages for 3 s: 0 N; start kneadd with --local-model\n");
 }
 
 // Report watchdog trips, faults of kneadd, and missing forces.
@@ -211,9 +412,8 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
     printf("knead hand: %" PRId64 " poses, %" PRId64 " forces, largest %.3g N, clamped %" PRId64 "\n", t->sent,
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
-        printf("knead hand: energy given to the hand %.3g mJ, damped because of it in %" PRId64
-               " periods; impulse guard hit "
-               "%" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
+        printf("knead hand: energy given to the hand %.3g mJ, force damped in %" PRId64
+               " periods; impulse guard limited %" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
                1e3 * t->render.passivity.given_j, t->render.passivity.acted, t->render.guards, t->render.reflexes,
                1e3 * t->render.round_trip_s, t->render.refusals ? ", refused" : "");
     if (t->render.def.local)
@@ -228,8 +428,8 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
            n->bad_why, *n->state ? "; " : "", n->state);
 }
 
-// Report changes of the bridge's state until the end. Return KN_EXIT_DEVICE if the device would keep a force that this
-// program no longer renews.
+// Report changes of the bridge's state until the end. Return KN_EXIT_DEVICE if the device's own watchdog has failed its
+// test, because the device would keep a force that this program no longer renews.
 static int watch(hand *h)
 {
     const char *name = h->device.base.name;
@@ -265,8 +465,8 @@ static int run(hand *h)
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
-    // The number of the first session is random except for its low 20 bits, which leave room for the numbers of later
-    // sessions to count up.
+    // The number of the first session is random except for its low 20 bits. They leave room for the numbers of later
+    // sessions, which count up.
     def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
@@ -288,7 +488,7 @@ int kn_hand_main(int argc, char **argv)
     struct sigaction stop = {.sa_handler = on_signal};
     hand *h = calloc(1, sizeof *h);
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
-    int code = kn_hand_options_parse(&h->opt, argc, argv);
+    int code = parse(&h->opt, argc, argv);
     if (code == KN_OPTIONS_READ) {
         // libspnav and sockets raise SIGPIPE when a device is gone. The bridge handles the loss.
         signal(SIGPIPE, SIG_IGN);

@@ -15,7 +15,7 @@
 
 // ---- messages
 
-// Plausibility limits. No arm of Haply's is larger than farthest_m.
+// Limits above which a position or a velocity is not plausible. No arm of Haply's is larger than farthest_m.
 static const double farthest_m = 1.0, fastest_m_s = 100.0;
 
 bool kn_haply_id_known(const char *id)
@@ -58,7 +58,7 @@ static void read_grip(const json_t *root, kn_haply_state *s)
         s->grip = orientation(json_object_get(grip, "orientation"), s->pose.orientation_wxyz);
         for (int b = 0; s->grip && b < 3; b++)
             if (json_is_true(json_object_get(buttons, (const char *[]){"a", "b", "c"}[b]))) s->pose.buttons |= 1 << b;
-        // Some grips have a single field "button" instead.
+        // Some grips have a single field "button" instead of "buttons".
         if (s->grip && json_is_true(json_object_get(grip, "button"))) s->pose.buttons |= 1;
     }
 }
@@ -197,7 +197,7 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
 //     0 ms    send 0 N again and again
 //     20 ms   send nothing
 //     120 ms  ask for the state: control_mode must be idle
-#define SILENT_NS 20000000 // time from the greeting to the begin of the silence
+#define SILENT_NS 20000000 // time from the greeting to the beginning of the silence
 #define ASKED_NS 100000000 // time from the last message to the state request
 
 static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
@@ -212,7 +212,7 @@ static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
     if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
-    // Mark the message as sent already now, so that no second write is requested before the callback of the first.
+    // Mark the message as sent now, so that no second write is requested before libwebsockets calls back for the first.
     h->in_flight = true;
     lws_callback_on_writable(h->wsi);
 }
@@ -259,7 +259,7 @@ static void take(kn_haply *h)
         // The answer at the end of the watchdog test decides: an idle arm has dropped its force, so the service's
         // watchdog works.
         if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
-        // The inventory's position is older than the preset, so it is not passed on.
+        // Do not pass on the position in the inventory, because it was measured before the preset was selected.
         if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose);
     }
     // If a force came while a message was under way, send the force now.
@@ -283,7 +283,7 @@ static int receive(kn_haply *h, struct lws *wsi, const void *bytes, size_t size)
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
 {
     kn_haply *h = lws_context_user(lws_get_context(wsi));
-    // A connection that was closed may still deliver events.
+    // Ignore events that a closed connection still delivers.
     bool ours = wsi == h->wsi;
     switch ((int)reason) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
@@ -304,7 +304,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 // ---- driver interface
 
-// Start libwebsockets on the bridge's libev loop, once. Its context outlives a lost connection.
+// Start libwebsockets on the bridge's libev loop, once. The context of libwebsockets outlives a lost connection.
 static bool start_library(kn_haply *h)
 {
     static const struct lws_protocols protocols[] = {{"haply", on_event, 0, 1 << 16, 0, NULL, 0},
@@ -330,7 +330,7 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     // Write each error message before the step that may fail. If the step fails, `error` has the reason.
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!start_library(h)) return false;
-    // Reset the state of the earlier connection, and test the service's watchdog again.
+    // Reset the state of the previous connection, and test the service's watchdog again.
     h->connected = h->greeted = h->in_flight = h->wanted_force = false;
     h->length = 0;
     h->silent_ms = 0;

@@ -54,9 +54,9 @@ kn_haply_heard kn_haply_read(const char *text, size_t size, const char *device_i
                              size_t error_size);
 bool kn_haply_id_known(const char *device_id); // returns true if the text has the form of a device id
 
-// Write a message of the client and return its length, < KN_HAPLY_MESSAGE. kn_haply_greet writes the greeting: it names
-// the session, selects axes and preset, and sets a force of 0 N. kn_haply_push writes a message that sets the force
-// `force_n`.
+// Write a message of the client and return its length, < KN_HAPLY_MESSAGE. kn_haply_greet writes the greeting, which
+// names the session, selects axes and preset, and sets a force of 0 N. kn_haply_push writes a message that sets the
+// force `force_n`.
 int kn_haply_greet(char text[KN_HAPLY_MESSAGE], const char *device_id, const char *preset);
 int kn_haply_push(char text[KN_HAPLY_MESSAGE], const char *device_id, const double force_n[3]);
 int kn_haply_ask(char text[KN_HAPLY_MESSAGE]); // writes a request for the whole inventory
@@ -77,7 +77,7 @@ typedef struct kn_haply {
     int port;
     char wanted[KN_HAPLY_ID]; // id of the wanted arm; "": the first arm
     const char *preset;
-    // private
+    // The fields below are used by haply.c only.
     kn_bridge *bridge;
     struct lws_context *context; // libwebsockets context, created when the device is first opened and kept afterwards
     struct lws *wsi;

@@ -16,7 +16,7 @@ static const uint8_t frame_begin[2] = {'K', 'N'};
 
 uint16_t kn_paddle_frame_crc(const uint8_t *bytes, size_t size)
 {
-    // The CRC is computed bit by bit. A table would save at most 2 us of every ms.
+    // Compute the CRC bit by bit. A table would save at most 2 us of every ms.
     unsigned crc = 0xffff;
     for (size_t i = 0; i < size; i++) {
         crc ^= (unsigned)bytes[i] << 8;
@@ -77,10 +77,10 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame 
 {
     const uint8_t *b = d->bytes;
     d->bytes[d->count++] = byte;
-    // Keep the buffer aligned with a possible frame start. skip drops anything else.
+    // The buffer must begin with the possible start of a frame. skip() drops all bytes before such a start.
     if (b[0] != frame_begin[0] || (d->count > 1 && b[1] != frame_begin[1])) skip(d);
     if (d->count < KN_PADDLE_FRAME_SIZE) return false;
-    // On a wrong checksum or kind, search on inside the bytes already read.
+    // If checksum or kind is wrong, search for the next frame inside the bytes already read.
     if (get16(b + 18) != kn_paddle_frame_crc(b, 18) || b[2] != d->kind) {
         d->bad++;
         skip(d);
@@ -94,8 +94,7 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame 
                                .force_un = get32(b + 14)};
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
-    // A gap in seq of half its range or more means that the sender has restarted its counter, so no frames are counted
-    // as lost.
+    // If the gap in seq is half its range or more, the sender has restarted its counter. Then count no lost frames.
     if (d->frames++ > 0 && gap < 0x8000) d->lost += gap;
     d->seq = frame->seq;
     return true;
@@ -126,8 +125,8 @@ bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 //
 //     0 ms    send commands without enable
 //     10 ms   send commands with enable, 0 N
-//     30 ms   send nothing
-//     50 ms   the paddle's watchdog must have tripped
+//     30 ms   send nothing; the paddle's watchdog should trip by 50 ms
+//     130 ms  the paddle must have reported the trip
 //
 // The test (proof) starts again if this thread was late, or if the paddle never reported that its motor was on.
 #define ENABLED_NS 10000000
@@ -151,8 +150,9 @@ static void judge_watchdog(kn_paddle *p, const kn_paddle_frame *f)
     // After the watchdog test (proof), `armed` stays set until a command without enable has cleared the trip.
     p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED;
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
-    // If the paddle reports a trip during the silence, its watchdog is proved. If it reports none by the deadline, the
-    // watchdog is missing; but if the motor never reported that it was on, make a new attempt.
+    // If the paddle reports a trip during the silence, its watchdog is proved. If the paddle reports no trip by
+    // JUDGED_NS, it has no watchdog. If the paddle never reported that its motor was on, start the test again, up to
+    // PROOFS times.
     if (age_ns > ENABLED_NS && age_ns <= SILENT_NS && !tripped && f->flags & KN_PADDLE_FRAME_MOTOR) p->armed = true;
     if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
     else if (age_ns > JUDGED_NS && (p->armed || p->proofs == PROOFS)) p->base.watchdog = KN_OWN_MISSING;
@@ -218,12 +218,12 @@ static bool setup(int fd, int baud)
     struct termios t;
     if (tcgetattr(fd, &t) != 0) return false;
     cfmakeraw(&t);
-    // HUPCL would reset many boards whenever a program closes the line.
+    // Clear HUPCL, which would reset many boards whenever a program closes the line.
     t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
     t.c_cflag |= CS8 | CLOCAL | CREAD;
     if (cfsetspeed(&t, speed_of(baud)) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
-    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. Adapters that reject the
-    // request do not collect bytes.
+    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. A line that rejects the
+    // request does not collect bytes.
     struct serial_struct line;
     if (ioctl(fd, TIOCGSERIAL, &line) == 0) {
         line.flags = (int)((unsigned)line.flags | ASYNC_LOW_LATENCY);
@@ -237,7 +237,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
     kn_paddle *p = (kn_paddle *)device;
     p->bridge = bridge;
     p->fd = open(p->tty, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    // TIOCEXCL: no second program may open the line while this one drives the motor.
+    // TIOCEXCL: no second program may open the line while this program drives the motor.
     if (p->fd < 0 || ioctl(p->fd, TIOCEXCL) != 0 || !setup(p->fd, p->baud)) {
         snprintf(error, error_size, "%s: %s%s; knead devices lists what is there", p->tty,
                  errno == ENOTTY ? "no serial line" : strerror(errno),

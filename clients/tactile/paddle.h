@@ -51,19 +51,19 @@ typedef struct kn_paddle_frame {
 void kn_paddle_frame_encode(const kn_paddle_frame *frame, uint8_t bytes[KN_PADDLE_FRAME_SIZE]);
 // Return the CRC-16/CCITT-FALSE of the bytes.
 uint16_t kn_paddle_frame_crc(const uint8_t *bytes, size_t size);
-// Return value in multiples of unit (1e-9 for nm), rounded and clamped to an int32; 0 for a NaN.
+// Return `value` as a multiple of `unit` (1e-9 for nm), rounded and clamped to an int32. Return 0 for a NaN.
 int32_t kn_paddle_frame_number(double value, double unit);
 
-typedef struct
-    kn_paddle_decoder { // decoder of frames from single bytes; the caller sets `kind` and zeroes all other fields
-    // Kind of frame that this decoder accepts. A frame of the other kind is counted as bad; it would be an echo of the
-    // frames that this side sent.
+// Decoder that finds the frames in a sequence of bytes. The caller sets `kind` and zeroes all other fields.
+typedef struct kn_paddle_decoder {
+    // Kind of frame that this decoder accepts. A frame of the other kind counts as bad: it must be an echo of a frame
+    // that this side sent.
     kn_paddle_frame_kind kind;
     int64_t frames;
     int64_t bad;     // number of times that 20 bytes began with the letters K N but had a wrong CRC or kind
     int64_t skipped; // number of bytes outside any valid frame
     int64_t lost;    // number of missing frames, from gaps in the frames' field seq
-    // private
+    // The fields below are used by paddle.c only.
     int count;
     uint8_t bytes[KN_PADDLE_FRAME_SIZE];
     uint16_t seq;
@@ -83,15 +83,15 @@ typedef struct kn_paddle {
     kn_tactile base;
     const char *tty;
     int baud;
-    // private
+    // The fields below are used by paddle.c only.
     kn_bridge *bridge;
     int fd;
     ev_io readable;
     kn_paddle_decoder deframer;
     uint16_t seq;
-    // The proof is a test of the paddle's own watchdog, made after the line was opened. unwatched: give force without
-    // the proof. armed, during the proof: the motor has been on. armed, after the proof: the watchdog has tripped, and
-    // a command without enable has still to rearm it.
+    // The proof is a test of the paddle's own watchdog, made after each opening of the line. unwatched: give force
+    // without the proof. armed: during the proof, the paddle has reported that its motor was on; after the proof, the
+    // paddle's watchdog is still tripped, and a command without enable must clear the trip.
     bool unwatched, armed;
     int proofs; // number of watchdog tests (proofs) begun since the line was opened
     // begun_ns: start of the present watchdog test (proof); given_ns: time of its last command.

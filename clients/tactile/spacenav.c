@@ -52,7 +52,7 @@ static void step(kn_puck *p, const int counts[6])
         v[i] += gain * (p->def.speed_m_s * share(p, counts[i]) - v[i]);
         p->turning_rad_s[i] += gain * (p->def.turn_rad_s * share(p, counts[3 + i]) - p->turning_rad_s[i]);
         double to = fmin(fmax(x[i] + v[i] * dt_s, low), high);
-        // The actual velocity, which is smaller than the wanted one if the tool has reached a limit.
+        // Set the actual velocity, which is smaller than the wanted one if the tool has reached a limit.
         v[i] = (to - x[i]) / dt_s;
         x[i] = to;
     }
@@ -84,7 +84,7 @@ bool kn_spacenav_reach(void)
     snprintf(at.sun_path, sizeof at.sun_path, "%.107s", kn_spacenav_socket());
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0) return false;
-    // Keep the errno of connect: close may overwrite it.
+    // Keep the errno of connect, because close may overwrite it.
     bool ok = connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
     int why = errno;
     close(fd);
@@ -157,7 +157,7 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
                  kn_spacenav_socket());
         return false;
     }
-    // A puck that was deflected before a loss must not steer the tool after the reopening.
+    // A deflection from before the loss of the connection must not steer the tool now.
     memset(s->counts, 0, sizeof s->counts);
     s->puck.pose.buttons = 0;
     ev_io_init(&s->readable, on_readable, spnav_fd(), EV_READ);

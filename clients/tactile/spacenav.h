@@ -8,7 +8,7 @@
 #include "clients/tactile/bridge.h"
 
 // Steering of a tool by a puck (a 3D mouse): the puck's deflection sets the speed of the tool. The functions are pure.
-// kn_puck_tick is called once per ms.
+// Call kn_puck_tick once per ms.
 //
 //     speed |            .---    Each axis for itself: 0 inside the dead zone, then linear up to full deflection.
 //           |         .-'        A first-order lag of 50 ms smooths the speed. A puck's values come in steps, 60 to
@@ -34,7 +34,7 @@ typedef struct kn_puck {
     double turning_rad_s[3];
 } kn_puck;
 
-void kn_puck_init(kn_puck *puck, const kn_puck_def *def); // puts the tool at its zero position, at rest
+void kn_puck_init(kn_puck *puck, const kn_puck_def *def); // put the tool at its zero position, at rest
 
 // Move the tool for elapsed_ms. counts: deflection of the puck along x, y, z, then twist about x, y, z, in the device's
 // axes. Any int is allowed.
@@ -43,7 +43,7 @@ void kn_puck_tick(kn_puck *puck, const int counts[6], int elapsed_ms);
 typedef struct kn_spacenav {
     kn_tactile base;
     kn_puck puck;
-    // private
+    // The fields below are used by spacenav.c only.
     kn_bridge *bridge;
     ev_io readable;
     int counts[6]; // newest deflection and twist of the puck, in the device's axes
@@ -53,7 +53,7 @@ void kn_spacenav_init(kn_spacenav *spacenav, const kn_puck_def *def);
 
 // Return the socket path that libspnav tries first: $SPNAV_SOCKET, else /var/run/spnav.sock.
 const char *kn_spacenav_socket(void);
-// Returns true if a connection to spacenavd's socket succeeds; on failure, errno has the reason.
+// Return true if a connection to spacenavd's socket succeeds. On failure, errno has the reason.
 bool kn_spacenav_reach(void);
 
 #endif

@@ -20,7 +20,7 @@ static bool create(kn_beside *b, mode_t mode)
     int fd = mkostemp(b->tmp, O_CLOEXEC);
     b->file = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (b->file) {
-        fchmod(fd, mode); // mkostemp created the file with 0600
+        fchmod(fd, mode); // mkostemp has created the file with the permissions 0600
         return true;
     }
     const int why = errno;
@@ -32,7 +32,7 @@ static bool create(kn_beside *b, mode_t mode)
     return false;
 }
 
-// Return the permissions of a new file by the umask.
+// Return the permissions that the umask of this process allows for a new file.
 static mode_t usual_mode(void)
 {
     const mode_t mask = umask(0);

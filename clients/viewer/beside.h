@@ -14,18 +14,20 @@ typedef struct kn_beside {
     FILE *file;
 } kn_beside;
 
-// Create the new file. Borrows `path`. If `path` exists and is not a regular file, it is refused, because the rename
-// would replace a device or a link by a file. On failure return false and put one sentence in error.
+// Create the new file. `path` must stay valid until the last call. If `path` exists and is not a regular file, it is
+// refused, because the rename would replace a device or a link by a file. On failure return false and put one sentence
+// in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// Like kn_beside_open, for a path that the user may choose freely. What a rename would change is written directly: a
-// pipe, a device, a link, a file with several names, of another user or group, or in a folder that takes no new file. A
-// file that is replaced keeps its permissions. On failure return false with the reason in errno.
+// Like kn_beside_open, for a path that the user may choose freely. `path` is written directly, without a new file, if a
+// rename would change more than the contents. This is the case for a pipe, a device, a link, a file with several names,
+// a file of another user or group, and in a folder that takes no new file. A file that is replaced keeps its
+// permissions. On failure return false with the reason in errno.
 bool kn_beside_write(kn_beside *beside, const char *path);
 
 // kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with
-// one of the two calls. If the file could not be written completely, kn_beside_keep removes it, returns false and puts
-// one sentence in error.
+// one of the two calls. If the new file could not be written completely, kn_beside_keep removes it, returns false and
+// puts one sentence in error.
 bool kn_beside_keep(kn_beside *beside, char *error, size_t error_size);
 void kn_beside_drop(kn_beside *beside);
 

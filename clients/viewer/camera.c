@@ -35,7 +35,7 @@ static float distance_for(const float half[3], double azimuth_deg, double elevat
     for (int corner = 0; corner < 8; corner++) {
         const float p[3] = {corner & 1 ? half[0] : -half[0], corner & 2 ? half[1] : -half[1],
                             corner & 4 ? half[2] : -half[2]};
-        // Each corner needs a distance at which it is within FILL of the picture's half width and half height.
+        // Move back until this corner is within the fraction FILL of the picture's half width and half height.
         const float x = fabsf(kn_dotf(p, right)) / aspect, y = fabsf(kn_dotf(p, up));
         distance = fmaxf(distance, kn_dotf(p, back) + fmaxf(x, y) / (FILL * KN_CAMERA_TAN_HALF));
     }
@@ -48,14 +48,14 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
     c->aspect = v->aspect;
     c->tan_half = KN_CAMERA_TAN_HALF / (float)(v->zoom > 0 ? v->zoom : 1);
     kn_camera_axes(v->azimuth_deg, v->elevation_deg, c->right, c->up, c->back);
-    // Aim at the middle of the box including the headroom.
+    // Aim at the middle of the box and of the empty space above it (HEADROOM).
     for (int i = 0; i < 3; i++) {
         target[i] = 0.5f * (low[i] + (i == 2 ? top : high[i]));
         half[i] = target[i] - low[i];
         scale = fmaxf(scale, high[i] - low[i]);
     }
     float distance = distance_for(half, v->azimuth_deg, v->elevation_deg, v->aspect);
-    // Half a turn suffices, because a box looks the same from behind.
+    // Try the azimuths of half a turn only, because a box looks the same from the opposite side.
     for (int deg = 0; v->turns && deg < 180; deg += 5)
         distance = fmaxf(distance, distance_for(half, deg, v->elevation_deg, v->aspect));
     for (int i = 0; i < 3; i++) c->eye[i] = target[i] + distance * c->back[i];
@@ -66,7 +66,7 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
 
 bool kn_camera_pick(const kn_camera *c, double u, double v, double z_m, double at_m[2])
 {
-    // Direction of sight through (u, v), scaled so that its component along the view axis is 1.
+    // Direction of the line of sight through (u, v), scaled so that its component along the view axis is 1.
     double x = c->tan_half * c->aspect * (2.0 * u - 1.0), y = c->tan_half * (1.0 - 2.0 * v), sight[3];
     for (int i = 0; i < 3; i++) sight[i] = x * c->right[i] + y * c->up[i] - c->back[i];
     double far = (z_m - c->eye[2]) / sight[2];

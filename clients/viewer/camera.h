@@ -46,14 +46,13 @@ typedef struct kn_view_scene {
     double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg; // 0: horizontal line of sight, 90: from above
     kn_view_style style;
-    // If true, an object that was lifted or pushed away from its first place stays in the picture, and so does the
-    // first place.
+    // True: if the object was lifted or pushed away, the picture shows both its present place and its place at rest.
     bool follow;
-    // [2]: low and high corner of a box that is framed instead of the object. NULL: frame the object
+    // [2] low and high corner of a box that the picture shows instead of the object's place; NULL: the object's place
     const float (*frame)[3];
     double zoom; // magnification; 2: the picture shows half the width and height; 0 means 1
     bool hands;  // draw the outline of a hand that is at least 0.5 mm or 3 degrees away from its tool
-    // Use a camera distance that fits every azimuth, so that the object keeps its size while the camera turns.
+    // True: the distance of the camera fits every azimuth, so that the object keeps its size while the camera turns.
     bool turns;
 } kn_view_scene;
 
@@ -63,15 +62,15 @@ kn_view_scene kn_view_scene_default(void);
 
 // ---- camera
 
-#define KN_CAMERA_TAN_HALF                                                                                             \
-    0.2217f // tangent of half the angle of view: 25 degrees from top to bottom, a telephoto with little perspective
+// Tangent of half the angle of view: 25 degrees from top to bottom, a telephoto lens with little perspective.
+#define KN_CAMERA_TAN_HALF 0.2217f
 
 typedef struct kn_camera_view { // direction and lens for looking at a box
     double azimuth_deg;         // 0: from the front (-y), 90: from the right
     double elevation_deg;       // 0: horizontal line of sight, 90: from above
     // Magnification of the lens at an unchanged eye point; 2: the picture shows half the width and height; 0 means 1.
     double zoom;
-    bool turns;   // use a distance that fits every azimuth, so that the object keeps its size while the camera turns
+    bool turns;   // true: the distance fits every azimuth, so that the object keeps its size while the camera turns
     float aspect; // width / height of the picture
 } kn_camera_view;
 
@@ -82,7 +81,7 @@ typedef struct kn_camera {
     float matrix[16];                       // world to clip coordinates, column-major
 } kn_camera;
 
-// Place the camera for the box between low and high.
+// Place the camera so that it sees the whole box between the corners `low` and `high`.
 void kn_camera_look(kn_camera *camera, const float low[3], const float high[3], const kn_camera_view *view);
 
 // Intersect the line of sight through (u, v) of the picture with the plane z = z_m. u and v are 0..1 from the upper
@@ -96,21 +95,21 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
 
 static inline float kn_dotf(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-static inline void kn_crossf(float out[3], const float a[3], const float b[3]) // out must be neither a nor b
+static inline void kn_crossf(float out[3], const float a[3], const float b[3]) // `out` must not be `a` or `b`
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static inline float kn_normalizef(float v[3]) // returns the former length; a zero vector stays zero
+static inline float kn_normalizef(float v[3]) // returns the length before the call; a zero vector stays zero
 {
     float length = sqrtf(kn_dotf(v, v));
     for (int i = 0; i < 3 && length > 0; i++) v[i] /= length;
     return length;
 }
 
-static inline void kn_mat_mul(float out[16], const float a[16], const float b[16]) // out must be neither a nor b
+static inline void kn_mat_mul(float out[16], const float a[16], const float b[16]) // `out` must not be `a` or `b`
 {
     for (int column = 0; column < 4; column++) {
         for (int row = 0; row < 4; row++) {
@@ -121,7 +120,7 @@ static inline void kn_mat_mul(float out[16], const float a[16], const float b[16
     }
 }
 
-// Transform from the world to a frame with these unit axes, which looks along -z from eye.
+// Compute the matrix from the world to the frame of a camera at `eye`, which has these unit axes and looks along -z.
 static inline void kn_mat_view(float out[16], const float right[3], const float up[3], const float back[3],
                                const float eye[3])
 {

@@ -1,4 +1,4 @@
-#include "clients/viewer/drawn_probe.h"
+#include "clients/viewer/shading.h"
 #include "core/field.h"
 #include "core/solve/tool.h"
 #include <stdlib.h>
@@ -13,7 +13,8 @@
 #define HAND_AWAY_M 0.0005       // distance of a hand from its tool above which its outline is drawn
 #define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees: turn of a hand above which its outline is drawn
 
-// Profiles of the unit solids: z from 0 to 1, or -1 to 1 for the ball; radius 1. The box has sides of 1.
+// Profiles (radius, z) of the unit solids. z runs from 0 to 1, in the ball from -1 to 1. The radius is 1; the box has
+// sides of length 1.
 kn_drawn_shapes kn_drawn_shapes_create(const kn_gl *gl)
 {
     static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
@@ -60,7 +61,7 @@ static kn_drawn_solid solid_at(const frame *f, const kn_gl_mesh *s, double z, do
     return out;
 }
 
-// Return the frame of a part of a tool.
+// Return the axes and the origin of a part of a tool, in the scene.
 static frame frame_within(const frame *tool, const kn_solid *part)
 {
     frame f = {.at = {tool->at[0], tool->at[1], tool->at[2]}};
@@ -94,7 +95,7 @@ static void load_mesh(kn_drawn_shapes *t, int probe, const kn_field *f)
     free(x);
 }
 
-// A probe whose mesh has another hash than the uploaded one is uploaded again.
+// Upload the mesh of a probe if its hash differs from that of the mesh that is already in OpenGL's memory.
 void kn_drawn_shapes_load(kn_drawn_shapes *t, const kn_view_scene *scene)
 {
     t->thickness_m = scene->thickness_m;
@@ -105,7 +106,7 @@ void kn_drawn_shapes_load(kn_drawn_shapes *t, const kn_view_scene *scene)
     }
 }
 
-// Return the triangles of a mesh tool.
+// Return the uploaded triangles of a tool that is a mesh.
 static const kn_gl_mesh *tool_of(const kn_drawn_shapes *t, const kn_field *field)
 {
     int i = 0;
@@ -153,7 +154,7 @@ int kn_drawn_probe_solids(const kn_drawn_shapes *t, const kn_view_probe *p, kn_d
     return count;
 }
 
-// Return the height of the tool's back above the tool's origin.
+// Return the height of the tool's upper end above the tool's origin, m.
 static double height_of(const kn_probe_def *def)
 {
     kn_shape shape = {0};
@@ -162,8 +163,8 @@ static double height_of(const kn_probe_def *def)
     return kn_shape_support(&shape, (double[]){0, 0, 1});
 }
 
-// Place the arrow beyond the tool for both directions of force. The arrow of a push into the hand begins at the tool's
-// back, and the arrow of a pull ends there.
+// Place the arrow above the tool for both directions of the force. An arrow that points away from the tool begins at
+// the tool's upper end. An arrow that points towards the tool ends there.
 kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *p, float square_m)
 {
     kn_drawn_arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
@@ -203,18 +204,18 @@ bool kn_drawn_probe_hand(const kn_view_scene *scene, const kn_view_probe *p, kn_
     memset(hand->force_n, 0, sizeof hand->force_n);
     if (!kn_drawn_probe_is_finite(hand)) return false;
     const frame tool = frame_of(p), held = frame_of(hand);
-    float least = 1; // cosine of the largest angle between an axis of the hand and that of the tool
+    float least = 1; // cosine of the largest angle between an axis of the hand and the same axis of the tool
     for (int i = 0; i < 3; i++) least = fminf(least, kn_dotf(tool.axis[i], held.axis[i]));
     return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]) > HAND_AWAY_M || least < HAND_TURNED_COS;
 }
 
-// ---- region of a picture that is not the empty table
+// ---- region of a picture that differs from the empty table
 
 typedef struct extent {
     float low[2], high[2]; // low and high corner of a rectangle in the picture, -1..1 from edge to edge
 } extent;
 
-// extents of all things drawn on the table, and of the part where the table itself differs from the empty table
+// all: extent of everything that is drawn on the table. table: extent of the table's part that is shaded or darkened.
 typedef struct parts {
     extent all, table;
 } parts;
@@ -226,13 +227,13 @@ static void cover(const kn_dirty_region_def *d, extent *e, const float p[3])
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        bool known = w > 0; // true if the point is in front of the camera; otherwise it may be anywhere in the picture
+        bool known = w > 0; // the point is in front of the camera; otherwise it may be anywhere in the picture
         e->low[i] = fminf(e->low[i], known ? at : -1);
         e->high[i] = fmaxf(e->high[i], known ? at : 1);
     }
 }
 
-// Extend the parts by a point and by its shadow on the table.
+// Extend both extents by a point and by the point's shadow on the table.
 static void cover_point(const kn_dirty_region_def *d, parts *e, const float p[3])
 {
     float q[3], down = fmaxf(0, p[2] - d->level_m) / d->key[2];
@@ -242,7 +243,7 @@ static void cover_point(const kn_dirty_region_def *d, parts *e, const float p[3]
     cover(d, &e->table, q);
 }
 
-// Extend the parts by a solid, through the box around its unit shape.
+// Extend both extents by the box around a solid.
 static void cover_solid(const kn_dirty_region_def *d, parts *e, const kn_drawn_solid *s)
 {
     const float *m = s->place, half = s->shape->half;
@@ -254,7 +255,7 @@ static void cover_solid(const kn_dirty_region_def *d, parts *e, const kn_drawn_s
     }
 }
 
-// Extend the parts by the solids of a probe and by its arrow.
+// Extend both extents by the solids of a probe and by its force arrow.
 static void cover_probe(const kn_dirty_region_def *d, const kn_drawn_shapes *tools, parts *e, const kn_view_probe *p)
 {
     kn_drawn_solid s[KN_DRAWN_SOLIDS_MAX];
@@ -301,7 +302,7 @@ void kn_dirty_region_find(const kn_dirty_region_def *d, const kn_drawn_shapes *t
     kn_view_probe hand;
     for (int i = 0; i < scene->probe_count && i < KN_PROBES_MAX; i++)
         if (kn_drawn_probe_hand(scene, &scene->probe[i], &hand)) cover_probe(d, tools, &e, &hand);
-    // The object darkens the table around its footprint (dim_m). Include this part of the table in the region.
+    // The object darkens the table up to the distance dim_m from its footprint. Include this part of the table.
     const float dim = d->dim_m;
     for (int corner = 0; corner < 4 && foot[0] <= foot[2]; corner++) {
         float p[3] = {corner & 1 ? foot[2] + dim : foot[0] - dim, corner & 2 ? foot[3] + dim : foot[1] - dim,

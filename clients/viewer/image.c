@@ -35,7 +35,7 @@ static void give_up(png_structp png, png_const_charp words)
     longjmp(c->leave, 1);
 }
 
-// callback that ignores libpng's warnings
+// Warning callback of libpng, which ignores all warnings.
 static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void)words; }
 
 static void write_gray16(png_structp png, png_infop info, FILE *file, int width, int height, const uint16_t *level,
@@ -129,7 +129,7 @@ static void find_texts(png_structp png, png_infop info, int count, kn_image_foun
     }
 }
 
-// Read the picture. After a longjmp only *level is needed, so that the caller can free it.
+// Read the picture. If libpng fails, it jumps to the caller, who then frees *level.
 static bool read_gray16(png_structp png, png_infop info, FILE *file, int most, int *width, int *height,
                         uint16_t **level, char *words, size_t size)
 {

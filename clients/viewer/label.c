@@ -21,7 +21,7 @@ static double step_above(double most, int count, const double *steps)
 {
     if (!(most > 1e-9)) return 1e-9;
     double ten = pow(10, floor(log10(most))), top = 0;
-    // The small margin allows for rounding errors, because 3 * 0.1 is slightly more than 0.3.
+    // The factor slightly above 1 allows for rounding errors, because 3 * 0.1 is slightly more than 0.3.
     for (int i = 0; i < count && top < most; i++) top = steps[i] * ten * (1 + 1e-12);
     return top;
 }
@@ -64,7 +64,7 @@ double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
     // Choose the number of intervals by the first digits of the scale's top, so that the tick marks are round numbers.
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
     const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
-    // number of intervals; a scale whose top begins with 1, 5 or 7.5 has five
+    // Number of intervals between tick marks: 5 if the top begins with 1, 5 or 7.5; 3 with 1.5 or 3; 4 with 2.
     const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4;
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);

@@ -18,10 +18,11 @@ typedef struct kn_scale { // a colour scale from 0 to `top`
     double top;           // value at the upper end of the scale, > 0
 } kn_scale;
 
-// Return the smallest 1, 2 or 5 times a power of ten that is at least `most`, or 1e-9 if `most` is not positive.
+// Return the smallest number that is 1, 2 or 5 times a power of ten and at least `most`. Return 1e-9 if `most` is below
+// 1e-9.
 double kn_scale_round(double most);
-// Return such a number as kn_scale_round does, but allow 1.5, 3 and 7.5 times a power of ten as well. The values then
-// fill at least three fifths of a legend.
+// Return the smallest number that is 1, 1.5, 2, 3, 5 or 7.5 times a power of ten and at least `most`. On a scale that
+// ends at this number, the value `most` is at three fifths or higher. Return 1e-9 if `most` is below 1e-9.
 double kn_scale_top(double most);
 // Compute the colour at `share` (0..1) of the scale; values outside 0..1 get the end colours.
 void kn_scale_at(double share, float srgb[3]);

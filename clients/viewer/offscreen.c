@@ -9,8 +9,8 @@
 #include <string.h>
 
 #ifdef KN_SANITIZED
-// Hook of the leak sanitizer: OSMesa 22.3 leaks 200 bytes with every context that it destroys, and fontconfig 651 bytes
-// once (label.c).
+// Hook of the leak sanitizer, which names leaks to ignore: OSMesa 22.3 leaks 200 bytes with every context that it
+// destroys, and fontconfig, which label.c uses, leaks 651 bytes once.
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libOSMesa\nleak:libfontconfig\n"; }
 #endif
@@ -34,7 +34,7 @@ typedef struct backend {
 
 #define OSMESA_LIBRARY "libOSMesa.so.8" // library with the ABI of <GL/osmesa.h>, unchanged since Mesa 9
 
-// Side of the default frame buffer that OSMesa demands. Nothing is drawn into it.
+// Side of the default frame buffer, pixels. OSMesa demands such a buffer, but nothing is drawn into it.
 enum { OSMESA_SIDE = 16 };
 
 typedef struct osmesa_context {
@@ -51,7 +51,7 @@ static struct {
 static bool osmesa_load(char *error, size_t error_size)
 {
     if (osmesa.CreateContextAttribs) return true;
-    // the library is never closed, because exit handlers of LLVM point into it
+    // Never close the library, because exit handlers of LLVM point into it.
     void *library = dlopen(OSMESA_LIBRARY, RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         snprintf(error, error_size, "no pictures without " OSMESA_LIBRARY " (%s): install the package libosmesa6",
@@ -121,8 +121,8 @@ static struct {
 static EGLDisplay egl_display;
 static EGLConfig egl_config;
 
-// Open a display without a display server and without a device. Return false if this EGL has no such platform or no
-// driver.
+// Open an EGL display that needs no display server and no device. Return false if this EGL has no surfaceless platform
+// or no driver.
 static bool open_display(void)
 {
     static const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_NONE};
@@ -139,7 +139,7 @@ static bool egl_load(char *error, size_t error_size)
     static bool ready;
     if (ready) return true;
     setenv("LIBGL_ALWAYS_SOFTWARE", "1", 0);
-    void *library = dlopen(EGL_LIBRARY, RTLD_NOW | RTLD_LOCAL); // the library is never closed, like OSMesa's
+    void *library = dlopen(EGL_LIBRARY, RTLD_NOW | RTLD_LOCAL); // never closed, like the library of OSMesa
     if (!library) {
         snprintf(error, error_size,
                  "no pictures without " EGL_LIBRARY " (%s): install the packages libegl1 and "
@@ -167,7 +167,7 @@ static void egl_use(void *context)
 
 static void egl_destroy(void *context)
 {
-    // release the context first, because EGL does not destroy a current context
+    // Release the context first, because EGL does not destroy a context that is current.
     egl.MakeCurrent(egl_display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     egl.DestroyContext(egl_display, context);
 }
@@ -209,7 +209,7 @@ static void attach(const kn_gl *gl, GLuint buffer, GLenum point, GLenum format, 
     gl->FramebufferRenderbuffer(GL_FRAMEBUFFER, point, GL_RENDERBUFFER, buffer);
 }
 
-// Create a frame buffer from its colour buffer and, unless 0, its depth buffer.
+// Create a frame buffer with the colour buffer `color` and, if `depth` is not 0, with the depth buffer `depth`.
 static bool create_frame(const kn_gl *gl, kn_gl_target *t, GLuint *frame, GLuint color, GLuint depth, int samples)
 {
     gl->GenFramebuffers(1, frame);
@@ -265,7 +265,8 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region re
     gl->Clear(GL_DEPTH_BUFFER_BIT | (direct ? 0 : GL_COLOR_BUFFER_BIT));
 }
 
-// Copying from several samples to one resolves them: colour and alpha become averages over the pixel.
+// Copying from a buffer with several samples per pixel to a buffer with one sample resolves them: colour and alpha
+// become averages over the pixel.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
 {
     if (t->solids == t->picture) return;
@@ -304,7 +305,7 @@ static const backend *choose(char *error, size_t error_size)
 {
     const char *asked = getenv("KNEAD_GL");
     char later[300];
-    // set the number of rasteriser threads; Mesa reads it once, when the first context is created
+    // Set the number of rasteriser threads. Mesa reads the variable once, when the first context is created.
     setenv("LP_NUM_THREADS", "1", 0);
     for (int i = 0; asked && *asked && i < BACKENDS; i++)
         if (strcmp(backends[i].name, asked) == 0) return backends[i].load(error, error_size) ? &backends[i] : NULL;

@@ -2,13 +2,13 @@
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
 // Drawing without a window: an OpenGL 3.3 core context, its functions, frame buffers of a given size, and their pixels.
 //
-// There are two back ends. OSMesa is Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped. The
-// other is EGL's surfaceless platform. They need no display, no GPU and no root. The environment variable
-// KNEAD_GL=osmesa or =egl chooses one; without it, the first one that is installed is used. The module is not thread
-// safe: the same thread must open, draw, read and close.
+// There are two back ends. One is OSMesa: Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped.
+// The other is the surfaceless platform of EGL. Both work without a display, a GPU and root rights. The environment
+// variable KNEAD_GL (osmesa or egl) selects a back end; without KNEAD_GL, the first one that is installed is used. The
+// module is not thread safe: one thread must open, draw, read and close.
 //
-// The library is loaded with the first picture, not at the program's start. It brings 117 MB of LLVM, and `knead probe`
-// must neither wait for that (25 ms) nor lock it into memory.
+// The library of the back end is loaded with the first picture, not at the program's start. The library loads 117 MB of
+// LLVM, and `knead probe` must neither wait 25 ms for LLVM nor lock it into memory.
 //
 // LP_NUM_THREADS, the number of rasteriser threads, is set to 1 unless the environment sets it, because the servo uses
 // the other core. The pictures do not depend on the number of threads.
@@ -60,9 +60,10 @@ void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make
 // several samples take most of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop;
 // otherwise it starts empty.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
-// Resolve the solids into their region of the picture. Later drawing goes to this region, behind the solids. Alpha is
-// the fraction of a pixel that the solids cover, and drawing fills the rest of the pixel. With one sample per pixel, the
-// depth buffer tells instead whether a solid covers the pixel.
+// Resolve the solids into their region of the picture (average their samples). Everything that is drawn afterwards goes
+// into this region, behind the solids. Alpha is the fraction of a pixel that the solids cover, and later drawing fills
+// the rest of the pixel. With one sample per pixel, there is no such fraction, and the depth buffer tells whether a
+// solid covers the pixel.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 
 #define KN_OFFSCREEN_MIN 16
@@ -71,7 +72,7 @@ void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_reg
 
 typedef struct kn_offscreen kn_offscreen;
 
-// Return true if the environment variable KNEAD_GL may have this value ("osmesa" or "egl")
+// Return true if the environment variable KNEAD_GL may have this value: "osmesa" or "egl".
 bool kn_offscreen_knows(const char *name);
 
 // Open a context with frame buffers. `samples`: samples per pixel, 1..4. Return NULL with one sentence in error if the

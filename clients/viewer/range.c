@@ -8,8 +8,8 @@
 
 #define AIR 1.04     // size of the image's frame, as a multiple of the surface's sides
 #define LEVELS 65534 // number of grey levels for heights; level 0 means that there is no surface
-// height of the highest grey level, as a multiple of the surface's height at rest; above 1, because pressed dough
-// bulges
+// Height of the highest grey level, as a multiple of the surface's height. The factor is above 1, because pressed dough
+// bulges.
 #define ROOM 1.25
 
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3])
@@ -44,7 +44,8 @@ static int pixel(double at, int count) { return (int)fmin(fmax(at, 0), count - 1
 // Draw the height of the triangle's plane at every pixel whose middle is inside the triangle.
 static void draw_triangle(const kn_range *r, const float *const corner[3], uint16_t *level)
 {
-    double at[3][2], z[3]; // at: positions of the corners in columns and rows; z: heights of the corners in grey levels
+    // at: positions of the corners, in columns and rows of pixels. z: heights of the corners, in grey levels.
+    double at[3][2], z[3];
     for (int i = 0; i < 3; i++) {
         at[i][0] = (corner[i][0] - r->left_m) / r->pixel_m;
         at[i][1] = (r->top_m - corner[i][1]) / r->pixel_m;
@@ -61,7 +62,7 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
         for (int x = first[0]; x <= last[0]; x++) {
             // Compute the barycentric coordinates of the pixel's middle. All are positive inside the triangle.
             const double a = cross(at[1], at[2], x, y) / area, b = cross(at[2], at[0], x, y) / area, c = 1 - a - b;
-            // skip a pixel outside the triangle; a pixel on a shared side belongs to both triangles
+            // Skip a pixel outside the triangle. A pixel on the common side of two triangles belongs to both.
             if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue;
             const double here = fmin(fmax(1 + a * z[0] + b * z[1] + c * z[2], 1), 1 + LEVELS);
             uint16_t *out = &level[(size_t)y * (size_t)r->width + (size_t)x];
@@ -71,7 +72,7 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
     }
 }
 
-// Fill in lowest_m and highest_m from the levels. Return false if nothing is visible.
+// Compute lowest_m and highest_m from the grey levels. Return false if no surface is visible.
 static bool find_limits(kn_range *r, const uint16_t *level)
 {
     const size_t pixels = (size_t)r->width * (size_t)r->height;
@@ -95,7 +96,7 @@ void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const
 
 // ---- file
 
-// Keys of the PNG's texts: first the four numbers, then three texts for human readers.
+// The four numbers in the PNG's texts. TEXTS: number of all texts, of which three are for human readers.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};
@@ -124,7 +125,7 @@ static double number_of(const char *text)
     return end != text && !*end && isfinite(value) ? 1e-3 * value : (double)NAN;
 }
 
-// Take each number from the caller or else from the file, and check its range.
+// Take each number from `given` or, if it is NAN there, from the texts of the file. Check the range of the number.
 static bool take_numbers(const char *path, kn_image_found found[NUMBERS], const kn_range_given *given, kn_range *r,
                          char *error, size_t error_size)
 {
@@ -164,7 +165,7 @@ bool kn_range_load(const char *path, const kn_range_given *given, kn_range *r, u
     if (!kn_image_read_gray16(path, KN_RANGE_MOST, &r->width, &r->height, level, &pixel_m, NUMBERS, found, error,
                               error_size))
         return false;
-    // An image without any surface is useless to every caller.
+    // Refuse an image in which no surface is visible.
     const bool told = take_numbers(path, found, given, r, error, error_size);
     if (told && find_limits(r, *level)) return true;
     if (told) snprintf(error, error_size, "%s: every pixel is 0, expected an object", path);

@@ -20,8 +20,8 @@ typedef struct kn_range {
     double lowest_m, highest_m;
 } kn_range;
 
-// Choose the frame of the image, with some margin around the surface at rest and the present surface. So the image of a
-// pressed object usually has the same frame as the image of the object at rest.
+// Choose the frame of the image: a rectangle around both the surface at rest and the present surface, with some margin.
+// So the image of a pressed object usually has the same frame as the image of the object at rest.
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3]);
 
 // Fill in `level` [height][width], top row first. A level is 0 where there is no surface, else 1 + height/step_m,

@@ -1,19 +1,19 @@
 #include "clients/viewer/renderer.h"
-#include "clients/viewer/drawn_probe.h"
+#include "clients/viewer/shading.h"
 #include "clients/viewer/label.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// side of the shadow map, texels; a texel is 0.16 mm (or 0.32 mm with one sample per pixel) on a 5 cm block
+// Side of the shadow map, texels. On a block of 5 cm, a texel is 0.16 mm, or 0.32 mm with one sample per pixel.
 #define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512)
-// radius around the object within which shadows are drawn, as a multiple of the object's longest side
+// Radius around the object within which shadows are drawn, as a multiple of the object's longest side.
 #define LIT_RADIUS 1.6f
-// offset of the shaded points from the surface, half texels of the shadow map: 3 halves are 1.5 texels
+// Distance by which the shaded points are moved off the surface, in half texels of the shadow map.
 #define SHADOW_BIAS 3.0f
 #define HAND_LINE 0.008f // width of a hand's outline, as a fraction of half the picture's height
 
-// colour of the table and of the background, into which the table fades
+// Colour of the table, and of the background into which the table fades.
 static const float table_color[3] = {0.925f, 0.93f, 0.935f};
 static const float tool_color[3] = {0.45f, 0.52f, 0.60f};
 static const float outside_color[3] = {0.74f, 0.77f, 0.80f};
@@ -48,7 +48,7 @@ static void create_shapes(kn_renderer *r)
     r->square = kn_gl_mesh_create(r->gl);
     kn_gl_mesh_upload(r->gl, &r->square, 6, square, GL_STATIC_DRAW);
     r->object = kn_gl_mesh_create(r->gl);
-    r->gl->GenVertexArrays(1, &r->edges.array); // the array for edges has positions only, without normals
+    r->gl->GenVertexArrays(1, &r->edges.array); // edges of the lattice have positions only, without normals
     r->gl->BindVertexArray(r->edges.array);
     r->gl->GenBuffers(1, &r->edges.buffer);
     r->gl->GenBuffers(1, &r->edges.values);
@@ -124,7 +124,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
                       const int (*triangle)[3])
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
-    // The old backdrop may show squares of another size, so it must be drawn again.
+    // Draw the backdrop anew with the next picture, because the squares of the table may change their size.
     memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
     memset(r->last_camera, 0, sizeof r->last_camera);
     kn_shaded_mesh_destroy(r->mesh);
@@ -137,8 +137,8 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     if (!r->corners) return false;
     // Choose the side of the table's squares: the power of ten that gives 2 to 20 squares along the object.
     r->square_m = powf(10, floorf(log10f(scale_of(r->mesh) / 2)));
-    // Compute the barycentric distance of each corner from each side. A side that is not a line gets a large distance
-    // everywhere.
+    // Compute the barycentric distance of each corner from each side. A side that is not drawn as a line gets the
+    // distance 1 from every corner.
     for (size_t i = 0; i < corners; i++)
         for (size_t side = 0; side < 3; side++)
             r->corners[3 * i + side] = i % 3 == side || !r->mesh->line[i - i % 3 + side];
@@ -152,8 +152,8 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 
 // ---- camera and light
 
-// Aim the camera at the place of the undeformed object. If the object is followed and has moved beyond this place by a
-// quarter of its size, frame both the place and the object.
+// Aim the camera at the place of the undeformed object. If scene->follow is set and the object has moved beyond this
+// place by a quarter of its size, show both the place and the object.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_shaded_mesh *s = r->mesh;
@@ -334,7 +334,7 @@ static void draw_edges(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->program.solid);
 }
 
-// Draw the object in its style. Its shadow is always that of the surface.
+// Draw the object in the style of the scene. In every style, the object's shadow is that of its surface.
 static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
 {
     static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
@@ -386,7 +386,7 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
 // Set the uniforms that both lit programs need: eye, light, shadow map.
 static void use_lit(const kn_renderer *r, GLuint program)
 {
-    // matrix that maps -1..1 to 0..1
+    // Matrix that maps the range -1..1 of each coordinate to 0..1.
     static const float half[16] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0.5f, 0.5f, 1};
     const kn_gl *gl = r->gl;
     float shadow[16];
@@ -401,9 +401,9 @@ static void use_lit(const kn_renderer *r, GLuint program)
     set_number(gl, program, "u_height", r->mesh->rest_high[2] - r->mesh->rest_low[2]);
 }
 
-// Find where the object stands on the table now: the box around the vertices of its lowest quarter. Return the radius
-// of the box's corners. The radius follows from the largest |x| + |y| of these vertices in half sides: 2 for a
-// rectangle, sqrt 2 for an ellipse.
+// Find the footprint of the object on the table: the rectangle around the vertices of its lowest quarter. Return the
+// radius with which the corners of the rectangle are rounded. The radius is computed from the largest |x| + |y| of
+// these vertices in units of the half sides, which is 2 for a rectangle and sqrt 2 for an ellipse.
 static float footprint(const kn_shaded_mesh *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
@@ -491,7 +491,7 @@ static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_regi
                              float corner)
 {
     if (near.width == 0) near.x = part.x, near.y = part.y; // if `near` is empty, place it at the corner of `part`
-    // Split the rest around `near` into four strips.
+    // Divide the remaining part around `near` into four strips.
     const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
     const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
                                    {part.x, top, part.width, part.y + part.height - top},
@@ -528,14 +528,15 @@ static void set_values(const kn_gl *gl, const kn_gl_mesh *s, const float *value,
     gl->EnableVertexAttribArray(3);
 }
 
-// Detach the values, because a buffer for a smaller mesh may still be attached.
+// Detach the buffer of values, because it may belong to an earlier, smaller mesh.
 static void unset_values(const kn_gl *gl, const kn_gl_mesh *s)
 {
     gl->BindVertexArray(s->array);
     gl->DisableVertexAttribArray(3);
 }
 
-// Upload the values. r->corners has been uploaded already and serves as scratch.
+// Upload the values on the colour scale. r->corners serves as scratch memory, because the corners have already been
+// uploaded.
 static void upload_values(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_shaded_mesh *s = r->mesh;
@@ -606,9 +607,9 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl_region all = {0, 0, r->width, r->height};
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
-    // let the table fill the fraction of each pixel that the solids leave free, according to their alpha
+    // Let the table fill the fraction of each pixel that the solids leave free, which is 1 - alpha.
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
-    // Outside the part that is drawn now, the backdrop is already in the picture.
+    // Outside the regions that are drawn here, the picture already contains the backdrop.
     draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner);
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);

@@ -21,8 +21,8 @@ typedef struct kn_renderer kn_renderer;
 kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
 // Set the object's topology and its rest shape. The rest shape determines the creases (shading.h) and the camera's
-// position, so the camera does not move while the object is deformed. May be called again. Return false if the mesh is
-// invalid (shading.h) or memory is short; the old mesh is then gone.
+// position, so the camera does not move while the object is deformed. The function may be called again with another
+// mesh. Return false if the mesh is invalid (shading.h) or memory is short; the old mesh is then gone.
 bool kn_renderer_mesh(kn_renderer *renderer, int vertex_count, const float (*rest)[3], int triangle_count,
                       const int (*triangle)[3]);
 

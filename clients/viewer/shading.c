@@ -7,18 +7,19 @@
 
 // ---- normals and lines of a mesh
 
-// cosine of 40 degrees, the smallest angle of a crease; a block's edges have 90 degrees, the facets of a 16-sided
-// cylinder 22
+// Cosine of 40 degrees, the smallest angle between two triangles that meet in a crease. The angle is 90 degrees at the
+// edges of a block, and 22 degrees between the facets of a cylinder with 16 sides.
 #define CREASE_COS 0.766f
 #define COPLANAR_COS 0.9999f // cosine of 0.8 degrees, the largest angle between two triangles that count as coplanar
 
-typedef struct half_edge { // one side of one triangle
-    // vertices of the side in ascending order, so that the half edges of two neighbours compare equal
+typedef struct half_edge { // a side of a triangle
+    // Vertices of the side in ascending order, so that the half edges of two neighbours compare equal.
     int low, high;
     int triangle, corner; // number of the triangle, and of its corner opposite the side
 } half_edge;
 
-// Sort by vertices to make neighbours adjacent. The triangle's number makes the order unique.
+// Compare two half edges by their vertices, so that sorting makes the half edges of neighbours adjacent. The triangle's
+// number makes the order unique.
 static int compare(const void *pa, const void *pb)
 {
     const half_edge *a = pa, *b = pb;
@@ -41,7 +42,7 @@ static void face_normal(const int t[3], const float (*xyz)[3], float normal[3])
     kn_normalizef(normal);
 }
 
-// Squared length of the side opposite a corner.
+// Return the squared length of the side opposite this corner.
 static float side_squared(const int t[3], const float (*xyz)[3], int corner)
 {
     float d[3];
@@ -63,7 +64,7 @@ static int root(int *parent, int i)
     return i;
 }
 
-// Join the corners of a and b at each end of their shared side into one group.
+// Join corners of two neighbours into one group, at both ends of the common side of a and b.
 static void join_corners(kn_shaded_mesh *s, const half_edge *a, const half_edge *b)
 {
     for (int i = 1; i < 3; i++) {
@@ -94,8 +95,8 @@ static void number_groups(kn_shaded_mesh *s)
 {
     int corners = 3 * s->triangle_count, *number = s->group;
     for (int i = 0; i < corners; i++) number[i] = root(number, i);
-    // Every corner now points at the root of its group. A root stores ~n, which is not a valid index, until all other
-    // corners of the group have read the number n.
+    // Every corner now refers to the root of its group. Each root gets the number n of its group, stored as ~n, which
+    // is not a valid index. The other corners of the group then read n from the root.
     for (int i = 0; i < corners; i++)
         if (number[i] == i) number[i] = ~s->group_count++;
     for (int i = 0; i < corners; i++)
@@ -174,7 +175,7 @@ void kn_shaded_mesh_destroy(kn_shaded_mesh *s)
     free(s);
 }
 
-// Angle of a corner. atan2 is accurate for flat and for thin triangles.
+// Return the angle of the triangle at this corner. atan2 is accurate for flat and for thin triangles.
 static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 {
     float u[3], v[3], c[3];
@@ -188,7 +189,7 @@ static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 static bool whole(const int t[3], const float (*xyz)[3])
 {
     float sum = 0;
-    // the sum stays 0 unless a coordinate is infinite or NaN
+    // The sum stays 0 unless a coordinate is infinite or NaN.
     for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3];
     return sum == 0;
 }
@@ -208,7 +209,7 @@ void kn_shaded_mesh_corners(kn_shaded_mesh *s, const float (*xyz)[3], float *out
         }
     }
     for (int g = 0; g < s->group_count; g++) kn_normalizef(s->normal + 3 * g);
-    // Corners of an incomplete triangle all go to one point, so the triangle is not visible.
+    // Move all corners of a triangle with a position that is not finite to one point, so that it is not visible.
     for (int i = 0; i < 3 * s->triangle_count; i++) {
         const float *at = whole(s->triangle + i - i % 3, xyz) ? xyz[s->triangle[i]] : s->rest_low;
         memcpy(out + 6 * i, at, 3 * sizeof *out);
@@ -256,7 +257,7 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
             xyz[a][1] = profile[i][0] * sinf(angle);
             xyz[a][2] = profile[i][1];
             if (i + 1 == count) continue;
-            // A ring of radius 0 is a single point, so one of the two triangles would be empty.
+            // A ring of radius 0 is a single point. Leave out the triangle that would have no area there.
             int c = b + segments, d = a + segments;
             if (profile[i][0] > 0) memcpy(triangle[triangles++], (int[]){a, b, c}, sizeof *triangle);
             if (profile[i + 1][0] > 0) memcpy(triangle[triangles++], (int[]){a, c, d}, sizeof *triangle);
@@ -267,7 +268,7 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
     s.high = profile[count - 1][1];
     // Store the extent of the solid, from which the region of a picture that it covers is computed.
     for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
-    // Let kn_shaded_mesh compute the normals: smooth ones, but sharp ones at creases.
+    // Compute the normals as for the surface of an object: smooth, except at creases.
     kn_shaded_mesh *mesh =
         kn_shaded_mesh_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
     if (!mesh) return s; // memory is short, so return an empty mesh
@@ -385,8 +386,8 @@ static const char *const shader_table_vertex =
             "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n"
             "}\n";
 
-// Squares of u_square metres, with every fifth line stronger, and a bar as long as one square. All fade into the
-// background. dim(): fraction of the light that the object beside leaves on the table.
+// Table with squares of u_square metres, whose every fifth line is stronger, and a bar as long as one square. Squares
+// and bar fade into the background. dim(): fraction of the light that reaches the table beside the object.
 #define KN_GLSL_TABLE                                                                                                  \
     "in vec3 v_sight;\n"                                                                                               \
     "uniform vec3 u_color, u_eye;\n"                                                                                   \
@@ -426,7 +427,7 @@ static const char *const shader_table_fragment = KN_GLSL KN_GLSL_SHADOW KN_GLSL_
     "    return (1.0 - 0.45 * near * near * near) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));\n"
     "}\n";
 
-// Table with the same colours, for the part of the picture that the object does not darken and where no shadow falls.
+// Table for the part of the picture where no shadow falls and the object does not darken the table: dim() is 1.
 static const char *const shader_bare_fragment = KN_GLSL KN_GLSL_TABLE "float dim(vec3 p) { return 1.0; }\n";
 
 // Compile and link a program. On failure return 0 and put the compiler's message in error.
@@ -440,7 +441,7 @@ static GLuint create_program(const kn_gl *gl, const char *vertex, const char *fr
         gl->ShaderSource(shader, 1, &source[i], NULL);
         gl->CompileShader(shader);
         gl->AttachShader(program, shader);
-        gl->DeleteShader(shader); // OpenGL deletes the shader together with the program
+        gl->DeleteShader(shader); // OpenGL keeps the shader until the program is deleted
     }
     gl->LinkProgram(program); // if a shader did not compile, linking fails and the log contains the shader's error
     GLint linked = 0;

@@ -1,5 +1,13 @@
 #ifndef KN_CLIENTS_VIEWER_SHADING_H
 #define KN_CLIENTS_VIEWER_SHADING_H
+// What the renderer draws: the shaded surface of an object, triangles and programs in OpenGL's memory (shading.c), and
+// the solids of probes (drawn_probe.c).
+#include "clients/viewer/camera.h"
+#include "clients/viewer/offscreen.h"
+#include "core/shape.h"
+
+// ---- shaded mesh, triangles, programs: shading.c
+//
 // Meshes and programs for shading. A shaded mesh is the surface of an object: the corners of triangles that share a
 // normal, and the sides of triangles that are lines of the lattice. Both are determined once, at rest. If they were
 // determined for every picture, the flank of a dent would turn from smooth to creased in the middle of a press.
@@ -8,7 +16,6 @@
 //     line     every side is a line, except the diagonal that two coplanar right triangles of one quad share
 //
 // Angles are measured on the rest shape given to kn_shaded_mesh_create, normals on the present shape.
-#include "clients/viewer/offscreen.h"
 
 // Largest number of vertices; a limit is needed because a mesh received from the bus may claim any size.
 #define KN_SHADED_VERTICES_MAX (1 << 20)
@@ -67,5 +74,64 @@ typedef struct kn_shader_programs {
 // Compile and link all programs. If a shader is wrong or the context is not OpenGL 3.3, return false and put the
 // compiler's message in error.
 bool kn_shader_programs_create(const kn_gl *gl, kn_shader_programs *programs, char *error, size_t error_size);
+
+// ---- probes and the region of a picture: drawn_probe.c
+//
+// Drawing of a probe: its unit solids, each turned, scaled and placed, its force arrow, and its hand. Rounded edges are
+// drawn sharp, and a plate is 2 mm thick. Over a flat object, a ball is drawn as a disc.
+//
+// Region: the part of a picture that an object, its probes and their shadows cover. Outside the region, the picture
+// shows the empty table. The region may be too large, but never too small.
+
+// Largest number of solids of a probe: a part that is a capsule consists of three solids.
+#define KN_DRAWN_SOLIDS_MAX (3 * KN_PARTS_MAX)
+
+typedef struct kn_drawn_shapes { // unit solids and tools in OpenGL's memory
+    const kn_gl *gl;
+    kn_gl_mesh box, ball, rod, cone;
+    kn_gl_mesh mesh[KN_PROBES_MAX]; // triangles of each probe whose shape is a mesh file
+    uint64_t hash[KN_PROBES_MAX];   // hash of the mesh file from which each element of `mesh` was uploaded
+    double thickness_m;             // thickness of the flat object in the picture; 0: not flat
+} kn_drawn_shapes;
+
+typedef struct kn_drawn_solid { // a unit solid and the matrix that turns, scales and places it
+    const kn_gl_mesh *shape;
+    float place[16];
+} kn_drawn_solid;
+
+typedef struct kn_drawn_arrow {
+    float tail[3], direction[3], length; // tail: position, m; direction: unit vector; length: m, 0 for no arrow
+} kn_drawn_arrow;
+
+kn_drawn_shapes kn_drawn_shapes_create(const kn_gl *gl);
+// Upload those tool meshes of the scene that are not in OpenGL's memory yet.
+void kn_drawn_shapes_load(kn_drawn_shapes *shapes, const kn_view_scene *scene);
+
+// Fill in the solids of a probe. Return their number.
+int kn_drawn_probe_solids(const kn_drawn_shapes *shapes, const kn_view_probe *probe,
+                          kn_drawn_solid out[KN_DRAWN_SOLIDS_MAX]);
+
+// Return the force arrow of a probe. `square_m`: side of the squares drawn on the table, m.
+kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *probe, float square_m);
+
+bool kn_drawn_probe_is_finite(const kn_view_probe *probe); // return true if all numbers of the pose are finite
+
+// Set `hand` to a copy of the probe at the pose of its hand and without force, so that the hand can be drawn like a
+// tool. Return false if no hand holds the tool, or if the hand is at the pose of its tool.
+bool kn_drawn_probe_hand(const kn_view_scene *scene, const kn_view_probe *probe, kn_view_probe *hand);
+
+typedef struct kn_dirty_region_def {
+    const kn_camera *camera;
+    const float *key; // unit vector towards the light that casts the shadows
+    int width, height;
+    float level_m, square_m; // level_m: height (z) of the table, m; square_m: side of the squares drawn on the table, m
+    float dim_m;             // distance from the object within which the table is darkened, m
+} kn_dirty_region_def;
+
+// Find the two regions of a picture that differ from the empty table. `foot`: low x, low y, high x, high y of the
+// object's footprint. `all`: region of everything that differs. `table`: region in which the table itself differs, by
+// shadow or darkening.
+void kn_dirty_region_find(const kn_dirty_region_def *def, const kn_drawn_shapes *shapes, const kn_view_scene *scene,
+                          int vertex_count, const float foot[4], kn_gl_region *all, kn_gl_region *table);
 
 #endif

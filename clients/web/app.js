@@ -3,16 +3,17 @@
 'use strict';
 const picture = $('picture'), slider = $('depth');
 
-// Figures for tests and benchmarks. latency: for each of the last 2000 events, time from the event's handler to the
-// first drawn frame that shows the effect of the event, ms. first_ms: time from the request of the page to the first
-// drawn frame.
+// Figures for tests and benchmarks. latency: for each of the last 2000 pointer events, time from the event's handler to
+// the first drawn picture that shows the effect of the event, ms. first_ms: time from the request of the page to the
+// first drawn picture, ms.
 const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, now: null };
 
 // ---- the wire
 
 const POINTER = 1, SEEN = 2, RETRY_MS = 2000;
-let socket = null, waiting = []; // events whose effect has not been drawn: {number, at}
-let asked = 0;
+// waiting: pointer events whose effect no drawn picture shows yet: {number, at: time of the event}.
+let socket = null, waiting = [];
+let asked = 0; // id of the last request
 const answers = new Map(); // callbacks of unanswered requests, by id
 
 function send(kind, number, pressed = 0, u = 0, v = 0, depth_m = 0) {
@@ -44,24 +45,25 @@ function connect() {
     const token = location.hash.slice(1);
     if (!token) return say('fault', 'open the address that knead web printed: this one has no token');
     const mine = socket = new WebSocket(`${location.protocol.replace('http', 'ws')}//${location.host}/ws`, 'knead');
-    let drawn = 0; // newest frame drawn
+    let drawn = 0; // number of the newest message whose picture has been drawn
     mine.binaryType = 'arraybuffer';
     mine.onopen = () => mine.send(token);
     mine.onmessage = async ({ data }) => {
         const size = new DataView(data).getUint32(0, true);
         const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
-        record(now.trace); // before the wait for the picture, during which the next message may come
+        record(now.trace); // before the picture is decoded, because the next message may come meanwhile
         now.answers.forEach(hear);
         if (now.about) showAbout(now.about);
         if (data.byteLength > 4 + size) {
             const jpeg = new Blob([new Uint8Array(data, 4 + size)], { type: 'image/jpeg' });
-            const bitmap = await createImageBitmap(jpeg).catch(() => null); // a broken picture must not stop the next
-            // Draw any frame newer than the last drawn one. Drawing only the newest could draw none, if each frame is
-            // overtaken while it is decoded.
+            // A broken picture must not stop the next one.
+            const bitmap = await createImageBitmap(jpeg).catch(() => null);
+            // Draw every picture that is newer than the last drawn one. If only the newest received picture were
+            // drawn, none might ever be drawn, because the next one may arrive while a picture is decoded.
             if (bitmap && mine === socket && now.frame > drawn) draw(bitmap, now);
             bitmap?.close();
         }
-        // Without this acknowledgement no pictures are made for a hidden page.
+        // Delay the acknowledgement below while the page is hidden, so that knead web makes no pictures for the page.
         while (document.hidden && mine === socket) await inSight();
         if (mine !== socket) return;
         send(SEEN, now.frame);
@@ -71,12 +73,13 @@ function connect() {
     mine.onclose = ({ code, reason }) => {
         if (mine !== socket) return;
         letGo();
-        socket = null; // a picture that is still being decoded belongs to the old connection
+        socket = null; // so that a picture that is still being decoded is not drawn
         waiting = [];
         picture.classList.add('stale');
         for (const id of answers.keys()) hear({ id, ok: false, words: 'knead web disconnected before it answered' });
         showAbout(null);
-        const again = code < 4401; // a wrong token stays wrong, and a replaced page would replace another
+        // Do not try again with a wrong token (4401), or after a newer page has taken this page's place (4429).
+        const again = code < 4401;
         say(again ? 'wait' : 'fault', (reason || 'knead web has ended') + (again ? ': trying again every 2 s' : ''));
         if (again) setTimeout(connect, RETRY_MS);
     };
@@ -113,7 +116,7 @@ function show(now) {
     write($('pressed'), now.depth_mm.toFixed(1));
     write($('contact'), now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
-    // During a press, deepest_mm would be the depth left below this place.
+    // During a press, keep the slider's maximum: deepest_mm is then only the depth that is left below the tool.
     if (hand.holder === null && !now.contact) slider.max = now.deepest_mm;
     showDepth();
     write($('bar'), now.bar_mm ? `bar on the table: ${now.bar_mm < 9.9 ? `${now.bar_mm} mm` : `${now.bar_mm / 10} cm`}` : '');
@@ -123,13 +126,16 @@ function show(now) {
     drawTrace();
 }
 
-// ---- hand: place it aims at (u, v), its depth, and the source that holds the press (a pointer's id, 'key', or null)
+// ---- pointer
 
-// REPEAT_MS: interval of repeating a press. WHEEL_MM, KEY_MM: change of depth per wheel px and per key, mm. KEY_STEP:
-// step of an arrow key, as a share of the picture.
+// REPEAT_MS: interval at which a press is sent again, ms. WHEEL_MM: change of depth per pixel of the wheel, mm. KEY_MM:
+// change of depth per key, mm. KEY_STEP: step of an arrow key, as a share of the picture.
 const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015;
+// u, v: place in the picture at which the tool aims. holder: what holds the press: a pointer's id, 'key', or null (no
+// press).
 const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5 };
-let soon = 0, soonAt = 0; // pending animation frame that will send; time of the first handler that asked for it
+// soon: id of the requested animation frame that will send the pointer, 0: none. soonAt: time of the request.
+let soon = 0, soonAt = 0;
 
 const depthNow = () => clamp(hand.depth_mm, 0, Number(slider.max));
 function sayPointer() {
@@ -144,7 +150,7 @@ function tell() {
     sayPointer();
 }
 
-// Send the pointer with the next animation frame, which combines all moves until then.
+// Send the pointer with the next animation frame, so that all moves until then become one message.
 function tellSoon() {
     if (soon) return;
     soonAt = performance.now();
@@ -193,16 +199,16 @@ picture.addEventListener('pointermove', (event) => {
     aim(event);
     tellSoon();
 });
-// Listen on the window: the holder's events arrive there with and without the pointer capture. Chromium takes the
-// capture back when the layout changes under a mouse that is driven by its debugging protocol.
+// Listen on the window, which gets the events of the pressing pointer with and without a pointer capture. Chromium ends
+// the capture when the layout changes under a mouse that is driven by Chromium's debugging protocol.
 window.addEventListener('pointermove', (event) => {
     if (hand.holder !== event.pointerId) return;
-    if (event.buttons & 1) aim(event), tellSoon(); // a stroke at the current depth
-    else letGo(); // released while another button was down, which causes no pointerup
+    if (event.buttons & 1) aim(event), tellSoon(); // stroke the object at the current depth
+    else letGo(); // the left button was released while another was down: the browser sends no pointerup for this
 });
 onRelease((event) => { if (hand.holder === event.pointerId) letGo(); });
 picture.addEventListener('wheel', (event) => {
-    if (event.ctrlKey) return; // that zooms the page
+    if (event.ctrlKey) return; // Ctrl and the wheel zoom the page
     event.preventDefault();
     setDepth(hand.depth_mm + event.deltaY * (event.deltaMode ? 33 : 1) * WHEEL_MM);
 }, { passive: false });
@@ -230,6 +236,7 @@ picture.addEventListener('keydown', (event) => {
 });
 picture.addEventListener('keyup', ({ key }) => { if ([' ', 'Enter'].includes(key) && hand.holder === 'key') letGo(); });
 slider.addEventListener('input', () => setDepth(Number(slider.value)));
-setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS); // knead web lets go after silence
+// Repeat a press, because knead web lifts the tool when it has heard nothing for 400 ms.
+setInterval(() => { if (hand.holder !== null) sayPointer(); }, REPEAT_MS);
 window.addEventListener('hashchange', () => location.reload());
 connect();

@@ -31,7 +31,7 @@ static char *hang_up(kn_control_call *call)
 // End a request: close its connection, then handle its answer. If `why` is not NULL, this error is the answer.
 static void end(kn_control_call *call, const char *why)
 {
-    // Free the request's place before the answer is handled, because this may make a new request.
+    // Free the request's place before the answer is handled, because the handler may make a new request.
     const kn_control_call was = *call;
     char *text = hang_up(call);
     json_t *answer = why ? NULL : kn_ask_read(text, was.size);
@@ -176,16 +176,16 @@ const char *kn_control_client_snapshots(const kn_control_client *c)
     return json_string_value(json_object_get(json_object_get(c->status, "state"), "directory"));
 }
 
-// Identify the scene and directory that snapshot generations belong to. Generations are numbered by scene, in one
-// directory.
+// Write the scene and the directory to which the generation numbers of snapshots belong: kneadd numbers the snapshots
+// of each scene in a directory.
 static void of_what(const kn_control_client *c, char text[sizeof c->snapshot_of])
 {
     const char *folder = kn_control_client_snapshots(c);
     snprintf(text, sizeof c->snapshot_of, "%s/%s", c->live->scene ? c->live->scene->name : "", folder ? folder : "");
 }
 
-// Restore the last snapshot that a page asked for. Without one, restore kneadd's newest, which kneadd saves by itself,
-// at most every 0.5 s.
+// Restore the last snapshot that a page requested. If no page has requested one, restore kneadd's newest snapshot;
+// kneadd saves snapshots by itself, at most every 0.5 s.
 static json_t *restore_request(const kn_control_client *c)
 {
     char now[sizeof c->snapshot_of];
@@ -252,14 +252,14 @@ static void tell_done(kn_control_client *c, const kn_control_call *call, const j
     case KN_VERB_QUALITY: DONE("Quality set."); break;
     default:
         if (after)
-            DONE("Set: the object stores %.3g mJ, %.3g mJ before.", 1e3 * json_number_value(after),
+            DONE("Set: the object stores %.3g mJ now; it stored %.3g mJ before.", 1e3 * json_number_value(after),
                  1e3 * json_number_value(before));
-        else DONE("Taken.");
+        else DONE("Done.");
     }
 #undef DONE
 }
 
-// Keep kneadd's status, or the reason why there is none.
+// Keep kneadd's status or, if the request has failed, the reason.
 static void take_status(kn_control_client *c, const json_t *answer, const char *error)
 {
     json_decref(c->status);

@@ -7,9 +7,10 @@
 #include "clients/web/gateway.h"
 #include <jansson.h>
 
-// Most requests that wait for answers at once, one of them reserved for an emergency stop; kneadd accepts 8.
+// Largest number of requests that wait for answers at once. One place is reserved for an emergency stop. kneadd accepts
+// 8 connections.
 #define KN_CONTROL_CALLS 5
-#define KN_CONTROL_SCENES 32 // most scene files listed for loading
+#define KN_CONTROL_SCENES 32 // largest number of scene files in the list that a page can load from
 
 // Purpose of a request: an order of a page, or a request of the program itself for the status or for a snapshot.
 typedef enum kn_control_purpose { KN_CONTROL_ORDER, KN_CONTROL_STATUS, KN_CONTROL_SAVE } kn_control_purpose;
@@ -19,7 +20,8 @@ typedef struct kn_control_call { // a request that waits for its answer
     ev_timer patience;
     struct kn_control_client *client;
     kn_control_purpose purpose;
-    int page; // of an order: the page that gave it, -1 once the page is gone; the id of its request, and its verb
+    // For an order: index of the page that gave it (-1 once the page is gone), id of the page's request, and its verb.
+    int page;
     uint32_t id;
     kn_page_verb verb;
     char *text; // part of the answer received so far; NULL: this place for a request is free
@@ -28,7 +30,7 @@ typedef struct kn_control_call { // a request that waits for its answer
 
 typedef struct kn_control_client {
     // Set by the caller. path: path of the socket; NULL: every request is refused. scenes: folder whose *.yaml may be
-    // loaded; NULL: none. changed: called when the status has changed, or the reason why there is none.
+    // loaded; NULL: none. changed: called when the status has changed, or the reason for a missing status.
     const char *path, *scenes;
     struct ev_loop *ev;
     kn_gateway *gateway;
@@ -41,11 +43,12 @@ typedef struct kn_control_client {
     int ordered_by;    // index of the page that gave the last order, -1: none
     bool save_refused; // set when kneadd has refused a snapshot of kn_control_client_save; cleared by the caller
     char scene_file[KN_CONTROL_SCENES][KN_PAGE_REQUEST_NAME]; // file names in the folder `scenes`
-    // Numbers of files listed and not listed; a file is not listed beyond KN_CONTROL_SCENES, or if a request may not
-    // have its name.
+    // Number of files in the list, and number of files that are left out, because the list is full (KN_CONTROL_SCENES)
+    // or because a request may not contain the file's name.
     int scene_files, scenes_unlisted;
-    // Private. status_ms: time of the last status request. snapshot: generation number of the last snapshot that a page
-    // requested, 0: none; snapshot_of: scene and directory of this snapshot.
+    // The fields below are used by control_client.c only. status_ms: time of the last status request. snapshot:
+    // generation number of the last snapshot that a page requested, 0: none. snapshot_of: scene and directory of this
+    // snapshot.
     int64_t status_ms, snapshot;
     char snapshot_of[400];
     kn_control_call call[KN_CONTROL_CALLS];
@@ -56,8 +59,8 @@ void kn_control_client_order(kn_control_client *client, int page, const kn_page_
 // Ask kneadd for its status, at most once a second and only while a page is open.
 void kn_control_client_ask_status(kn_control_client *client);
 bool kn_control_client_save(kn_control_client *client); // asks for a snapshot; returns false if this is impossible now
-const char *
-kn_control_client_snapshots(const kn_control_client *client);     // returns kneadd's snapshot directory, or NULL
+// Return kneadd's snapshot directory, or NULL.
+const char *kn_control_client_snapshots(const kn_control_client *client);
 void kn_control_client_gone(kn_control_client *client, int page); // forgets a page
 void kn_control_client_close(kn_control_client *client); // closes all connections without waiting for pending answers
 

@@ -14,9 +14,9 @@
 
 // Longest time that a connection may stay without the token, s; a page shows its token within a few round trips.
 #define GUEST_S 2
-#define EXPIRY_S 0.2 // interval between two searches for guests that have stayed too long, s
-// Time between two closings of guests while more connections arrive than there are places, s. With this interval, each
-// of the 16 guests has at least 64 ms to show its token.
+#define EXPIRY_S 0.2 // interval between two searches for connections that have stayed too long without the token, s
+// Time between two closings of connections without the token, while more connections arrive than there are places, s.
+// With this interval, each of the 16 connections has at least 64 ms to show its token.
 #define CLOSE_EVERY_S 0.004
 // Largest number of connections with the token that are not pages (downloads). With more, the program could need more
 // than 64 descriptors.
@@ -26,10 +26,11 @@
 // Number of bytes passed to the kernel at once. The default of libwebsockets, the size of the receive buffer, would
 // send a picture in 500 pieces.
 #define AT_ONCE (1 << 24)
-// WebSocket close codes. Codes from 4000 on are private to this protocol.
+// WebSocket close codes. Codes from 4000 on are free for the use of applications.
 enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, OUSTED = 4429 };
 
-// The files are embedded in the program. Nothing must be found at run time, and a page cannot ask for any other file.
+// Files of the page, embedded in the program. So the program needs no files at run time, and a page cannot ask for any
+// other file.
 #define EMBED(name, file)                                                                                              \
     extern const char name[], name##_end[];                                                                            \
     __asm__(".section .rodata\n" #name ": .incbin \"" KN_CLIENTS_DIR "/web/" file "\"\n" #name                         \
@@ -78,7 +79,7 @@ static bool is_guest(const kn_gateway *g, const struct lws *wsi)
     return false;
 }
 
-// Remove a guest that has shown the token or has ended.
+// Remove a connection from the guests, because it has shown the token or has ended.
 static void forget_guest(kn_gateway *g, const struct lws *wsi)
 {
     int kept = 0;
@@ -87,7 +88,7 @@ static void forget_guest(kn_gateway *g, const struct lws *wsi)
     g->guests = kept;
 }
 
-// Close the oldest guest at once.
+// Close the oldest guest (connection without the token) at once.
 static void close_oldest(kn_gateway *g)
 {
     struct lws *oldest = g->guest[0];
@@ -106,8 +107,8 @@ static void pause_accepting(kn_gateway *g, double seconds, const char *why)
     ev_timer_again(g->ev, &g->pause);
 }
 
-// Add a guest. If all places are taken, the new guest replaces the oldest guest. A real page is safe from this, because
-// it shows its token at once.
+// Add a new connection to the guests (connections without the token). If all their places are taken, it replaces the
+// oldest guest. A real page shows its token at once, so it is not replaced.
 static void add_guest(kn_gateway *g, struct lws *wsi)
 {
     if (g->guests == KN_GATEWAY_GUESTS) {
@@ -119,8 +120,8 @@ static void add_guest(kn_gateway *g, struct lws *wsi)
     lws_set_timer_usecs(wsi, GUEST_S * LWS_USEC_PER_SEC);
 }
 
-// Close guests that have stayed too long. libwebsockets checks its timers only after events of its own, so without this
-// timer guests would stay for as long as the page is idle.
+// Close guests (connections without the token) that have stayed too long. libwebsockets checks its timers only after
+// its own events, so without this timer guests would stay until the next event.
 static void on_expiry(struct ev_loop *ev, ev_timer *w, int events)
 {
     (void)events;
@@ -226,8 +227,9 @@ static int hang_up(kn_gateway *g, struct lws *wsi, int code, const char *why)
     return -1;
 }
 
-// Free a place when all places are taken, and return its index. The oldest page for which `stays` returns false loses
-// its place and becomes a guest. A guest is closed after GUEST_S even if it does not read the close reason.
+// Free a place for a new page when the places of all pages are taken, and return the index of the place. The oldest
+// page for which `stays` returns false loses its place and becomes a guest, which is closed after GUEST_S even if it
+// does not read the close reason.
 static int oust(kn_gateway *g)
 {
     int first = -1;
@@ -245,7 +247,7 @@ static int oust(kn_gateway *g)
 // Handle the first message of a connection, which must be the token.
 static int admit(kn_gateway *g, struct lws *wsi, session *s)
 {
-    // Ignore messages of a page that has lost its place and is about to be told so.
+    // Ignore further messages of a page that has lost its place.
     if (s->admitted) return 0;
     if (s->length != KN_GATEWAY_TOKEN || lws_frame_is_binary(wsi) || !is_token(g, s->message))
         return hang_up(g, wsi, UNKNOWN, "wrong token: open the address that knead web printed");
@@ -284,8 +286,8 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
         return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
     if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
-    // Accept an acknowledgement only for a message that is in flight. Unsigned differences survive a wrap of the
-    // counters.
+    // Accept an acknowledgement only for a message that was sent and is not acknowledged yet. Unsigned differences are
+    // right even after the counters have wrapped.
     else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
     if (page->news) lws_callback_on_writable(wsi);
     return 0;
@@ -316,7 +318,7 @@ static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes
     return lws_frame_is_binary(wsi) ? take(g, wsi, s) : take_words(g, wsi, s);
 }
 
-// Return whether the page may be sent another message.
+// Return true if another message may be sent to the page.
 static bool room(const kn_web_page *p) { return p->wsi && p->sent - p->seen < KN_GATEWAY_IN_FLIGHT; }
 
 // Write the next message of a page, or close a page that has lost its place.
@@ -324,7 +326,7 @@ static int write_page(kn_gateway *g, struct lws *wsi, const session *s)
 {
     kn_web_page *page = &g->page[s->page < 0 ? 0 : s->page];
     if (s->page < 0 && s->admitted && !s->closing)
-        return hang_up(g, wsi, OUSTED, "a newer page has taken over: reload to take it back");
+        return hang_up(g, wsi, OUSTED, "a newer page has taken the place of this page: reload to take it back");
     if (s->page < 0 || s->closing || !page->news || !room(page)) return 0;
     page->news = false;
     page->sent++;
@@ -348,9 +350,9 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
     const bool ok =
         x && key && at && getrandom(&serial, sizeof serial, 0) == sizeof serial && X509_set_version(x, 2) &&
         ASN1_INTEGER_set_uint64(X509_get_serialNumber(x), serial >> 1) &&
-        // Valid from one day ago, because a tablet's clock may be slow.
+        // The certificate is valid from one day ago, because a tablet's clock may be slow.
         X509_gmtime_adj(X509_getm_notBefore(x), -86400) &&
-        // Valid for 397 days, the longest validity that browsers accept.
+        // The certificate is valid for 397 days, the longest time that browsers accept.
         X509_gmtime_adj(X509_getm_notAfter(x), 397 * 86400) &&
         X509_NAME_add_entry_by_txt(X509_get_subject_name(x), "CN", MBSTRING_ASC, (uint8_t *)"knead web", -1, -1, 0) &&
         X509_set_issuer_name(x, X509_get_subject_name(x)) && X509_add_ext(x, at, -1) && X509_set_pubkey(x, key) &&
@@ -367,7 +369,7 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
 
 // ---- events of libwebsockets
 
-// Close a guest that has stayed for GUEST_S. A session is NULL before the first request.
+// Close a guest (connection without the token) that has stayed for GUEST_S. `s` is NULL before its first request.
 static int send_away(kn_gateway *g, struct lws *wsi, session *s)
 {
     if (s && s->socket && !s->closing)
@@ -430,14 +432,14 @@ int kn_gateway_listen(const char *host, int port, char *error, size_t error_size
     return -1;
 }
 
-// Accept a connection. The gateway calls accept itself instead of libwebsockets, because it limits the number of guests
-// and may delay new connections.
+// Accept a connection. The gateway calls accept itself instead of libwebsockets, because the gateway limits the number
+// of connections without the token and may delay new connections.
 static void on_acceptable(struct ev_loop *ev, ev_io *w, int events)
 {
     (void)ev, (void)events;
     kn_gateway *g = w->data;
     int fd = accept4(g->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC), on = 1;
-    // Pause, because the pending connection would otherwise trigger this callback again and again in a busy loop.
+    // If no descriptor is free, pause: otherwise the pending connection would trigger this callback again and again.
     if (fd < 0 && (errno == EMFILE || errno == ENFILE)) {
         pause_accepting(g, g->guests ? CLOSE_EVERY_S : 0.1, "too many descriptors are open");
         if (g->guests) close_oldest(g);

@@ -84,13 +84,13 @@ bool kn_page_request_parse(kn_page_request *request, const char *text, size_t si
 
 // ---- gateway
 
-#define KN_GATEWAY_PAGES 4   // most pages connected at once
-#define KN_GATEWAY_GUESTS 16 // most connections at once that have not shown the token
+#define KN_GATEWAY_PAGES 4   // largest number of pages connected at once
+#define KN_GATEWAY_GUESTS 16 // largest number of connections that have not shown the token
 #define KN_GATEWAY_TOKEN 32  // number of hex digits of the token
 // Largest number of messages sent to a page and not acknowledged by the page. With more, outdated pictures would wait
 // in a buffer.
 #define KN_GATEWAY_IN_FLIGHT 2
-#define KN_GATEWAY_ANSWERS 16 // most answers to requests that wait to be sent to one page
+#define KN_GATEWAY_ANSWERS 16 // largest number of answers that wait to be sent to a page
 
 // POINTER: place of the pointer and state of its button. SEEN: the page has drawn a message of the gateway.
 typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
@@ -148,15 +148,15 @@ typedef struct kn_gateway {
     // Write the next message for a page to `bytes`, at most `size` bytes. Return the length of the message.
     size_t (*write)(void *arg, int page, uint8_t *bytes, size_t size);
     void *arg;
-    // private
+    // The fields below are used by gateway.c only.
     struct lws_context *context;
     struct ev_loop *ev;
     ev_io acceptable;
-    ev_timer pause;  // while this timer runs, no connection is accepted
-    ev_timer expiry; // timer that closes guests which have stayed too long
-    struct lws *guest[KN_GATEWAY_GUESTS];
-    double guest_s[KN_GATEWAY_GUESTS]; // arrival times of the guests
-    int64_t admitted;                  // number of pages admitted so far
+    ev_timer pause;                       // while this timer runs, no connection is accepted
+    ev_timer expiry;                      // timer that closes connections which have stayed too long without the token
+    struct lws *guest[KN_GATEWAY_GUESTS]; // connections that have not shown the token, the oldest first
+    double guest_s[KN_GATEWAY_GUESTS];    // arrival times of the connections in `guest`
+    int64_t admitted;                     // number of pages admitted so far
     int fd, connections, guests;
     int64_t told_ms; // time when a refusal was last reported
     // token: random secret of this run, hex digits; origin: the Origin that a page must send, http://HOST:PORT.
@@ -173,15 +173,15 @@ bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, 
                      char *error, size_t error_size);
 // Return a listening socket, or -1 and one line in `error`.
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size);
-// Returns true if `text` is the IPv4 address of one machine.
+// Return true if `text` is the IPv4 address of one machine.
 bool kn_gateway_host(const char *text, struct in_addr *host);
 // Return the number of pages that are connected.
 int kn_gateway_pages(const kn_gateway *gateway);
 bool kn_gateway_wants(const kn_gateway *gateway); // returns true if at least one page can take a picture now
-// Lets the gateway call `write` for each page as soon as that page can take a message.
+// Let the gateway call `write` for each page as soon as the page can take a message.
 void kn_gateway_news(kn_gateway *gateway);
-// Append an answer to the list of answers that wait for a page. It is dropped if page is -1, or if the page does not
-// read its answers.
+// Append an answer to the list of answers that wait for a page. The answer is dropped if page is -1, or if the page
+// does not read its answers.
 __attribute__((format(printf, 5, 6))) void kn_gateway_answer(kn_gateway *gateway, int page, uint32_t id, bool ok,
                                                              const char *format, ...);
 void kn_gateway_close(kn_gateway *gateway);

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// Bit mask of the fields that a request with a given verb must contain.
+// Bits of a mask that says which fields a request with a given verb must contain.
 enum { NAME = 1, VALUE = 2, NUMBER = 4, VIEW = 8 };
 
 static const struct {
@@ -69,7 +69,7 @@ static const char *take(kn_page_request *r, const json_t *object)
     // Count the expected fields. If the object has a different number of fields, it contains an extra field.
     size_t count = 2;
     if (!take_id(r, json_object_get(object, "id"))) return "\"id\", a whole number of 1 to 2^32 - 1";
-    if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the README's verbs";
+    if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the verbs in clients/web/README.md";
     int fields = verbs[r->verb].fields;
     if (fields & NAME && (count++, !take_name(r, json_object_get(object, "name"))))
         return "\"name\", of letters, digits and . _ -";

@@ -1,5 +1,5 @@
-// The state that the pages are told. Every message has the present state, and a picture if there is a new one. The
-// rarely changing facts (`about`) are added only if they have changed.
+// Messages to the pages. Every message contains the present state, and the newest picture if the page does not have it
+// yet. Facts that change rarely (`about`) are added only when they have changed.
 #include "clients/web/web.h"
 #include "core/scene/scene.h"
 #include "core/lattice/measure.h"
@@ -37,7 +37,7 @@ static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *u
     s->health_ms = kn_live_server_now_ms();
 }
 
-// Keep the energies of an audit. Only checkpoint events have them.
+// Keep the energies of kneadd's energy audit, which only checkpoint events contain.
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -50,7 +50,7 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *us
     s->energy_ms = kn_live_server_now_ms();
 }
 
-// The subscription covers all probes; keep the patch of the chosen probe only.
+// Keep the contact patch of the chosen probe. The subscription delivers the patches of all probes.
 static void on_touch(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     kn_page_state *s = user;
@@ -296,14 +296,14 @@ static json_t *rounded(double x)
     return isfinite(x) ? json_real(strtod(text, NULL)) : json_null();
 }
 
-// Write the parameters that the damper of this material uses.
+// Return a material as JSON, with only those parameters that its damper uses.
 static json_t *material(const kn_material *m)
 {
     static const char *const dampers[] = {"none", "constant", "exponential", "ramp"};
     enum { CONSTANT = 1 << KN_DAMPER_CONSTANT, EXPONENTIAL = 1 << KN_DAMPER_EXPONENTIAL, RAMP = 1 << KN_DAMPER_RAMP };
     const struct {
         const char *name;
-        int dampers; // those that use the parameter
+        int dampers; // bit mask of the kinds of damper that use the parameter
         double value;
     } all[] = {{"c2", CONSTANT, m->c2_pa_s},          {"alpha", EXPONENTIAL, m->alpha_pa_s},
                {"beta", EXPONENTIAL, m->beta_per_pa}, {"c_max", RAMP, m->c_max_pa_s},
@@ -339,7 +339,7 @@ static json_t *points(const kn_scene *scene)
     return names;
 }
 
-// Write the counters of the servo loop. Write null if no recent status exists.
+// Return the counters of the servo loop as JSON, or null if no status message has come for STALE_MS.
 static json_t *loop(const kn_page_state *v)
 {
     const knead_status_t *s = &v->status;
@@ -351,8 +351,8 @@ static json_t *loop(const kn_page_state *v)
                      v->health_ms ? rounded(v->health.execution_us[0]) : json_null());
 }
 
-// Write the energies of kneadd's last energy audit. The dissipated energy is the work of all tools minus the stored
-// energy.
+// Return the energies of kneadd's last energy audit as JSON. The dissipated energy is the work of all tools minus the
+// stored energy.
 static json_t *energy(const kn_page_state *v)
 {
     if (stale(v->energy_ms)) return json_null();
@@ -393,8 +393,9 @@ static json_t *control(const kn_web *w)
                       : w->client.status ? NULL
                       : *w->client.error ? w->client.error
                                          : "kneadd has not answered yet";
-    // A latched fault that lifting does not clear needs the button Recover, like an emergency stop. One fault does not
-    // need it: after the hand has left the tool, a fault of the page's own session ends by itself.
+    // A latched fault that lifting the tool does not clear needs the button Recover, as an emergency stop does. A fault
+    // of the page's own session does not need the button once the hand has left the tool, because this fault then ends
+    // by itself.
     const bool fault =
         mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
@@ -449,7 +450,7 @@ static json_t *told(const char *words)
     return text ? text : json_string("?");
 }
 
-// Compose all facts that a page is told when one of them changes.
+// Compose `about`: all facts that are sent to the pages again whenever one of them has changed.
 static json_t *about(const kn_web *w)
 {
     const kn_scene *s = w->live.scene;

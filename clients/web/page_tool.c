@@ -7,9 +7,9 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-// A page on which the user presses normally sends a message every 50 ms. If it sends none for LET_GO_MS, the page
-// counts as gone. The device's thread uses the same limit: if the main thread posts no wish for LET_GO_MS, the device's
-// thread lifts the tool.
+// A page on which the user presses sends a message every 50 ms. If the page sends no message for LET_GO_MS, it counts
+// as gone. The device's thread has this limit, too: if the main thread posts no wish for LET_GO_MS, the device's thread
+// lifts the tool.
 #define LET_GO_MS 400
 #define IDLE_MS 2000 // after this time without pointer events another page may take the tool
 #define HELD_MS 5000 // after this time without pointer events another program may take the tool
@@ -51,8 +51,8 @@ bool kn_page_tool_is_taken(const kn_page_tool *t, int page)
     return t->owner != page && kn_page_tool_idle_ms(t) <= IDLE_MS;
 }
 
-// Post the current wish to the device's thread. If the page has sent no pointer event for HELD_MS, the wish lets the
-// tool leave.
+// Post the current wish to the device's thread. If the page has sent no pointer event for HELD_MS, the wish releases
+// the tool, so that another program can take it.
 static void post_wish(kn_page_tool *t)
 {
     t->wish.held = kn_page_tool_idle_ms(t) <= HELD_MS && t->moving && t->wish.hover_z_m > 0;
@@ -61,7 +61,7 @@ static void post_wish(kn_page_tool *t)
     kn_mailbox_post(&t->wishes);
 }
 
-// Take the samples: the newest state, the ticks of answered events, and the trace.
+// Take the samples of the device's thread. Keep the newest state, the ticks of answered events, and the trace.
 void kn_page_tool_listen(kn_page_tool *t)
 {
     for (const kn_page_tool_sample *s; (s = kn_ring_front(&t->samples)); kn_ring_pop(&t->samples)) {
@@ -113,7 +113,7 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
     const kn_probe_def *tool = kn_tool_height_choose_tool(&scene->model, t->probe);
     const bool on = goes_on(t, tool);
     if (!on) let_go(t);
-    // The reach depends on the scene and must be opened again in any case.
+    // Prepare the translation from pointer to tool (`reach`) anew in any case, because it depends on the scene.
     kn_pointer_hand_reach_close(&t->reach);
     t->scene = scene;
     t->scene_hash = scene->text_hash;
@@ -130,8 +130,8 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
     return true;
 }
 
-// Turn the view of the pointer as well, even while a recording moves the tool. If the user presses meanwhile, the
-// pointer does not move the tool sideways until the press ends, because the pointer's place in the new view stands for
+// Use the turned view for the pointer, too, even while a recording moves the tool. If a page turns the view during a
+// press, the pointer no longer moves the tool sideways in this press, because its place in the picture now stands for
 // another point of the object.
 void kn_page_tool_look(kn_page_tool *t, const kn_camera_view *view)
 {
@@ -162,7 +162,7 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     if (t->owner != page) t->button = KN_BUTTON_UP;
     t->owner = page;
     p->pointed_ms = kn_live_server_now_ms();
-    // Without a tool or a matching mesh, a press counts only after the button has been up.
+    // Without a tool or a matching mesh, ignore a press until the button has been released.
     if (!t->moving || !kn_pointer_hand_reach_fits(&t->reach, &t->live->mesh)) {
         if (m->pressed) t->button = KN_BUTTON_BARRED;
         return;
@@ -173,7 +173,8 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     // Move the goal of the tool to the pointer while the button is up, or during a stroke. A press that has not reached
     // the surface yet keeps its place.
     if (t->button == KN_BUTTON_UP || (met && !t->turned)) kn_pointer_hand_reach_aim(&t->reach, m->u, m->v, &t->wish);
-    // A press starts where the object is; a press beside the object does nothing until the button is up.
+    // A press begins if the object is under the tool. A press beside the object has no effect until the button is
+    // released.
     if (!m->pressed) {
         t->button = KN_BUTTON_UP;
     } else if (t->button == KN_BUTTON_UP) {
@@ -198,7 +199,7 @@ void kn_page_tool_gone(kn_page_tool *t, int page)
 {
     for (int i = 0; i < KN_PAGE_TOOL_EVENTS; i++)
         if (t->event[i].page == page) t->event[i].page = -1;
-    // The page that had the tool is gone, so lift the tool.
+    // If this page had the tool, lift the tool.
     if (t->owner != page) return;
     t->owner = -1;
     t->button = KN_BUTTON_UP;

@@ -13,7 +13,7 @@
 #include "server/ring.h"
 
 #define KN_PAGE_TOOL_TRACE 256 // number of force samples kept for the pages, one sample per ms
-#define KN_PAGE_TOOL_EVENTS 64 // most pointer events that wait at once for an answer of kneadd
+#define KN_PAGE_TOOL_EVENTS 64 // largest number of pointer events that wait at once for an answer of kneadd
 
 // State of the pointer's button. BESIDE: pressed where no object is. BARRED: down, but without effect before the button
 // is released.
@@ -21,7 +21,7 @@ typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_B
 
 typedef struct kn_page_tool_sample { // state of the tool in one millisecond, from the device's thread
     kn_pointer_hand_news news;
-    // work_mj, round_trip_ms: of the newest force; NaN: no force arrived in this millisecond.
+    // Work of the hand and round trip in the newest force message; NaN: no force arrived in this millisecond.
     float work_mj, round_trip_ms;
 } kn_page_tool_sample;
 
@@ -42,7 +42,8 @@ typedef struct kn_page_tool {
     int owner;        // index of the page that has the tool, -1: none
     kn_button button; // state of the pointer's button on the page that has the tool
     int lent;         // number of the recording that moves the tool (is played), 0: none
-    // Private: the scene that `def` and `reach` belong to, which may have been freed already, and its hash.
+    // The fields below are used by page_tool.c only. scene, scene_hash: scene to which `def` and `reach` belong, which
+    // may have been freed already, and the hash of its text.
     const kn_scene *scene;
     uint64_t scene_hash;
     // Copy of *def and the spacing of the nodes, to compare the tool with that of the next scene after this scene has
@@ -51,7 +52,7 @@ typedef struct kn_page_tool {
     double held_spacing_m;
     kn_virtual_device device;
     kn_pointer_hand pointer; // used by the device's thread only
-    int stale_ms;            // time since the device's thread last received a wish; used by this thread only
+    int stale_ms;            // time since the device's thread last received a wish; used by the device's thread only
     kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
     kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
@@ -85,7 +86,8 @@ void kn_page_tool_gone(kn_page_tool *tool, int page); // forgets a page, because
 // Return the time since the last pointer event of the page that has the tool; INT64_MAX if no page has it.
 int64_t kn_page_tool_idle_ms(const kn_page_tool *tool);
 bool kn_page_tool_is_taken(const kn_page_tool *tool, int page); // returns true if another page has the tool and uses it
-// Return the newest pointer event after `since` that kneadd had answered by a tick, or `since`.
+// Return the newest pointer event after `since` that kneadd had answered by the given tick, or `since` if there is no
+// such event.
 int32_t kn_page_tool_answered(const kn_page_tool *tool, int32_t since, int64_t tick);
 // Return the page's own number of an event, or 0 if another page has sent the event.
 uint32_t kn_page_tool_event(const kn_page_tool *tool, int32_t event, int page);

@@ -17,7 +17,7 @@ function write(element, text) {
 
 // ---- orders
 
-let unsaid = 0; // timer that clears the last report
+let unsaid = 0; // timer that clears the last shown answer
 
 function report(ok, words) {
     clearTimeout(unsaid);
@@ -26,7 +26,7 @@ function report(ok, words) {
     unsaid = setTimeout(() => write($('said'), ''), ok ? 8000 : 30000);
 }
 
-// Send a request and report its answer. silent: report a refusal only.
+// Send a request and show its answer. silent: show the answer only if the request was refused.
 async function order(what, fields, silent = false) {
     const { ok, words } = await ask(what, fields);
     if (!ok || !silent) report(ok, words);
@@ -44,8 +44,9 @@ function explain(id, words) {
 // Enable the buttons whose orders kneadd can carry out now, and tell why the others are disabled.
 function showOperator({ why, orders, saves, snapshot, stopped }) {
     for (const what of ['undo', 'reset', 'recover']) $(what).disabled = Boolean(why);
-    $('estop').disabled = !orders; // the stop stays enabled whatever else fails, as long as kneadd can be asked
-    if (stopped !== $('estop').hidden) { // exactly one of the two is visible; the focus moves with it
+    $('estop').disabled = !orders; // the emergency stop stays enabled as long as orders can be sent to kneadd
+    // Show either the emergency stop or Recover. If the hidden button had the focus, give the focus to the shown one.
+    if (stopped !== $('estop').hidden) {
         const focused = [$('estop'), $('recover')].includes(document.activeElement);
         $('estop').hidden = stopped;
         $('recover').hidden = !stopped;
@@ -60,14 +61,18 @@ function showOperator({ why, orders, saves, snapshot, stopped }) {
 
 // ---- material
 
-const KEYS = { // in the order of the page; [words, unit]
+const KEYS = { // parameters of a material, in the order of the page: [label, unit]
     k1: ['Spring k1', 'Pa'], c1: ['Dashpot c1', 'Pa·s'], c2: ['Damper c2', 'Pa·s'],
     alpha: ['Damper α', 'Pa·s'], beta: ['Thinning β', '1/Pa'],
     c_max: ['Damper at rest', 'Pa·s'], c_min: ['Damper under load', 'Pa·s'],
     p0: ['Thins from p0', 'Pa'], p1: ['Thins up to p1', 'Pa'],
 };
-const DECADES = 2, TICKS = 100; // range to each side of the scene's value; slider steps per decade
-const sliders = new Map();      // by key: {input, output, from: the value in the middle, dragged}
+// DECADES: range of a slider to each side of the scene's value, in decades. TICKS: steps of a slider per decade.
+const DECADES = 2, TICKS = 100;
+// Sliders by key. from: value in the middle of the slider. dragged: the user moves the slider, or its new value is
+// being sent. fixed: the value is 0, which has no place on a logarithmic scale. shown: position of the slider for the
+// value in use.
+const sliders = new Map();
 
 function quantity(x, unit) {
     if (unit === '1/Pa') return `${round3(1e3 * x)} 1/kPa`;
@@ -75,7 +80,7 @@ function quantity(x, unit) {
     return `${round3(factor * x)} ${prefix}${unit}`;
 }
 
-// Add a slider with a logarithmic scale around the scene's value.
+// Add a slider for a parameter of the material, with a logarithmic scale around the scene's value.
 function addSlider(key, value) {
     const [words, unit] = KEYS[key], row = make('div', { className: 'slider' });
     const label = make('label', { textContent: words, htmlFor: `m-${key}` });
@@ -89,12 +94,12 @@ function addSlider(key, value) {
         input.setAttribute('aria-valuetext', output.textContent);
     };
     one.show = (x) => {
-        one.fixed = x === 0; // a logarithm has no place for 0
+        one.fixed = x === 0;
         if (x > 0) input.value = Math.round(TICKS * Math.log10(x / one.from));
         one.shown = input.value;
         say(x);
     };
-    // If the slider is dragged away and back, the value is unchanged and no `change` event comes.
+    // End a drag that leads back to the old value: then the browser sends no `change` event.
     const settle = () => {
         if (input.value !== one.shown) return;
         one.dragged = false;
@@ -115,7 +120,8 @@ function addSlider(key, value) {
     sliders.set(key, one);
 }
 
-// Show the material. A new scene or another damper gets new sliders. A slider that is being dragged keeps its place.
+// Show the material. Make new sliders for a new scene or another damper. A slider that is being dragged keeps its
+// place.
 function showMaterial(material, scene) {
     const keys = Object.keys(KEYS).filter((key) => key in material), made = `${scene} ${keys}`;
     if ($('sliders').dataset.made !== made) {
@@ -130,7 +136,8 @@ function showMaterial(material, scene) {
 
 // ---- lists
 
-// Fill a list, and select the chosen name unless the user is in the list. words: text of a name.
+// Fill a list with names, and select the chosen name unless the list has the focus. words: function that returns the
+// text shown for a name.
 function fill(id, names, chosen, words = (name) => name) {
     const select = $(id);
     if (select.dataset.names !== names.join()) {
@@ -144,7 +151,7 @@ for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
     $(what).addEventListener('change', ({ target }) => {
         const silent = ['style', 'measure'].includes(what); // their effect is visible in the picture
         if (target.value !== '…') order(what, { name: target.value }, silent);
-        // Choosing a material is an action, not a state: the sliders may change the material afterwards.
+        // Do not leave the chosen material selected, because the sliders may change the material afterwards.
         if (what === 'material') target.value = '…';
     });
 $('what').addEventListener('change', ({ target }) => choose(target.value));
@@ -154,7 +161,7 @@ $('what').addEventListener('change', ({ target }) => choose(target.value));
 const orbit = { pointer: null, azimuth: 28, elevation: 27, zoom: 1, x: 0, y: 0 };
 let looking = 0;
 
-// Turn the view, once per animation frame.
+// Turn the view. Send at most one request per animation frame.
 function look(azimuth, elevation, zoom = orbit.zoom) {
     orbit.azimuth = ((azimuth + 540) % 360) - 180;
     orbit.elevation = clamp(elevation, 2, 90);
@@ -185,7 +192,7 @@ for (const [id, factor] of [['closer', 1.25], ['farther', 0.8]])
 
 const wordsOf = (measure) => about?.view.measures.find(({ name }) => name === measure)?.words;
 
-const TOPS = { // top of a scale, as the legend shows it
+const TOPS = { // by measure: text of the legend for the top of the colour scale
     displacement: (x) => `${round3(1e3 * x)} mm`, stress: (x) => quantity(x, 'Pa'),
     residual: (x) => `${round3(100 * x)} %`,
 };
@@ -231,7 +238,7 @@ function showRecordings({ recordings, recording, playing, replaying }) {
     $('record').classList.toggle('on', Boolean(recording));
     const rows = new Map([...$('recordings').children].map((row) => [Number(row.dataset.number), row]));
     for (const [number, row] of rows) if (!recordings.some((one) => one.number === number)) row.remove();
-    for (const one of recordings.sort((a, b) => a.number - b.number)) { // the newest row ends up first
+    for (const one of recordings.sort((a, b) => a.number - b.number)) { // ascending: each new row is put first
         const row = rows.get(one.number) ?? addRecording(one.number);
         if (!row.isConnected) $('recordings').prepend(row);
         const [words, told, buttons] = row.children;
@@ -240,7 +247,7 @@ function showRecordings({ recordings, recording, playing, replaying }) {
         write(told, replaying === one.number ? 'is being replayed' : one.words);
         buttons.hidden = one.state !== 'whole';
         const verify = buttons.children[2], now = replaying === one.number ? 'Stop' : 'Verify';
-        write(verify, now); // one button for both actions, so that the focus stays
+        write(verify, now); // the same button verifies and stops, so that it keeps the focus
         verify.setAttribute('aria-label', `${now}, recording ${one.number}`);
     }
 }
@@ -293,8 +300,8 @@ function showTouch(touch) {
 
 // ---- everything
 
-// Enable the controls that kneadd answers while kneadd accepts orders, and those of knead web while knead web is
-// connected.
+// Enable or disable the controls. why: reason why kneadd accepts no orders now; null: kneadd accepts orders. there:
+// true if knead web, which answers the other requests by itself, is connected.
 function showAble(why, there) {
     for (const select of ['material', 'scene', 'quality']) $(select).disabled = Boolean(why);
     for (const one of sliders.values()) {
@@ -305,7 +312,7 @@ function showAble(why, there) {
     for (const element of document.querySelectorAll(own)) element.disabled = !there;
 }
 
-// Show new facts; null: knead web is gone.
+// Show the facts that have been received; null: knead web has disconnected.
 function showAbout(told) {
     about = told;
     if (!told) {
@@ -319,13 +326,13 @@ function showAbout(told) {
     fill('scene', told.scenes.includes(told.scene) ? told.scenes : [told.scene, ...told.scenes], told.scene);
     const { length } = told.scenes, more = told.unlisted;
     explain('why-scenes',
-        more > 0 ? `${more} more are not listed: at most 32 are, with names of letters, digits and . _ -`
+        more > 0 ? `${more} more scenes are not listed: at most 32 are, with names of letters, digits and . _ -`
         : length === 0 ? 'To list other scenes, start knead web with --scenes DIR.' : null);
     fill('quality', told.points ?? [], told.control.quality ?? '');
     $('style').value = told.view.style;
     const measures = told.view.measures.map(({ name }) => name);
     fill('measure', ['none', ...measures], told.view.measure, (name) => wordsOf(name) ?? 'material');
-    // Follow the view of other pages, unless this page is turning it.
+    // Take over a view that another page has set, unless this page is turning the view.
     if (orbit.pointer === null && !looking) {
         const { azimuth, elevation, zoom } = told.view;
         Object.assign(orbit, { azimuth, elevation, zoom });

@@ -67,7 +67,7 @@ static void *run(void *self)
     if (!ok) atomic_store(&p->stop, true);
     sem_post(&p->opened);
     for (;;) {
-        // sem_wait returns early when a signal arrives.
+        // Call sem_wait again if a signal has interrupted it.
         while (sem_wait(&p->wake) != 0)
             ;
         if (atomic_load(&p->stop)) break;
@@ -83,8 +83,8 @@ static void *run(void *self)
 
 // ---- pictures
 
-// Update the still to the newest mesh. Return false if the mesh does not belong to the scene that was heard. The
-// matching KNEAD_SCENE then comes within a second.
+// Update the still to the newest mesh. Return false if the mesh does not belong to the last received scene. The scene
+// message that belongs to the mesh then comes within a second.
 static bool fill_still(kn_picture *p)
 {
     kn_object_still *s = &p->still;
@@ -101,7 +101,7 @@ static bool fill_still(kn_picture *p)
     return p->fresh = true;
 }
 
-// Displacement follows from the vertices alone.
+// The displacement is always available, because it is computed from the vertices.
 bool kn_picture_measured(const kn_live_server *live, int measure)
 {
     return measure == KN_MEASURE_DISPLACEMENT || (measure == KN_MEASURE_STRESS && live->mesh.stress_pa) ||
@@ -133,7 +133,7 @@ static void label(kn_picture *p)
     p->label.scale = &p->scale;
 }
 
-// Pictures can be late, because meshes come at times of their own. After a late picture the next one is due earlier,
+// A picture can be late, because it waits for the next mesh message. After a late picture, the next one is due earlier,
 // which keeps the average rate. While the pointer moves, a picture that shows no new pointer event is delayed a little,
 // so that the thread is free when the mesh with the effect of the event comes.
 void kn_picture_paint(kn_picture *p)
@@ -177,7 +177,7 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
 {
     (void)ev, (void)events;
     kn_picture *p = a->data;
-    // This load orders the memory accesses of the two threads.
+    // This atomic load lets the main thread see everything that the drawing thread has written before.
     if (!atomic_load(&p->drawn)) return;
     p->jpeg_size = p->drawn_size;
     p->bar_m = p->drawn_bar_m;
@@ -210,7 +210,7 @@ static void look(kn_picture *p, const kn_page_request *r)
     kn_page_tool_look(p->tool, &view);
 }
 
-// Set the style of the picture. Return whether the name is known.
+// Set the style of the picture. Return false if the name is not known.
 static bool take_style(kn_picture *p, const char *name)
 {
     static const char *const names[] = {"lined", "solid", "wire"};
@@ -233,7 +233,7 @@ static bool take_measure(kn_picture *p, const char *name)
 // Request a PNG of the next picture. Return NULL, or the reason for refusing; the answer comes when the PNG is ready.
 static const char *request_png(kn_picture *p, int page, uint32_t id)
 {
-    if (!*p->folder) return "There is no folder to save it in.";
+    if (!*p->folder) return "There is no folder to save the picture in.";
     if (p->png_page >= 0) return "Another picture is being saved.";
     p->png_page = page;
     p->png_id = id;
@@ -250,7 +250,7 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
     case KN_VERB_STYLE: ok = take_style(p, words = r->name); break;
     case KN_VERB_MEASURE:
         ok = take_measure(p, r->name);
-        words = ok ? "Coloured." : "The meshes do not contain it: see the scene's mesh.measures.";
+        words = ok ? "Coloured." : "The meshes do not contain this measure: see the scene's mesh.measures.";
         break;
     case KN_VERB_PICTURE: ok = !(words = request_png(p, page, r->id)); break;
     default: look(p, r); break;
@@ -293,7 +293,7 @@ bool kn_picture_open(kn_picture *p, char *error, size_t error_size)
     sem_init(&p->opened, 0, 0);
     p->runs = pthread_create(&p->thread, NULL, run, p) == 0;
     if (!p->runs) return snprintf(error, error_size, "no thread to draw in"), false;
-    // sem_wait returns early when a signal arrives.
+    // Call sem_wait again if a signal has interrupted it.
     while (sem_wait(&p->opened) != 0)
         ;
     return !atomic_load(&p->stop);

@@ -1,9 +1,9 @@
 #ifndef KN_CLIENTS_PICTURE_H
 #define KN_CLIENTS_PICTURE_H
 // Pictures for the pages of `knead web`: the view, the colours and the time of each picture, and a thread that draws
-// one still (object_still.h) at a time as a JPEG, while the main thread handles messages. The thread opens, uses and closes
-// OpenGL itself, because an OpenGL context belongs to one thread. The thread runs at nice 5, because pictures may be
-// late and forces may not. On request a picture is also written as a PNG.
+// one still (object_still.h) at a time as a JPEG, while the main thread handles messages. The drawing thread opens,
+// uses and closes OpenGL itself, because an OpenGL context belongs to one thread. The drawing thread runs at nice 5,
+// because pictures may be late and forces may not. On request a picture is also written as a PNG.
 //
 //     new mesh -> kn_picture_paint -> (drawing thread) -> jpeg, jpeg_size, count
 #include "clients/picture/object_still.h"
@@ -35,7 +35,7 @@ typedef struct kn_picture {
     int64_t frame_ms;   // time when the last drawing began
     bool png_there;     // true: the requested PNG is ready, at png_path
     char png_path[128];
-    // Shared with the thread: they belong to it from the start of a drawing until `drawn` is true.
+    // Fields shared with the drawing thread, which owns them from the start of a drawing until `drawn` is true.
     kn_object_still still;
     bool fresh;               // true: `still` has a new topology or rest shape (vertex_count, mesh_id)
     bool png;                 // true: make a PNG copy of the next picture, with the texts in `label`
@@ -44,7 +44,7 @@ typedef struct kn_picture {
     unsigned long drawn_size; // size of drawn_jpeg, bytes; 0: the drawing failed
     double drawn_bar_m;
     char png_error[256]; // reason why the PNG copy was not written, or ""
-    // Private.
+    // The fields below are used by picture.c only.
     ev_async painted;
     atomic_bool stop, drawn;
     sem_t wake, opened;
@@ -67,8 +67,8 @@ size_t kn_picture_largest(int width, int height); // returns the largest size of
 // afterwards. If OpenGL is not available, return false and one line in `error`.
 bool kn_picture_open(kn_picture *picture, char *error, size_t error_size);
 kn_camera_view kn_picture_camera(const kn_picture *picture);
-bool kn_picture_measured(const kn_live_server *live,
-                         int measure);      // returns true if the mesh messages contain this measure
+// Return true if the mesh messages contain this measure.
+bool kn_picture_measured(const kn_live_server *live, int measure);
 void kn_picture_paint(kn_picture *picture); // draws the next picture if one is due
 // Handle a request of a page: VIEW, STYLE, MEASURE or PICTURE.
 void kn_picture_request(kn_picture *picture, int page, const kn_page_request *request);

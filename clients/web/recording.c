@@ -110,7 +110,7 @@ static void *run(void *self)
         return NULL;
     }
     if (ok && !write_path(log, t->probe, path)) {
-        snprintf(one->words, sizeof one->words, "Its poses cannot be written: is the folder for recordings full?");
+        snprintf(one->words, sizeof one->words, "The poses of the recording cannot be written: is the folder full?");
         ok = false;
     }
     atomic_store(&one->state, ok ? KN_RECORDING_WHOLE : KN_RECORDING_FAILED);
@@ -136,7 +136,7 @@ static bool tidy(kn_recordings *t)
 static const char *begin(kn_recordings *t)
 {
     kn_recording *one = &t->recording[t->count % KN_RECORDINGS];
-    if (!t->tool->def || t->tool->lent) return "There is no tool in hand.";
+    if (!t->tool->def || t->tool->lent) return "The pointer moves no tool now.";
     tidy(t);
     if (kn_recordings_running(t)) return "Another recording is running.";
     if (!*t->folder) return "There is no folder for recordings.";
@@ -199,7 +199,7 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     kn_recording *one = kn_recordings_find(t, t->child_of);
     const bool stopped = t->child_stopped;
     const bool ok = !stopped && WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
-    char words[200] = "It ended without a message.";
+    char words[200] = "The process ended without a message.";
     ev_child_stop(ev, w);
     t->child_pid = 0;
     last_line(t, words, sizeof words);
@@ -234,7 +234,7 @@ static const char *start(kn_recordings *t, int number, bool plays, char *const a
         execv("/proc/self/exe", argv);
         _exit(3);
     }
-    if (pid < 0) return "Cannot start a process for it.";
+    if (pid < 0) return "Cannot start a process for the recording.";
     t->child_pid = pid;
     t->child_of = number;
     t->child_plays = plays;
@@ -287,7 +287,7 @@ static const char *lend(kn_recordings *t, int number)
 {
     const char *why = !kn_recordings_find(t, number)  ? "There is no such recording."
                       : t->tool->lent || t->child_pid ? "Another recording is being replayed."
-                      : !t->tool->moving              ? "There is no tool in hand."
+                      : !t->tool->moving              ? "The pointer moves no tool now."
                                                       : NULL;
     if (why) return why;
     kn_page_tool_lend(t->tool, number);
@@ -299,7 +299,8 @@ static const char *lend(kn_recordings *t, int number)
 static bool stop(kn_recordings *t, int number)
 {
     const bool runs = kn_recordings_running(t) == number, child = t->child_pid && t->child_of == number;
-    const bool waits = t->tool->lent == number && t->lent_ms; // the child process that plays it has not started yet
+    // True: the recording is to be played, but the child process that plays it has not started yet.
+    const bool waits = t->tool->lent == number && t->lent_ms;
     if (runs) atomic_store(&t->end, true);
     if (child) kill(t->child_pid, SIGINT), t->child_stopped = true;
     if (waits) {
@@ -317,7 +318,7 @@ void kn_recordings_request(kn_recordings *t, int page, const kn_page_request *r)
     case KN_VERB_RECORD:
         why = begin(t);
         kn_gateway_answer(t->gateway, page, r->id, !why, "%s",
-                          why ? why : "It begins with the scene, which comes every second.");
+                          why ? why : "The recording begins with the next scene message, within a second.");
         return;
     case KN_VERB_STOP:
         why = stop(t, number) ? NULL : "That recording is neither running nor replayed.";

@@ -11,7 +11,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#define KN_RECORDINGS 6 // most recordings kept; a further recording replaces the oldest one
+#define KN_RECORDINGS 6 // largest number of recordings that are kept; a further one replaces the oldest
 
 // WAITS: waiting for the scene, which kneadd sends every second. RUNS: recording. WHOLE: complete. EMPTY: ended before
 // recording began; kn_recordings_turn removes this recording.
@@ -49,7 +49,7 @@ typedef struct kn_recordings {
     kn_recording recording[KN_RECORDINGS];
     kn_recording *now;       // recording whose thread must still be joined; NULL: none
     int child_pid, child_of; // id of the child process, and number of the recording that it uses; 0: no child process
-    // Private.
+    // The fields below are used by recording.c only.
     int count;
     atomic_bool end;
     pthread_t thread;
@@ -58,7 +58,8 @@ typedef struct kn_recordings {
     bool child_plays, child_stopped;
     // Time when the page stopped sending poses, so that a child process can start; 0: a child process sends the poses.
     int64_t lent_ms;
-    int page; // page that is told when the verification or the playing ends, -1: none; and the id of its request
+    // page: index of the page that is told when the verification or the playing ends, -1: none. id: id of its request.
+    int page;
     uint32_t id;
     int saved_of;     // last recording for which a snapshot was requested; 0: none, or kneadd refused
     int64_t saved_ms; // time when the snapshot of the recording `saved_of` was requested
@@ -70,8 +71,8 @@ void kn_recordings_request(kn_recordings *recordings, int page, const kn_page_re
 bool kn_recordings_turn(kn_recordings *recordings);
 void kn_recordings_gone(kn_recordings *recordings, int page);            // forgets a page
 kn_recording *kn_recordings_find(kn_recordings *recordings, int number); // returns a recording that is WHOLE, or NULL
-int kn_recordings_running(
-    const kn_recordings *recordings); // returns the number of the recording in WAITS or RUNS, or 0
+// Return the number of the recording that is in state WAITS or RUNS, or 0.
+int kn_recordings_running(const kn_recordings *recordings);
 // Get the path of a recording's file. kind: "lcmlog", "csv" (forces), "path" (poses, as knead probe --path takes them).
 void kn_recordings_path(const kn_recordings *recordings, int number, const char *kind, char path[128]);
 void kn_recordings_close(kn_recordings *recordings); // ends all work and removes all recordings with their files

@@ -1,8 +1,9 @@
-// Traces: one sample per millisecond on the page's own clock; NaN where no value was received.
+// Traces of force, depth, work, energies and round trip: one sample per millisecond of the page's own clock; NaN: no
+// value was received.
 'use strict';
 const trace = document.getElementById('trace');
-// SPAN: time shown. RING: samples kept, more than SPAN so that the oldest column stays complete. LATE: lag from which a
-// gap is drawn. All in ms.
+// SPAN: time that the trace shows, ms. RING: number of samples that are kept, one per ms; more than SPAN, so that the
+// oldest column stays complete. LATE: lag of the samples behind the clock from which a gap is drawn, ms.
 const SPAN = 10000, RING = 12000, LATE = 250;
 const TRACES = {
     force: { unit: 'N', least: 1, label: 'Force' },
@@ -89,12 +90,12 @@ function drawTrace() {
     ctx.lineWidth = 1.75;
     ctx.lineJoin = 'round';
     let from = -1, end = 0;
-    // Draw one line with an area below for each run of columns that have samples.
+    // For each run of columns that have samples, draw a line and fill the area below it.
     for (let c = 0; c <= columns.length; c++) {
         const [low, high] = columns[c] ?? [1, 0], heard = low <= high;
         if (heard && from < 0) ctx.beginPath(), from = c;
-        // From the nearer end of the column to the other, slanted. Vertical strokes would show slopes as saws and
-        // stairs.
+        // Draw a column as a slanted stroke between its largest and its least value. Begin at the value that is nearer
+        // to the end of the last stroke. Vertical strokes would show a slope as a saw or as stairs.
         if (heard) {
             const falls = Math.abs(high - end) < Math.abs(low - end);
             ctx.lineTo(x(c - 0.25), y(falls ? high : low));

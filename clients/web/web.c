@@ -28,18 +28,19 @@ static const char help[] =
     "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only with\n"
     "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
     "certificate, whose fingerprint is printed with the address.\n\n"
-    "  --probe NAME       tool in hand (default: the scene's first round one, else its first probe)\n"
+    "  --probe NAME       tool that the pointer moves (default: the scene's first round probe, else its first probe)\n"
     "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
     "  --rate HZ          pictures per second, 5 to 60, at most the scene's mesh.rate (default: 30)\n"
     "  --size WxH         size of a picture, 160 to 1920 pixels each (default: 800x450)\n"
-    "  --control PATH     control socket of kneadd, its --control, for the buttons of an operator (default: none)\n"
+    "  --control PATH     control socket of kneadd (its --control), needed for the operator's buttons (default: none)\n"
     "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
     "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND in its place, whose knead web --listen-fd 3\n"
-    "                     serves the page, e.g. inside a network namespace that no browser outside can reach\n"
-    "  --listen-fd N      descriptor of a listening socket, see --bind\n\n"
+    "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND instead of serving the page; COMMAND\n"
+    "                     starts knead web --listen-fd 3, e.g. in a network namespace that outside browsers cannot\n"
+    "                     reach\n"
+    "  --listen-fd N      serve the page on descriptor N, a listening socket that --bind has opened\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
 // clang-format on
 
@@ -65,8 +66,7 @@ static size_t block_of(const char *text, const char *head, const char **begin)
     return end ? (size_t)(end + 1 - *begin) : strlen(*begin);
 }
 
-// Make a name safe for a YAML comment. The name came over the bus. Any line break in the name, ASCII or not, would end
-// the comment.
+// Make a name from the bus safe for a YAML comment. Any line break in the name, ASCII or not, would end the comment.
 static void plain(const char *name, char *to, size_t size)
 {
     snprintf(to, size, "%s", name);
@@ -133,7 +133,8 @@ static void on_message(void *self, int page, const kn_web_message *m)
     kn_page_tool_point(&((kn_web *)self)->tool, page, m);
 }
 
-// Pass a request to its module. The orders for kneadd change its status, which is asked for after the answer.
+// Pass a request to the module that handles it. After an order to kneadd, control_client.c asks for the new status, and
+// `about` is updated with it. After any other request, update `about` at once.
 static void on_request(void *self, int page, const kn_page_request *r)
 {
     kn_web *w = self;
@@ -169,7 +170,7 @@ static bool stays(void *self, int page)
 
 // ---- events of the bus and of the clock
 
-// Adapt to a new scene.
+// If a new scene has come, adapt the tool, the pictures and the state to it.
 static void take_scene(kn_web *w)
 {
     const kn_camera_view view = kn_picture_camera(&w->picture);
@@ -179,7 +180,7 @@ static void take_scene(kn_web *w)
     kn_page_state_refresh(w);
 }
 
-// Handle bus messages. A new mesh moves the tool's hovering height and may start a picture.
+// Handle bus messages. A new mesh changes the height at which the tool hovers, and may start a picture.
 static void on_readable(struct ev_loop *ev, ev_io *io, int events)
 {
     (void)ev, (void)events;
@@ -278,7 +279,7 @@ static bool open_all(kn_web *w)
     w->gateway.fd = w->client.ordered_by = w->recordings.page = -1;
     kn_control_client_list_scenes(&w->client);
     snprintf(w->error, sizeof w->error, "out of memory");
-    // The pictures and the gateway come last, so that nothing is served before the rest works.
+    // Open the gateway last, so that no page is served before all other parts work.
     return kn_page_tool_open(&w->tool) && w->ev &&
            kn_live_server_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
            kn_picture_open(&w->picture, w->error, sizeof w->error) &&
@@ -306,7 +307,8 @@ static int bind_and_become(const kn_web *w, char **command)
     char error[256];
     int fd = kn_gateway_listen(w->host, w->port, error, sizeof error);
     if (fd < 0) return fail(KN_EXIT_DEVICE, error);
-    // dup2 clears the close-on-exec flag. If the descriptor is 3 already, the flag is cleared by hand.
+    // dup2 clears the close-on-exec flag. If the socket is descriptor 3 already, dup2 does nothing, so fcntl clears the
+    // flag.
     if (fd == 3 ? fcntl(3, F_SETFD, 0) < 0 : dup2(fd, 3) < 0) return fail(KN_EXIT_DEVICE, strerror(errno));
     execvp(command[0], command);
     fprintf(stderr, "knead web: --bind %s: %s\n", command[0], strerror(errno));

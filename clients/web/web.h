@@ -13,8 +13,8 @@
 
 #define KN_PAGE_STATE_ABOUT 24576 // largest size of `about`, bytes
 
-// State of kneadd as reported on the bus, and the description that it is part of. The newest message of each kind is
-// kept. A message that cannot be decoded is ignored.
+// State of kneadd as reported on the bus, and the description `about` that is sent to the pages. The newest message of
+// each kind is kept. A message that cannot be decoded is ignored.
 typedef struct kn_page_state {
     // Arrival times (CLOCK_MONOTONIC) of the newest message of each kind; 0: none yet.
     int64_t status_ms, health_ms, energy_ms, touch_ms, mesh_ms;
@@ -30,7 +30,7 @@ typedef struct kn_page_state {
     double mesh_bytes;         // mean size of a mesh message, bytes
     // Total size of all mesh messages so far; time, number and total size when the rate was last computed.
     int64_t all_mesh_bytes, counted_ms, counted_meshes, counted_bytes;
-    int nodes, edges, cells; // of the model of the scene
+    int nodes, edges, cells; // numbers of nodes, edges and cells of the scene's model
     // JSON description of the scene and the state (tool, control, quality, recordings), sent to each page that does not
     // have the present version yet.
     char *about;

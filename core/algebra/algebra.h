@@ -36,7 +36,8 @@ static inline void kn_turn_multiply(const double a[4], const double b[4], double
     out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
 }
 
-// Compute the rotation that takes the orientation `from` to the orientation `to`: the quaternion product out from = to.
+// Compute the rotation that takes the orientation `from` to the orientation `to`. The quaternion product of `out` and
+// `from` is then `to`.
 static inline void kn_turn_between(const double from[4], const double to[4], double out[4])
 {
     const double back[4] = {from[0], -from[1], -from[2], -from[3]};
@@ -87,7 +88,7 @@ static inline void kn_six_velocity(const double v[6], const double arm[3], doubl
     at[2] = v[2] + (v[3] * arm[1] - v[4] * arm[0]);
 }
 
-// Add sign (force, arm x force) to the wrench.
+// Add the force, which acts at `arm` from the reference point, to a wrench (force, torque). `sign` = -1 subtracts it.
 static inline void kn_six_wrench(const double arm[3], const double force[3], double sign, double wrench[6])
 {
     for (int k = 0; k < 3; k++) wrench[k] += sign * force[k];

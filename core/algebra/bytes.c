@@ -3,7 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-// Advance by `count` bytes. Return true if they can be copied, false if the codec only measures or the bytes end.
+// Advance the offset by `count` bytes. Return true if there is a buffer that holds these bytes. Return false if the
+// codec only measures, or if the buffer ends too early.
 static bool reach(kn_codec *c, size_t count)
 {
     bool fits = !(c->to || c->from) || (!c->ended && count <= c->size - c->at);
@@ -12,7 +13,7 @@ static bool reach(kn_codec *c, size_t count)
     return fits && (c->to || c->from);
 }
 
-// Copy bytes. Bytes read past the end become 0.
+// Write or read bytes. Bytes that are read past the end of the buffer become 0.
 void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count)
 {
     bool there = reach(c, count);
@@ -22,7 +23,7 @@ void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count)
     else memset(bytes, 0, count);
 }
 
-// Copy the low `size` bytes of a value, little-endian on every machine.
+// Write or read the low `size` bytes of a value, little-endian on every machine.
 static void word(kn_codec *c, uint64_t *value, size_t size)
 {
     uint8_t bytes[8] = {0};
@@ -42,7 +43,7 @@ void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most)
     word(c, &bits, 8);
     if (!c->from) return;
     memcpy(value, &bits, sizeof bits);
-    // a value outside its range is replaced by the least value
+    // replace a value outside its range by the lowest value of the range
     if (*value >= least && *value <= most) return;
     *value = least;
     c->wrong = true;

@@ -25,13 +25,13 @@ typedef struct kn_codec {
 void kn_codec_bytes(kn_codec *c, uint8_t *bytes, size_t count);
 void kn_codec_u64(kn_codec *c, uint64_t *value);
 void kn_codec_i64(kn_codec *c, int64_t *value, int64_t least, int64_t most);
-void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // stored as 8 bytes, too, like an int64_t
+void kn_codec_i32(kn_codec *c, int32_t *value, int32_t least, int32_t most); // takes 8 bytes in the buffer
 void kn_codec_bool(kn_codec *c, bool *value);
 void kn_codec_f64(kn_codec *c, double *value, size_t count);              // all values must be finite
-void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // finite floats or doubles
+void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // floats (single) or doubles, all finite
 
-// An arena: it hands out pieces of one block, each aligned to 64 bytes. If `base` is NULL, the arena only adds up the
-// sizes, so that one description of a layout measures it and hands out its memory.
+// An arena hands out pieces of one block of memory, each aligned to 64 bytes. If `base` is NULL, the arena only adds up
+// the sizes. So one function can first measure a layout and then, called a second time, hand out its memory.
 typedef struct kn_arena {
     char *base;
     size_t used;

@@ -12,7 +12,7 @@ bool kn_composite_box(const kn_model_def *def, const double low_m[3], const doub
                       int fine[2][3])
 {
     bool whole = true;
-    // round the box outwards to even cells; it always reaches the top
+    // round the box outwards to even cells; the box always reaches the top of the block
     for (int k = 0; k < 3; k++) {
         int cells = def->nodes[k] - 1;
         double origin = k == 2 ? 0 : -0.5 * cells * def->spacing_m, pair = 2 * def->spacing_m;
@@ -56,15 +56,15 @@ const char *kn_composite_check(const kn_model_def *def)
     return whole ? "a fine box needs coarse cells around it" : NULL;
 }
 
-// Cut the rest of the block, without the box, along z, x and y, then add the box. `part`: two corners of each part, in
-// fine cells. Return the number of parts.
+// Cut the block into parts. First cut off the parts below and above the fine box, then those beside it along x and y.
+// The fine box itself is the last part. `part`: two corners of each part, in fine cells. Return the number of parts.
 static int cut(const kn_model_def *def, int part[KN_COMPOSITE_PARTS][2][3])
 {
     static const int order[3] = {2, 0, 1};
     int left[2][3] = {{0}}, count = 0;
     for (int k = 0; k < 3; k++) left[1][k] = def->nodes[k] - 1;
     for (int i = 0; i < 3; i++)
-        // on either side of the box, cut off a part that spans the rest of the block
+        // on both sides of the box along axis k, cut off a part as wide as what is left of the block
         for (int side = 0, k = order[i]; side < 2; side++) {
             if (left[side][k] == def->fine[side][k]) continue;
             memcpy(part[count], left, sizeof left);
@@ -86,7 +86,8 @@ int kn_composite_nodes(const kn_model_def *def)
     return sum;
 }
 
-// Return the longest axis whose nodes fit into `vectors` vectors: it leaves the fewest rows. -1: no axis fits.
+// Return the axis with the most nodes among those whose nodes fit into `vectors` vectors, because rows along it are
+// fewest. Return -1 if no axis fits.
 static int widest(const kn_grid *g, int vectors)
 {
     int best = -1;
@@ -95,8 +96,8 @@ static int widest(const kn_grid *g, int vectors)
     return best;
 }
 
-// Choose the number of vectors per row with which all parts together take the fewest lanes, padding included. The number
-// is the same in all parts, because a field consists of rows of one length.
+// Choose the number of vectors per row with which all parts together take the fewest lanes, padding included. All parts
+// get this number, because a field consists of rows of equal length.
 static int choose_vectors(const kn_composite *c, int most)
 {
     int best = 0;
@@ -114,7 +115,7 @@ static int choose_vectors(const kn_composite *c, int most)
     return best;
 }
 
-// Make the parts: a regular block each, with its own grid, law and tables.
+// Make every part a regular block with its own grid, law and tables.
 static bool make_parts(kn_model *m, kn_composite *c)
 {
     int box[KN_COMPOSITE_PARTS][2][3], most = 1;
@@ -137,7 +138,7 @@ static bool make_parts(kn_model *m, kn_composite *c)
         part->isa = m->isa;
         most = part->grid.vectors > most ? part->grid.vectors : most;
     }
-    // lay out all parts with rows of one length, one part behind the other
+    // lay out the rows of all parts one after the other, all of one length
     int vectors = choose_vectors(c, most);
     for (int p = 0; p < c->part_count; p++) {
         kn_grid *g = &c->part[p].grid;
@@ -184,7 +185,7 @@ static int nodes_around(const kn_model *m, const int at[3], int node[8])
     int count = 0;
     for (int i = 0; i < 8; i++) {
         int corner[3];
-        bool other = false; // the node is already in the list
+        bool other = false; // this corner i repeats an earlier one
         for (int k = 0; k < 3; k++) {
             other = other || (at[k] % 2 == 0 && i >> k & 1);
             corner[k] = at[k] + (at[k] % 2 == 0 ? 0 : i >> k & 1 ? 1 : -1);
@@ -196,14 +197,14 @@ static int nodes_around(const kn_model *m, const int at[3], int node[8])
 
 // --- ties ------------------------------------------------------------------------------------------------------------
 
-// Tie a node to its masters. Its share of the top load goes to the masters.
+// Tie a node to its masters, and move the node's share of the load on the top to the masters.
 static void tie_node(kn_model *m, int node, const int *master, int count)
 {
     kn_composite *c = m->composite;
     kn_tie *tie = &c->tie[c->tie_first[c->part_count]++];
     *tie = (kn_tie){.node = m->offset[node], .count = count};
     for (int i = 0; i < count; i++) tie->master[i] = m->offset[master[i]];
-    m->support[node] = 7; // a tied node has no equation of its own
+    m->support[node] = 7; // the solver treats a tied node as held, because the node follows its masters
     for (int i = 0; i < count; i++) m->top_share[master[i]] += m->top_share[node] / count;
     m->top_share[node] = 0;
 }
@@ -263,7 +264,7 @@ int kn_composite_tied(const kn_model *model)
 
 // --- faces -----------------------------------------------------------------------------------------------------------
 
-// Add the sides of parts that lie on side s of the block: 0 top, 1 +x, 2 -x, 3 +y, 4 -y, 5 base. u x v points outwards.
+// Add the faces of all parts on side s of the block: 0 top, 1 +x, 2 -x, 3 +y, 4 -y, 5 base. u x v points outwards.
 static void add_faces(kn_model *m, int s)
 {
     static const int axis[6] = {2, 0, 0, 1, 1, 2}, along[6][2] = {{0, 1}, {1, 2}, {2, 1}, {2, 0}, {0, 2}, {1, 0}};
@@ -294,13 +295,13 @@ static void build_faces(kn_model *m)
 
 // --- kernels: those of the parts, and the exchange between tied nodes and their masters -----------------------------
 
-// Exchange between tied nodes and their masters, one source for both precisions.
+// Exchange between tied nodes and their masters. This macro holds the source for both precisions.
 //
-// spread: set a field at tied nodes to the mean of their masters.
-// gather: add a part's forces at tied nodes to their masters, in equal shares, and clear them at the tied nodes.
-// gather_blocks: add share^2 of tied nodes' diagonal blocks to those of their masters. Blocks between neighbours that
-// share a master are left out. The sum is therefore up to an eighth too stiff, which is good enough for a
-// preconditioner.
+// spread: set a field at each tied node to the mean of its masters' values.
+// gather: add the forces on a part's tied nodes to their masters in equal shares, and clear them at the tied nodes.
+// gather_blocks: add share^2 times the diagonal block of each tied node to the blocks of its masters. The blocks
+// between two neighbours that are tied to one master are left out. The sum is therefore up to an eighth too stiff,
+// which is good enough for a preconditioner.
 #define TIES(real)                                                                                                     \
     static void spread_##real(const kn_composite *c, size_t stride, void *field)                                       \
     {                                                                                                                  \
@@ -371,7 +372,7 @@ static void gather_blocks(const kn_model *m, const kn_work *w, int part)
     else gather_blocks_double(m->composite, m->stride, w->p, w->whole, part);
 }
 
-// The rows of one part, in the form of a separate state.
+// A view of one part: a state and solver memory whose pointers lead to the rows of this part.
 typedef struct view {
     kn_state state;
     kn_work work;
@@ -384,7 +385,7 @@ static void *rows_from(const kn_model *m, void *field, int components, int row)
     return field ? (char *)field + reals * kn_model_real(m) : NULL;
 }
 
-// Set up the view of one part.
+// Point the view `v` to the rows of one part.
 static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
 {
     const kn_work *w = kn_state_work(state);
@@ -408,8 +409,8 @@ static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
     v->state.scratch = &v->work;
 }
 
-// Copy the masters' guess to their tied nodes. If a prescribed velocity of a master has changed, mark the rows of its
-// tied nodes as moved, too.
+// Set the guessed velocity of every tied node to the mean of its masters. If the row of a master is marked as moved
+// (its prescribed velocity has changed), mark the rows of its tied nodes, too.
 static void follow(const kn_model *m, const kn_work *w)
 {
     const kn_composite *c = m->composite;
@@ -421,7 +422,7 @@ static void follow(const kn_model *m, const kn_work *w)
 }
 
 // Run the edge pass part by part, from the last part to the first. The masters of a part's tied nodes are in earlier
-// parts, and the sums of the tied nodes must be added there before the masters' rows are finished.
+// parts. The sums of the tied nodes must be added to the masters before the masters' rows are finished.
 static double edge(const kn_model *m, kn_state *state, kn_linearization how, bool again)
 {
     const kn_composite *c = m->composite;
@@ -439,7 +440,7 @@ static double edge(const kn_model *m, kn_state *state, kn_linearization how, boo
     return rz;
 }
 
-// The remaining kernels of kernel.h, run part by part.
+// Run the kernel `recall` of kernel.h part by part.
 static double recall(const kn_model *m, kn_state *state)
 {
     const kn_composite *c = m->composite;
@@ -457,7 +458,7 @@ static double apply(const kn_model *m, kn_state *state, double beta)
     const kn_composite *c = m->composite;
     double dq = 0;
     view v;
-    // tied nodes get the direction of their masters; after the product, update gathers q
+    // copy the search direction of the masters to their tied nodes; after the product, `update` gathers q
     spread(m, kn_state_work(state)->z);
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
@@ -474,7 +475,7 @@ static double update(const kn_model *m, kn_state *state, double alpha)
     view v;
     // add the products of tied nodes to their masters
     gather_all(m, w->q);
-    if (alpha == 0) gather_all(m, w->r); // alpha 0 means that contact has changed the residual r, so collect it again
+    if (alpha == 0) gather_all(m, w->r); // alpha 0: contact has changed the residual r at tied nodes, too
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
         rz += c->inside->update(&c->part[p], &v.state, alpha);
@@ -490,13 +491,13 @@ static void integrate(const kn_model *m, kn_state *state)
         view_of(m, state, p, &v);
         c->inside->integrate(&c->part[p], &v.state);
     }
-    // tied nodes moved like their masters except for rounding; copy again, so that rounding does not accumulate
+    // tied nodes have moved like their masters except for rounding: copy again, so that rounding does not accumulate
     spread(m, state->displacement);
     spread(m, state->velocity);
     spread(m, state->change);
 }
 
-// Set the kernels of the whole model, the last step of the build.
+// Set the kernels of the whole model. This is the last step of building a composite.
 static void composite_kernels(kn_model *m)
 {
     kn_composite *c = m->composite;
@@ -511,7 +512,7 @@ static void composite_kernels(kn_model *m)
 
 // --- nodes -----------------------------------------------------------------------------------------------------------
 
-// Place the nodes of all parts: offset, rest position, mass, support and share of the top.
+// Fill in the nodes of all parts: offset, rest position, mass, support, and share of a load on the top.
 static void place_nodes(kn_model *m)
 {
     kn_composite *c = m->composite;
@@ -536,7 +537,7 @@ const char *kn_composite_build(kn_model *m)
 {
     kn_composite *c = m->composite = calloc(1, sizeof *c);
     size_t places = 1;
-    double share = 0; // sum of the top nodes' shares of a load
+    double share = 0; // sum of the top nodes' shares in a load
     for (int k = 0; k < 3; k++) places *= (size_t)m->def.nodes[k] / 2 + 1;
     if (!c) return KN_NO_MEMORY;
     c->inside = m->kernels;
@@ -544,7 +545,7 @@ const char *kn_composite_build(kn_model *m)
     m->gamma = m->grid.gamma;
     m->size_m = fmax(fmax(m->grid.n[0], m->grid.n[1]), m->grid.n[2]) * m->def.spacing_m;
     c->place = malloc(places * sizeof *c->place);
-    // parts and their layout, then the arrays of the whole model, then nodes and ties
+    // make the parts, then the arrays of the whole model, then nodes and ties
     if (!c->place || !make_parts(m, c)) return KN_NO_MEMORY;
     memset(c->place, 0xff, places * sizeof *c->place); // all entries become -1: no node yet
     int nodes = c->node_first[c->part_count];

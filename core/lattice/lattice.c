@@ -1,5 +1,5 @@
-// The lattice of a plain block; and the parts that all lattices share: the arrays of nodes, and the outside of the
-// object.
+// The lattice of a plain block, and functions for all lattices: the arrays of nodes and cells, and the areas of the
+// object's outside.
 #include "core/lattice/lattice.h"
 #include "core/algebra/algebra.h"
 
@@ -38,7 +38,7 @@ uint8_t kn_support_mask(kn_support support)
 void kn_top_list(kn_model *m, double sum)
 {
     m->top_count = 0;
-    // the list overtakes no node: shares that are indexed by node become shares that are indexed by top node
+    // top_share turns from an array indexed by node into one indexed by top node, in place: top_count <= node
     for (int node = 0; node < m->node_count; node++) {
         const double share = m->top_share[node];
         if (!(share > 0)) continue;
@@ -49,7 +49,8 @@ void kn_top_list(kn_model *m, double sum)
 
 // --- block ----------------------------------------------------------------------------------------------------------
 
-// List the faces that a probe can touch: top, four sides, base. u x v points outwards on each of them.
+// List the faces of a block: top, four sides, base. u x v points outwards on each face. Faces that a probe cannot touch
+// come last.
 static void build_faces(kn_model *m)
 {
     const int *n = m->grid.n, x = 1, y = n[0], z = n[0] * n[1];
@@ -66,7 +67,7 @@ static void build_faces(kn_model *m)
     m->face_count = m->def.support >= KN_SUPPORT_NONE ? 6 : 5;
     m->outside_count = 6;
     if (!m->grid.flat) return;
-    // a flat object: top and two ends; faces along its plane cannot be touched
+    // a flat object has the faces top, two ends and base; a probe cannot touch the two faces along its plane
     m->face[2] = face[2];
     m->face[3] = face[5];
     m->face_count -= 2;
@@ -122,7 +123,7 @@ static bool build_cells(kn_model *m)
 
 bool kn_lattice_edges(kn_model *m)
 {
-    if (m->def.mesh) return true; // a mesh has its own nodes and faces
+    if (m->def.mesh) return true; // a net has had its list of edges since kn_net_build
     m->edge_count = kn_grid_edges(&m->grid, NULL);
     m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
     if (m->edges) kn_grid_edges(&m->grid, m->edges);
@@ -134,7 +135,7 @@ bool kn_lattice_cells(kn_model *m) { return m->def.mesh || m->def.pressure == KN
 // --- outside --------------------------------------------------------------------------------------------------------
 
 // Compute the area that every node of a block's outside stands for. A node on an edge or corner belongs to several
-// faces. It stands for its part of the largest of them, because the object may lie on that face.
+// faces. It stands for the largest of its areas on these faces, because the object may lie on that face.
 static void face_areas(const kn_model *m, double *area)
 {
     for (int f = 0; f < m->outside_count; f++) {
@@ -143,7 +144,7 @@ static void face_areas(const kn_model *m, double *area)
             for (int u = 0; u < face->len[0]; u++) {
                 double share = face->spacing_m * face->spacing_m;
                 if (m->grid.flat) share *= m->grid.depth_m / face->spacing_m;
-                // a node at the rim of a face has half of the area of an inner one
+                // a node at the rim of a face has half of the area of an inner node
                 if (face->len[0] > 1 && (u == 0 || u == face->len[0] - 1)) share *= 0.5;
                 if (face->len[1] > 1 && (v == 0 || v == face->len[1] - 1)) share *= 0.5;
                 int node = face->origin + u * face->step[0] + v * face->step[1];
@@ -177,7 +178,7 @@ bool kn_base_build(kn_model *m)
     if (m->skin_count > 0) skin_areas(m, area);
     else face_areas(m, area);
     for (int i = 0; i < m->node_count; i++) {
-        if (m->support[i] & 4) area[i] = 0; // the support already holds it on the table
+        if (m->support[i] & 4) area[i] = 0; // the support already holds the node at its height
         m->base_count += area[i] > 0;
     }
     m->base = calloc((size_t)m->base_count + 1, sizeof *m->base);

@@ -5,28 +5,33 @@
 //
 // A net: a lattice on triangles or tetrahedra. Every side of an element is an edge with the whole law of law.h.
 //
-// Stiffness. Each element gives each of its sides k = E V/L^2 (Van Gelder), where V is its volume, or area times
-// thickness. If the nodes followed the body's strain, edges of all directions would give exactly E. But the nodes give
-// way, so one factor for all edges sets the Young modulus of the whole body to E (net.c). With springs alone,
-// Poisson's ratio is 1/4 in three dimensions and 1/3 in two. The shear modulus depends on the directions of the mesh's
-// edges. `knead check` prints Poisson's ratio and the shear modulus.
+// Stiffness. Each element adds k = E V/L^2 to the stiffness of each of its sides (Van Gelder). V is the volume of the
+// element, or its area times the thickness, and L the length of the side. If all nodes moved with the body's mean
+// strain, the body would have exactly Young's modulus E. In fact the nodes give way, and the body is softer. So one
+// factor for all edges sets Young's modulus of the whole body to E (net.c). With springs alone, Poisson's ratio is 1/4
+// in three dimensions and 1/3 in two. The shear modulus depends on the directions of the mesh's edges. `knead check`
+// prints Poisson's ratio and the shear modulus.
 //
-// Stress. The damper sees |f|/(gamma kappa_e L0). gamma makes the body creep like the 1-D element. gamma is a property
-// of the mesh, 0.55 to 0.9, and is also fitted.
+// Stress. The damper of an edge e sees the stress |f|/(gamma kappa_e L0), where f is the force of the edge. gamma makes
+// the body creep like the 1-D element of the material. gamma is a property of the mesh, 0.55 to 0.9, and is also
+// fitted.
 //
-// Memory. A row is one node, with its components side by side. Edges are ordered by their lower node.
+// Memory. A row of a field is one node, with its components side by side. Edges are ordered by their lower node.
 #include "core/solve/kernel.h"
 
 #define KN_NO_MEMORY "not enough memory for the model"
 
-// Allocate room for that many nodes and top nodes, or for that many cells. Return false if memory is short.
+// Allocate the model's arrays for `nodes` nodes and `top` top nodes, or for `cells` cells. Return false if memory is
+// short.
 bool kn_model_nodes(kn_model *model, int nodes, int top);
 bool kn_model_cells(kn_model *model, int cells);
 
-// Return the components that a support holds at a base node, as bits.
+// Return the components of a base node that a support holds; bit k is set if component k is held.
 uint8_t kn_support_mask(kn_support support);
 
-// List the top nodes. model->top_share holds the share of every node in a load on the top, `sum` the sum of the shares.
+// List the top nodes in model->top. Before the call, model->top_share[node] is the share of every node in a load on the
+// top, and `sum` is the sum of these shares. After the call, model->top_share[t] is the share of top node t; the sum is
+// 1.
 void kn_top_list(kn_model *model, double sum);
 
 // Build the nodes of a plain block. Return false if memory is short.
@@ -40,10 +45,10 @@ const char *kn_net_build(kn_model *model);
 bool kn_lattice_edges(kn_model *model);
 bool kn_lattice_cells(kn_model *model);
 
-// List the nodes of the outside that the table can push, with their areas. Return false if memory is short.
+// List the nodes of the object's outside that the table can push, with their areas. Return false if memory is short.
 bool kn_base_build(kn_model *model);
 
-// Return the area at rest of a triangle of skin nodes, m^2.
+// Return the area that a triangle of three skin nodes has at rest, m^2.
 double kn_skin_area(const kn_model *model, const int node[3]);
 
 // --- block of two resolutions: composite.c --------------------------------------------------------------------------
@@ -81,44 +86,47 @@ typedef struct kn_tie { // a node that follows the mean of its masters
 
 typedef struct kn_composite {
     kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
-    const kn_kernels *inside; // kernels that all parts use
+    const kn_kernels *inside; // kernels that run on one part at a time
     int part_count;
-    // [part_count] one regular block per part, with its grid, law and tables. The nodes belong to the whole model.
+    // [part_count] a regular block for each part, with its grid, law and tables. A part has no arrays of nodes; those
+    // of the whole model hold the nodes of all parts.
     struct kn_model *part;
     int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
     int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
-    // first node and first row of each part; the entry behind the last part is the total number
+    // number of the first node and of the first row of each part; one further entry holds the total number
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
     kn_tie *tie; // ties of all parts, in the order of the tied nodes' parts; the masters of a tie are in earlier parts
     int tie_first[KN_COMPOSITE_PARTS + 1];
-    // Node id at every place whose coordinates in fine cells are all even, x fastest. If several parts have a node
-    // there, it is the node of the earliest part. -1 inside the fine box.
+    // Ids of the coarse nodes: the node at every place whose three coordinates in fine cells are even, x fastest. If
+    // several coarse parts have a node at this place, the id is that of the earliest part. Inside the fine box it is
+    // -1.
     int *place;
 } kn_composite;
 
-// Find the smallest box with even corners that contains the points from low_m to high_m (block's frame) and a margin of
-// margin_m around and below them. The box reaches up to the top of the block. Return false if the box would be the
-// whole block, because a composite then saves nothing.
+// Find the smallest fine box that contains the points from low_m to high_m (scene's frame) and a margin of margin_m
+// around and below these points. fine[0] and fine[1] are its first and last corner in fine cells, all numbers even. The
+// box reaches up to the top of the block. Return false if the box would be the whole block, because a composite then
+// saves nothing.
 bool kn_composite_box(const kn_model_def *def, const double low_m[3], const double high_m[3], double margin_m,
                       int fine[2][3]);
 
 // Return true if the definition has a fine box.
 bool kn_composite_is(const kn_model_def *def);
 
-// Return the number of nodes of all parts, tied nodes included. A state holds this many nodes.
+// Return the number of nodes of all parts together, tied nodes included. A state of the model holds this many nodes.
 int kn_composite_nodes(const kn_model_def *def);
 
-// kn_composite_unfit returns the reason why the object cannot have a fine box at all. kn_composite_check returns the
-// reason why the box of the definition is wrong. NULL: nothing is wrong.
+// kn_composite_unfit returns the reason why no fine box is possible in this object, or NULL. kn_composite_check returns
+// the reason why the fine box of the definition is wrong, or NULL if the definition has a valid fine box or none.
 const char *kn_composite_unfit(const kn_model_def *def);
 const char *kn_composite_check(const kn_model_def *def);
 
-// Fill in the model's nodes, faces and kernels. Return NULL, or what went wrong.
+// Build the nodes, faces and kernels of a model with a fine box. Return NULL, or a sentence that says what is wrong.
 const char *kn_composite_build(kn_model *model);
 void kn_composite_destroy(kn_composite *composite); // NULL is fine
 
-// Store the displacement, m, at a node of the lattice as if it were fine everywhere. Outside the box the result is the
-// mean of coarse nodes. Works for any block.
+// Store the displacement, m, at the place ixyz, counted in fine cells. Outside the fine box, the result is the mean of
+// the coarse nodes around the place. Works for any block.
 void kn_composite_displacement(const kn_model *model, const kn_state *state, const int ixyz[3], double u_m[3]);
 
 // Return the memory that the composite takes in addition to the model [bytes].
@@ -128,7 +136,7 @@ size_t kn_composite_bytes(const kn_model *model);
 // half its weight in each.
 int kn_composite_edges(const kn_model *model);
 
-// Return the master node that lies in the same place as a tied node, or the node itself if it has no such master.
+// Return the master node that lies in the same place as `node`, or `node` itself if it has no master in its place.
 int kn_composite_master(const kn_model *model, int node);
 
 // Return the number of tied nodes. A tied node follows its masters and carries no load itself.

@@ -9,7 +9,8 @@
 
 // --- edges ----------------------------------------------------------------------------------------------------------
 
-// List the edges of one part, with offsets from its own nodes and slots to those of the whole model.
+// Append the edges of one part of a model to the list. `node` and `slot` are the first node and the first strain slot
+// of the part in the whole model.
 static void list_edges(kn_springs *s, const kn_model *part, const kn_edge *edge, int count, int node, int slot)
 {
     double kappa_m = part->def.mesh ? part->kappa_m : part->grid.kappa_m;
@@ -30,7 +31,7 @@ bool kn_springs_init(kn_springs *s, const kn_model *model)
 {
     const kn_model *m = model;
     const kn_composite *c = m->composite;
-    // with an explicit method the state already holds the end of the step, so the law is built with dt = 0
+    // only the implicit solver's state holds the strain of the step's beginning; see kn_springs.law
     bool stepped = m->def.solver.kind == KN_SOLVER_IMPLICIT;
     *s = (kn_springs){.model = m, .gamma = m->def.mesh ? m->gamma : m->grid.gamma};
     kn_law_build(&s->law, &m->def.material, stepped ? m->def.solver.dt_s : 0, true);
@@ -38,7 +39,7 @@ bool kn_springs_init(kn_springs *s, const kn_model *model)
     s->spring = malloc(count * sizeof *s->spring);
     kn_edge *edge = malloc(count * sizeof *edge);
     bool fits = s->spring && edge;
-    // a net has its own list; a block and the parts of a composite generate theirs
+    // the model of a net has a list of edges; for a block and the parts of a composite, generate the list
     if (fits && m->def.mesh) list_edges(s, m, m->edges, m->edge_count, 0, 0);
     else if (fits && !c) list_edges(s, m, edge, kn_grid_edges(&m->grid, edge), 0, 0);
     for (int p = 0; fits && c && p < c->part_count; p++)
@@ -61,7 +62,7 @@ void kn_springs_free(kn_springs *springs)
     *springs = (kn_springs){0};
 }
 
-// Return the length of an edge now, and in *before its length one step ago.
+// Return the present length of an edge, and store its length one step ago in *before.
 static double length_of(const kn_model *m, const kn_state *state, const kn_spring *e, double *before)
 {
     double xi[3], xj[3], vi[3], vj[3], now = 0, then = 0;
@@ -83,28 +84,28 @@ kn_spring_now kn_spring_look(const kn_springs *s, const kn_state *state, int num
     const kn_spring *e = &s->spring[number];
     const kn_law *law = &s->law;
     const kn_material *mat = &law->mat;
-    // growth rate and stretch in the last step
+    // rate: growth of the edge in the last step, as a strain rate; stretch: (L - L0)/L0
     double unit = s->gamma * e->rest_m, before, now = length_of(s->model, state, e, &before);
     double rate = (now - before) / (s->model->def.solver.dt_s * unit), stretch = (now - e->rest_m) / e->rest_m;
     kn_spring_now n = {.length_m = now};
-    // the strain follows from the length; the integer solver's stored strain has the same value
+    // without a damper the strain u follows from the length
     if (law->kind == KN_LAW_VOIGT) {
         n.voigt = stretch / s->gamma;
         n.stress_pa = mat->c1_pa_s * rate + mat->k1_pa * n.voigt;
         return n;
     }
-    // the strain in the state is that before the last step: repeat the step of the law
+    // if dt > 0, the state holds the strain before the last step: repeat the law's step
     double last = kn_real_get(s->model, state->strain, (size_t)e->slot), dt = law->dt_s;
     double b = law->a_pa_s * rate + mat->k1_pa * last;
     n.stress_pa = kn_law_stress(law, b);
-    double left = stretch - s->gamma * last; // stretch of the damper if the Voigt element kept its strain
+    double left = stretch - s->gamma * last; // strain of the damper if the Voigt part had kept its strain `last`
     if (law->stroke && dt > 0)
         n.stress_pa = kn_law_stop(law, n.stress_pa, b, (left - law->in) / s->gamma, (law->out - left) / s->gamma);
     if (law->stroke && dt == 0 && // Runge-Kutta: rigid at a stop
         (n.stress_pa < 0 ? left <= law->in + KN_LAW_STROKE_ENDS : left >= law->out - KN_LAW_STROKE_ENDS))
         n.stress_pa = b;
     n.voigt = last + (dt > 0 ? dt * (n.stress_pa - mat->k1_pa * last) / law->a_pa_s : 0);
-    // without a spring, the Voigt element does not return, so its strain is residual, too
+    // a Voigt part without a spring does not return: its strain is permanent, too
     n.residual = stretch - (mat->k1_pa > 0 ? s->gamma * n.voigt : 0);
     return n;
 }
@@ -117,20 +118,19 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
     [KN_MEASURE_RESIDUAL] = {"residual", "residual strain", ""},
 };
 
-// Symmetric tensors are stored as vectors: xx yy zz yz xz xy.
-typedef struct share { // weighted sums over the edges of a node
-    double weight;     // sum of the edges' volumes V_e
-    // normal equations of S, which depend on the directions at rest only: their Cholesky factor
-    double fit[6][6];
-    // right side of these equations, and sum of V_e r_e^2: both belong to the state that is read
-    double against[6];
-    double square;
+// Sums over the edges of one node, weighted by the edges' volumes V_e. Symmetric tensors are stored as vectors: xx yy
+// zz yz xz xy.
+typedef struct share {
+    double weight;     // sum of V_e
+    double fit[6][6];  // Cholesky factor of the normal equations for S; depends on the directions at rest only
+    double against[6]; // right side of the normal equations for S in the state that is read
+    double square;     // sum of V_e r_e^2 in the state that is read
 } share;
 
 struct kn_gauge {
     kn_springs springs;
     share *node;            // [node_count]
-    int *master;            // [node_count] node in the same place that stores the sums of each node
+    int *master;            // [node_count] node whose `share` holds the sums: the node itself, or its master
     double stiffness[6][6]; // mean stiffness R <n n n n> of all edges
 };
 
@@ -144,10 +144,10 @@ static void square_of(const kn_gauge *g, const kn_spring *e, double out[6])
     for (int k = 0; k < 6; k++) out[k] = n[a[k]] * n[b[k]];
 }
 
-// Return the number of times that a component appears in n.S.n.
+// Return how often component k of a symmetric tensor S appears in n.S.n: 1 on the diagonal, 2 beside the diagonal.
 static double twice(int k) { return k < 3 ? 1 : 2; }
 
-// Compute R <n n n n>, the mean stiffness of all edges, once per model.
+// Compute R <n n n n>, the mean stiffness tensor of all edges.
 static void average_stiffness(kn_gauge *g)
 {
     const kn_model *m = g->springs.model;
@@ -161,8 +161,8 @@ static void average_stiffness(kn_gauge *g)
     }
 }
 
-// Factor the fit of every node. A small weight on S itself keeps those components at 0 that a node's edges do not
-// determine, such as the third direction of a flat object, or shear without diagonals.
+// Factor the normal equations for the tensor S of every node. A small term on the diagonal keeps components of S at 0
+// that the node's edges do not determine: those along y in a flat object, or shear in a lattice without diagonals.
 static void factor_fits(kn_gauge *g)
 {
     for (int e = 0; e < g->springs.count; e++) {
@@ -235,7 +235,7 @@ static double von_mises(const double s[6])
     return sqrt(0.5 * normal + 3 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]));
 }
 
-// Return von Mises' stress of a node: solve its fit for S, then sigma = R <n n n n> : S.
+// Return von Mises' stress of a node, Pa: solve the normal equations for S, then sigma = R <n n n n> : S.
 static double stress(const kn_gauge *g, const share *s)
 {
     double x[6], sigma[6] = {0};
@@ -324,14 +324,14 @@ static bool lattice_init(lattice *l, const kn_model *model)
 
 // --- sums -----------------------------------------------------------------------------------------------------------
 
-// Return the energy stored in a Voigt element, J.
+// Return the elastic energy stored in the spring of an edge, J.
 static double in_edge(const kn_springs *s, const kn_state *state, int number)
 {
     double u = kn_spring_look(s, state, number).voigt;
     return 0.5 * s->law.mat.k1_pa * u * u * s->spring[number].volume_m3;
 }
 
-// Return the kinetic energy of a node, J, and add its potential energy of height.
+// Return the kinetic energy of a node, J, and add its potential energy in the field of gravity to *height_j.
 static double in_node(const kn_model *m, const kn_state *state, int i, double *height_j)
 {
     double x[3], v[3];
@@ -350,14 +350,15 @@ static double volume_of(const kn_model *m, const kn_state *state, const kn_cell 
     return kn_cell_volume(&m->grid, (const double(*)[3])x, gradient);
 }
 
-// Return the energy of the gas at J = V/V0, in units of P0 V0: the integral of cell.h's law.
+// Return the energy of the gas at J = V/V0, in units of P0 V0. The energy is the integral of the pressure law in
+// cell.h.
 static double gas(double j)
 {
     double slope, least = fmax(j, KN_CELL_LEAST), under = least - j, pressure = kn_cell_pressure(least, &slope);
     return least - 1 - log(least) + under * (pressure + 0.5 * slope * under);
 }
 
-typedef struct sum { // sums over a state, part by part
+typedef struct sum { // sums over the edges, nodes and cells of a state that have been visited so far
     kn_energy energy;
     double volume_m3, rest_m3; // present volume and rest volume of all cells
     int edge, node, cell;      // next edge, node and cell to sum
@@ -377,7 +378,7 @@ static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
         s->volume_m3 += now;
         s->rest_m3 += rest;
     }
-    // one pressure for the whole object needs the whole volume first
+    // with one pressure for the whole object, the energy of the gas needs the volume of all cells
     if (count == 0) return false;
     if (m->def.pressure == KN_PRESSURE_OBJECT)
         s->energy.gas = m->def.inside_pressure_pa * s->rest_m3 * gas(s->volume_m3 / s->rest_m3);
@@ -397,8 +398,8 @@ bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energ
 
 // --- audit ----------------------------------------------------------------------------------------------------------
 
-typedef struct moment {      // the energies at one copy of the state
-    double work_j, either_j; // work done, and sum of its absolute values, since the last reset
+typedef struct moment {      // the energies when a copy of the state was made
+    double work_j, either_j; // work of the tools since the last reset; sum of the absolute values of each tick's work
     double contact_j;        // largest energy that the contact layers may give back
     double stored_j;
 } moment;
@@ -408,7 +409,7 @@ struct kn_audit {
     kn_state *copy;
     sum sum;
     int at_once;          // number of edges summed per tick
-    bool summing, closed; // the copy of the state is being summed; `first` and `last` are valid
+    bool summing, closed; // summing: the copy of the state is being summed; closed: `first` and `last` are valid
     int64_t ticks, steps; // number of ticks audited since the last reset; state->tick at the last audited tick
     moment now, taken, first, last;
     double probe_work_j[KN_PROBES_MAX];
@@ -438,8 +439,8 @@ void kn_audit_destroy(kn_audit *audit)
     free(audit);
 }
 
-// Add the tools' work of the last tick to the account. A tool's work begins at 0 when the tool is attached. The value
-// of a detached tool is not used.
+// Add the tools' work of the last tick to the account. work_j of a tool begins at 0 when the tool is attached. A
+// detached tool does no work.
 static void book_work(kn_audit *a, const kn_state *state)
 {
     for (int p = 0; p < a->lattice.model->def.probe_count; p++) {
@@ -452,7 +453,7 @@ static void book_work(kn_audit *a, const kn_state *state)
     }
 }
 
-// Return the most energy that contact may give back: half of force times deflection of every pressing sample.
+// Return the most energy that contact may give back, J: for every active sample, half of force times deflection.
 static double in_contact(const kn_state *state)
 {
     const kn_contact *c = &kn_state_scratch(state)->contact;
@@ -465,7 +466,7 @@ static double in_contact(const kn_state *state)
             side[k] = s->force_n[k] - s->pressing_n * s->normal[k];
             square += side[k] * side[k];
         }
-        // a layer gets stiffer with depth, so it stores less than this
+        // a foundation layer that gets stiffer with depth stores less than this
         most += 0.5 * (pressing * pressing + square) / s->foundation_n_m;
     }
     return most;
@@ -481,8 +482,8 @@ void kn_audit_restart(kn_audit *a)
     memset(a->attached, 0, sizeof a->attached);
 }
 
-// Judge the window between the last two copies. The stored energy must not exceed the energy at the earlier copy plus
-// the work done since then.
+// Judge the interval between the last two copies of the state. The stored energy must not exceed the energy of the
+// earlier copy plus the tools' work between the two copies.
 static void judge(kn_audit *a)
 {
     kn_audit_news *news = &a->news;
@@ -495,7 +496,7 @@ static void judge(kn_audit *a)
     news->stored = a->sum.energy;
     news->work_j = a->taken.work_j;
     if (a->closed) {
-        // most: the largest energy that may be stored now; created energy beyond the tolerance is counted
+        // most: the largest energy that the object may store now
         double most = a->last.stored_j + a->last.contact_j + a->taken.work_j - a->last.work_j;
         double either = a->taken.either_j - a->last.either_j;
         news->lost_j = most - a->taken.stored_j;
@@ -522,7 +523,7 @@ void kn_audit_tick(kn_audit *audit, const kn_state *state)
     a->steps = state->tick;
     if (state->bad) return; // the energies are not finite; keep the earlier judgements
     book_work(a, state);
-    // copy the state at the start of a window, then sum the copy over the following ticks
+    // copy the state once in KN_AUDIT_TICKS ticks, then sum the copy over the following ticks
     if (a->ticks++ % KN_AUDIT_TICKS == 0 && !a->summing) {
         kn_state_copy(a->lattice.model, a->copy, state);
         a->now.contact_j = in_contact(state);

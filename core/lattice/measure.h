@@ -9,24 +9,26 @@
 // All edges of a model in one list: of a block, a net, or the parts of a composite.
 
 typedef struct kn_spring {
-    int i, j, slot; // as in kn_edge; nodes and slot are those of the whole model
+    int i, j, slot; // ids of the two end nodes in the whole model; index of the edge's strain in the strain field
     double rest_m;  // rest length L0
-    // Volume V = (gamma L0)^2 kappa weight of the edge. The edge stores the energy V k1 u^2/2 and pulls with the force
-    // stress * V/(gamma L0).
+    // Volume V = (gamma L0)^2 kappa weight of the edge. An edge with strain u of the Voigt part stores the energy
+    // V k1 u^2/2. An edge with stress s pulls with the force s V/(gamma L0).
     double volume_m3;
 } kn_spring;
 
-// An edge at the end of the last step. Strains of the Voigt part are relative to gamma L0.
+// The values of one edge at the end of the last step.
 typedef struct kn_spring_now {
     double length_m;
-    double voigt;     // strain u of the Voigt part
-    double stress_pa; // s of law.h, tension positive
+    double voigt;     // strain u of the Voigt part: its extension divided by gamma L0
+    double stress_pa; // stress s of law.h, tension positive
     double residual;  // permanent part of (L - L0)/L0
 } kn_spring_now;
 
 typedef struct kn_springs {
     const kn_model *model; // must outlive this struct
-    kn_law law;            // law of the step; dt = 0 for Runge-Kutta and integers, whose state is at the step's end
+    // Law that turns the state's strain u into the stress. With the implicit solver, the state holds u of the step's
+    // beginning, so the law has the step's dt. With the other solvers, u belongs to the step's end, so dt is 0.
+    kn_law law;
     double gamma;
     int count;
     kn_spring *spring; // [count]
@@ -36,7 +38,8 @@ typedef struct kn_springs {
 bool kn_springs_init(kn_springs *springs, const kn_model *model);
 void kn_springs_free(kn_springs *springs); // free the list; does nothing to a zeroed struct
 
-// Return the present values of one edge. Real-time safe, some 100 ns. A force-dependent law takes a Newton iteration.
+// Return the values of edge `number` at the end of the last step. Takes some 100 ns, because a force-dependent law is
+// solved by Newton's method. Real-time safe.
 kn_spring_now kn_spring_look(const kn_springs *springs, const kn_state *state, int number);
 
 // --- measures at the nodes ------------------------------------------------------------------------------------------
@@ -57,7 +60,7 @@ kn_spring_now kn_spring_look(const kn_springs *springs, const kn_state *state, i
 typedef enum kn_measure { KN_MEASURE_DISPLACEMENT, KN_MEASURE_STRESS, KN_MEASURE_RESIDUAL, KN_MEASURES } kn_measure;
 
 typedef struct kn_measure_name {
-    const char *name, *words, *unit; // name in messages, words for users, unit; unit "": a plain number, 0.1 is 10 %
+    const char *name, *words, *unit; // name in LCM messages, text for users, unit; unit "": dimensionless, 0.1 is 10 %
 } kn_measure_name;
 extern const kn_measure_name kn_measure_names[KN_MEASURES];
 
@@ -70,8 +73,8 @@ size_t kn_gauge_bytes(const kn_model *model);     // largest memory that a gauge
 // Store one measure (displacement, stress or residual strain) of every node in value[node_count]. Nodes of a composite
 // that lie in the same place have the same stress and residual. Takes some 50 ns per edge and allocates nothing.
 void kn_gauge_read(kn_gauge *gauge, const kn_state *state, kn_measure what, double *value);
-// Store several measures in one pass over the edges: value[measure][node_count]. A measure whose pointer is
-// NULL is skipped.
+// Store several measures in one pass over the edges: value[measure][node_count]. A measure whose pointer is NULL is
+// skipped.
 void kn_gauge_read_all(kn_gauge *gauge, const kn_state *state, double *const value[KN_MEASURES]);
 
 // --- energy ---------------------------------------------------------------------------------------------------------
@@ -119,20 +122,21 @@ typedef struct kn_audit kn_audit;
 kn_audit *kn_audit_create(const kn_model *model);
 void kn_audit_destroy(kn_audit *audit); // does nothing if `audit` is NULL
 
-// Start again after the object has been replaced: its stored energy is not the work of any tool. Real-time safe.
+// Start a new account of work and energy. Call after the object has been replaced, because no tool has done the work
+// that the new object stores. Real-time safe.
 void kn_audit_restart(kn_audit *audit);
 
-// Copy the counts of the audit `last` to the audit `next`. Call when the object continues in another model, which
-// `next` audits. Real-time safe.
+// Copy the results of the audit `last` to the audit `next`. Call when the object continues in another model, whose
+// audit is `next`. Real-time safe.
 void kn_audit_follow(kn_audit *next, const kn_audit *last);
 
-// Continue the audit after a tick. Call after every tick, also after a tick that reset the object. Real-time safe:
-// copies the state once in KN_AUDIT_TICKS, else sums the energy of some edges.
+// Continue the audit after a tick. Call after every tick, also after a tick that reset the object. Real-time safe: one
+// call in KN_AUDIT_TICKS copies the state, and the other calls sum the energy of some edges, nodes or cells.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 
 const kn_audit_news *kn_audit_read(const kn_audit *audit);
 
-// Sum the energy of a state at once. Not real-time safe. Return false if memory is short.
+// Compute the energy that a state stores, in one call. Not real-time safe. Return false if memory is short.
 bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energy);
 
 #endif

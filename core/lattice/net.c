@@ -13,7 +13,7 @@ static void difference(const double a[3], const double b[3], double out[3])
 
 // --- edges ----------------------------------------------------------------------------------------------------------
 
-typedef struct side { // side of one element, or the sum of merged sides
+typedef struct side { // side of one element, or the sum of equal sides of several elements
     int i, j, element;
     double kappa_m;
 } side;
@@ -28,7 +28,7 @@ static int by_ends(const void *a, const void *b)
     return (x->element > y->element) - (x->element < y->element);
 }
 
-// Return the volume of an element, m^3; a flat element's area times thickness.
+// Return the volume of an element, m^3; for a triangle, its area times the thickness.
 static double volume_of(const kn_model *m, const int element[4])
 {
     const kn_simplices *s = m->def.mesh;
@@ -59,8 +59,8 @@ static int list_sides(const kn_model *m, side *sides)
     return count;
 }
 
-// Merge the sides that elements share into edges. kappa of the model is the mean of the edges, and weights are relative
-// to this mean.
+// Merge the sides that elements share into edges. The model's kappa is the mean of the edges' kappa. The weight of an
+// edge is its kappa divided by this mean.
 static bool build_edges(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -88,7 +88,8 @@ static bool build_edges(kn_model *m)
 
 // --- skin -----------------------------------------------------------------------------------------------------------
 
-// A face of one element. Corners turn counter-clockwise seen from outside; the third corner of a flat facet is -1.
+// A facet: a face of a tetrahedron, with its corners counter-clockwise seen from outside, or a side of a triangle, with
+// third corner -1.
 typedef struct facet {
     int corner[3], sorted[3];
 } facet;
@@ -112,7 +113,8 @@ static facet facet_of(int a, int b, int c)
     return f;
 }
 
-// Return the facets that belong to one element only, and their number. NULL when memory is short.
+// Return the facets that belong to one element only, and store their number. The caller frees them. Return NULL if
+// memory is short.
 static facet *outer_facets(const kn_simplices *s, int *count)
 {
     static const int solid[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}, flat[3][2] = {{0, 1}, {1, 2}, {2, 0}};
@@ -134,13 +136,14 @@ static facet *outer_facets(const kn_simplices *s, int *count)
     return f;
 }
 
-// Compute the area of a facet as a vector that points outwards, m^2; a flat facet's length times thickness.
+// Compute the area of a facet as a vector that points outwards, m^2. The area of a triangle's side is its length times
+// the thickness.
 static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
 {
     const kn_simplices *s = m->def.mesh;
     double a[3], b[3];
     difference(s->x_m[f->corner[1]], s->x_m[f->corner[0]], a);
-    // triangles turn from x to z, so outwards is to the right of the direction along the side
+    // the corners of a triangle turn from x to z, so the outward normal of side (dx, dz) is (dz, -dx)
     if (s->dimension == 2) {
         area_m2[0] = a[2] * m->def.thickness_m;
         area_m2[1] = 0;
@@ -152,11 +155,12 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
     for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
 }
 
-// A facet belongs to the top if the cosine between its normal and the vertical is at least this. (Plates press from
-// above.)
+// Least cosine of the angle between a facet's outward normal and the vertical with which the facet belongs to the top.
+// Plates press the top.
 #define TOP_COSINE 0.5
 
-// List the top's nodes with their shares, by the horizontal area of their facets.
+// List the nodes of the top with their shares in a load. A node's share is proportional to the horizontal area of its
+// facets.
 static void build_top(kn_model *m, const facet *facets, int count)
 {
     double *share = m->top_share, sum = 0; // shares are indexed by node until the list of top nodes is made
@@ -170,7 +174,8 @@ static void build_top(kn_model *m, const facet *facets, int count)
     kn_top_list(m, sum);
 }
 
-// Build the triangles of the outside. A flat object has its triangles on both sides.
+// Build the triangles of the outside. For a flat object, each of its triangles is listed twice: seen from one side, and
+// from the other.
 static bool build_skin(kn_model *m, const facet *facets, int count)
 {
     const kn_simplices *s = m->def.mesh;
@@ -231,26 +236,27 @@ static bool build_cells(kn_model *m)
 
 // --- tension and creep of a specimen --------------------------------------------------------------------------------
 
-// Measured properties of a net: its own elastic constants, and the gamma with which it creeps like the 1-D element. A
-// uniform stress loads the whole outside of the body, whatever its shape: traction = sigma . normal. The mean strain is
-// read from the outside, too: 1/V sum of u (x) area. The creep is read from all nodes, by the linear map that fits them
-// best. The test corresponds to the frictionless tension test of a block, but needs no flat ends.
+// Test of a net: measure its elastic constants, and find the gamma with which the net creeps like the 1-D element. A
+// uniform stress sigma loads the whole outside of the body, whatever its shape: traction = sigma . normal. The mean
+// strain also follows from the outside: 1/V sum of u (x) area. The creep strain follows from all nodes, by the linear
+// map that fits their displacements best. The test corresponds to the frictionless tension test of a block, but the net
+// needs no flat ends.
 
-typedef struct mesh_specimen { // small strains: directions and areas are those at rest
+typedef struct mesh_specimen { // a net under test; strains are small, so directions and areas are those at rest
     int nodes, edges;
     bool flat;
     const double (*x_m)[3];     // [nodes] rest positions
-    const double (*area_m2)[3]; // [nodes] outward area vector of a node on the body's surface; 0 at inner nodes
+    const double (*area_m2)[3]; // [nodes] outward vector of the surface area that belongs to a node; 0 at inner nodes
     const kn_edge *edge;        // [edges]
     double kappa_m, volume_m3;
 } mesh_specimen;
 
-// Memory of the tests: vectors of three reals per node; per edge a unit vector, a stiffness, and the strain u of the
-// law.
+// Memory of a test: vectors of three reals per node (x to moved), and a unit vector n, a stiffness k and the law's
+// strain u for each edge.
 typedef struct bench {
     const mesh_specimen *s;
     double *x, *r, *z, *d, *q, *jacobi, *f;
-    double *moved; // displacements of a creep test
+    double *moved; // displacements in the creep test
     double *n, *k, *u;
     double *memory;
 } bench;
@@ -273,14 +279,14 @@ static bool bench_open(bench *b, const mesh_specimen *s)
     return true;
 }
 
-// Return the growth of an edge under a field.
+// Return the change of an edge's length if the nodes move by the field x.
 static double growth(const bench *b, int e, const double *x)
 {
     const double *n = b->n + 3 * e, *i = x + 3 * b->s->edge[e].i, *j = x + 3 * b->s->edge[e].j;
     return n[0] * (j[0] - i[0]) + n[1] * (j[1] - i[1]) + n[2] * (j[2] - i[2]);
 }
 
-// Add an edge's pull to both of its ends.
+// Add the forces of an edge's tension to both of its ends.
 static void pull(const bench *b, int e, double tension, double *f)
 {
     const double *n = b->n + 3 * e;
@@ -304,8 +310,9 @@ static double precondition(bench *b)
     return inner(b->r, b->z, count);
 }
 
-// Solve K x = r by conjugate gradients with a Jacobi preconditioner, and add the result to x. Stop at `part` of the
-// initial residual. K is singular for rigid motions, but the loads are in balance, so there is a solution.
+// Solve K dx = r by conjugate gradients with a Jacobi preconditioner, and add dx to x. Stop when the residual has
+// fallen to `part` times the initial residual. K is singular for rigid motions, but the loads balance, so there is a
+// solution.
 static void solve(bench *b, double part)
 {
     int count = 3 * b->s->nodes, most = 20 * (int)cbrt((double)count) + 200;
@@ -334,7 +341,8 @@ static void solve(bench *b, double part)
     }
 }
 
-// Set the loads to the traction of a stress component (a, c), symmetric.
+// Set the loads on the nodes to the tractions of a uniform stress whose components (a, c) and (c, a) are `stress` and
+// all others 0.
 static void load(bench *b, int a, int c, double stress)
 {
     memset(b->f, 0, 3 * (size_t)b->s->nodes * sizeof *b->f);
@@ -344,7 +352,7 @@ static void load(bench *b, int a, int c, double stress)
     }
 }
 
-// Return the mean of a strain component of displacements x, read off the outside.
+// Return the mean of the strain component (a, c) of displacements x over the body, from the nodes on its surface.
 static double strain(const bench *b, const double *x, int a, int c)
 {
     double sum = 0;
@@ -353,7 +361,7 @@ static double strain(const bench *b, const double *x, int a, int c)
     return sum / b->s->volume_m3;
 }
 
-// Measure the elastic constants. Return NULL, or a sentence: memory is short, or the net cannot carry a load.
+// Measure the elastic constants of a net. Return NULL, or a sentence if memory is short or the net cannot carry a load.
 static const char *specimen_moduli(const mesh_specimen *s, kn_net_moduli *out)
 {
     bench b;
@@ -401,22 +409,22 @@ static void solve3(double m[3][3], const double y[3], double x[3])
     for (int a = 0; a < 3; a++) x[a] = det > 0 ? inner(inverse[a], y, 3) / det : 0;
 }
 
-// Return the strain along z of the linear map that fits the displacements best. Nodes far from the map count less.
-// Rejected: the mean strain over the outside. A node of the outside that only a few springs hold moves far under its
-// traction when the dampers there soften, and the mean would follow this node. With the mean, gamma changed from 0.65
-// to 1.5 between meshes of one block that differ by a few nodes.
+// Return the strain along z of the linear map that fits the nodes' displacements best. A node whose displacement is far
+// from the map gets less weight. Rejected: the mean strain from the outside. A node of the outside that only a few
+// springs hold moves far under its traction when the dampers there soften, and the mean would follow this node. With
+// the mean, gamma changed from 0.65 to 1.5 between meshes of one block that differ by a few nodes.
 static double stretch(bench *b)
 {
     int nodes = b->s->nodes;
     double *weight = b->z, slope[3] = {0}, centre[3], mean, scale = INFINITY;
     memset(b->q, 0, (size_t)nodes * sizeof *b->q);
-    // fit the map four times; each round weights the nodes by their distance from the last map
+    // fit the map four times; each round weights the nodes by their distance from the map of the round before
     for (int round = 0; round < 4; round++) {
         double m[3][3] = {{0}}, y[3] = {0}, sum = 0, off = 0;
         memset(centre, 0, sizeof centre);
         mean = 0;
         for (int i = 0; i < nodes; i++) {
-            // distance from the last map, relative to three times the mean; 0 in the first round
+            // far: a node's distance from the map before, relative to three times the mean distance; 0 in round 0
             double far = b->q[i] / (3 * scale);
             sum += weight[i] = 1 / (1 + far * far);
         }
@@ -444,14 +452,14 @@ static double stretch(bench *b)
     return slope[2];
 }
 
-// Return the stress of an edge at the present velocities.
+// Return the stress of an edge at the present velocities x of the nodes.
 static double stress_of(const bench *b, const kn_law *law, double gamma, int e)
 {
     double rate = growth(b, e, b->x) / (gamma * b->s->edge[e].rest_m);
     return kn_law_stress(law, law->a_pa_s * rate + law->mat.k1_pa * b->u[e]);
 }
 
-// Add the edges' forces to the residual, and set their stiffness.
+// Add the forces of all edges to the residual r, and set the stiffness k of all edges.
 static void pull_all(bench *b, const kn_law *law, double gamma)
 {
     for (int e = 0; e < b->s->edges; e++) {
@@ -473,7 +481,7 @@ static double specimen_creep(const mesh_specimen *s, const kn_material *mat, dou
     load(&b, 2, 2, stress_pa);
     double whole = sqrt(inner(b.f, b.f, 3 * s->nodes));
     for (int step = 0; step < CREEP_STEPS; step++) {
-        // find the velocities x by repeated linearisation, starting from those of the last step
+        // find the velocities x by repeated linearisation, starting from the velocities of the last step
         for (int pass = 0; pass < 30; pass++) {
             memcpy(b.r, b.f, 3 * (size_t)s->nodes * sizeof *b.r);
             pull_all(&b, &law, gamma);
@@ -490,7 +498,7 @@ static double specimen_creep(const mesh_specimen *s, const kn_material *mat, dou
     return crept;
 }
 
-// Return the strain of the 1-D element after the same time and steps.
+// Return the strain of the 1-D element after 60 s under a constant stress, in twelve implicit steps as for the net.
 static double element_creep(const kn_material *mat, double stress_pa)
 {
     double dt = CREEP_S / CREEP_STEPS, a = mat->c1_pa_s + dt * mat->k1_pa, u = 0;
@@ -498,10 +506,10 @@ static double element_creep(const kn_material *mat, double stress_pa)
     return u + CREEP_S * kn_material_flow(mat, stress_pa);
 }
 
-// Find the gamma between 0.2 and 1.5 at which the net creeps as much as the 1-D element. The stress is the geometric
-// mean of the two stresses at which the damper begins and ends to fall. gamma is 1 if the damper does not depend on
-// force. The net must already have E = 1. The result is deterministic and costs about ten calls of specimen_creep.
-// `error`: remaining relative difference of the two creep strains. Return false if memory is short.
+// Find the gamma between 0.2 and 1.5 at which the net creeps as much as the 1-D element. The stress of the test is the
+// geometric mean of p0 and p1, between which c2 falls, or 0.3 p1 if p0 is 0. gamma is 1 if the damper does not depend
+// on force. The net must already have E = 1. The search takes at most nine creep tests and is deterministic. `error`:
+// remaining relative difference of the two creep strains. Return false if memory is short.
 static bool specimen_gamma(const mesh_specimen *s, const kn_material *mat, double *gamma, double *error)
 {
     *gamma = 1;
@@ -509,7 +517,7 @@ static bool specimen_gamma(const mesh_specimen *s, const kn_material *mat, doubl
     if (mat->damper == KN_DAMPER_NONE || mat->damper == KN_DAMPER_CONSTANT) return true;
     double stress = mat->p0_pa > 0 ? sqrt(mat->p0_pa * mat->p1_pa) : 0.3 * mat->p1_pa;
     double target = element_creep(mat, stress), low = 0.2, high = 1.5;
-    // Bisect: the larger gamma is, the less stress a damper sees, and the less it creeps.
+    // bisect: with a larger gamma, a damper sees less stress and creeps less
     for (int i = 0; i < 9; i++) {
         *gamma = sqrt(low * high);
         double crept = specimen_creep(s, mat, *gamma, stress);
@@ -524,10 +532,11 @@ static bool specimen_gamma(const mesh_specimen *s, const kn_material *mat, doubl
 
 // --- fit of kappa and gamma -----------------------------------------------------------------------------------------
 
-// Largest number of nodes of the specimen in the fit of gamma. The fit takes some tenths of a second.
+// Largest number of nodes of the specimen in the fit of gamma. With this many nodes, the fit takes some tenths of a
+// second.
 #define CREEP_NODES_MAX 1000
 
-// Sum the outward area of every node of a specimen. Return the specimen's volume.
+// Compute the outward area vector of every node on the surface, m^2. Return the volume of the net, m^3.
 static double areas(const kn_model *m, const facet *facets, int count, double (*area_m2)[3])
 {
     const kn_simplices *s = m->def.mesh;
@@ -554,7 +563,8 @@ static int by_distance(const void *a, const void *b)
     return (x->element > y->element) - (x->element < y->element);
 }
 
-// Compare two elements for qsort by their distance from the middle of the mesh.
+// List all elements in the order of their distance from the middle of the mesh. The caller frees the list. Return NULL
+// if memory is short.
 static near *from_middle(const kn_simplices *s)
 {
     near *order = malloc((size_t)s->element_count * sizeof *order);
@@ -571,7 +581,7 @@ static near *from_middle(const kn_simplices *s)
     return order;
 }
 
-// Cut out the middle of a mesh, with as many nodes as the fit can afford. NULL when memory is short.
+// Cut out the middle of a mesh, with at most CREEP_NODES_MAX nodes. Return NULL if memory is short.
 static kn_simplices *middle_of(const kn_simplices *s)
 {
     near *order = from_middle(s);
@@ -608,8 +618,9 @@ static mesh_specimen specimen_of(const kn_model *m, const double (*area_m2)[3], 
                            area_m2,       m->edges,      m->kappa_m,        volume};
 }
 
-// Fit kappa and gamma. One factor on kappa makes the body's E equal to that of the material. gamma follows from a creep
-// test, unless the mesh is too large. Return NULL, or what is wrong.
+// Fit kappa and gamma of a net. One factor on kappa makes Young's modulus of the body equal to that of the material.
+// gamma follows from creep tests, unless the mesh has more than CREEP_NODES_MAX nodes. Return NULL, or a sentence that
+// says what is wrong.
 static const char *fit(kn_model *m, const facet *facets, int count)
 {
     const kn_simplices *s = m->def.mesh;
@@ -622,7 +633,7 @@ static const char *fit(kn_model *m, const facet *facets, int count)
     if (!wrong) {
         double mean = s->dimension == 3 ? (own->young[0] + own->young[1] + own->young[2]) / 3
                                         : (own->young[0] + own->young[2]) / 2;
-        // scale the springs, and with them the moduli, to a mean E of 1
+        // scale the springs and the measured moduli, so that the mean of Young's moduli is 1
         m->kappa_m /= mean;
         for (int k = 0; k < 3; k++) own->young[k] /= mean;
         own->shear /= mean;
@@ -668,7 +679,7 @@ const char *kn_net_build(kn_model *m)
         m->row_count = s->node_count;
         m->stride = 1;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
-        // nodes first, since support, top and fit need them
+        // nodes first, because support, top and fit need the nodes
         for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
         memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
         build_masses(m);

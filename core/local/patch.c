@@ -13,25 +13,25 @@
 #define GROUPS_MAX 32 // largest number of groups per grouping; the nodes of further groups join the last group
 
 typedef struct group {                      // a set of connected pressed nodes
-    double force_n, from_n[KN_PATCHES_MAX]; // from_n[j]: part of the force on nodes of old patch j
+    double force_n, from_n[KN_PATCHES_MAX]; // force on the group's nodes; from_n[j]: force on those of old patch j
     int number;
 } group;
 
 struct kn_patches {
     const kn_model *model;
     int *first, *near;   // neighbours of node i: near[first[i] .. first[i + 1] - 1]
-    double *force_n;     // force on each node in this round; 0: not pressed
+    double *force_n;     // force on each node in this grouping; 0: not pressed
     int *pressed, *line; // pressed nodes of this grouping; stack of nodes to visit
     int8_t *member;      // group of each node
     int8_t *number[KN_PROBES_MAX];
-    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes of each probe that belong to a patch; their number
+    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes in the patches of each probe; number of these nodes
     int count, probe, groups;
     group group[GROUPS_MAX];
 };
 
 // --- neighbours -----------------------------------------------------------------------------------------------------
 
-// Add b to the neighbours of a, or only count it while near is NULL.
+// Add b to the neighbours of a. While `near` is NULL, only count the neighbours.
 static void link(kn_patches *s, int a, int b)
 {
     if (s->near) s->near[s->first[a]] = b;
@@ -53,7 +53,7 @@ static void link_faces(kn_patches *s)
     }
 }
 
-// Link all nodes of the skin: faces, and corners of a net's triangles.
+// Link all nodes of the skin with their neighbours: nodes of a block's faces, and corners of a net's triangles.
 static void link_all(kn_patches *s)
 {
     link_faces(s);
@@ -64,7 +64,7 @@ static void link_all(kn_patches *s)
         }
 }
 
-// List the neighbours of all nodes in one array: count, sum up, fill.
+// List the neighbours of all nodes in one array. Count the neighbours of each node, sum the counts up, fill the array.
 static bool list_neighbours(kn_patches *s)
 {
     int nodes = s->model->node_count, sum = 0;
@@ -76,8 +76,8 @@ static bool list_neighbours(kn_patches *s)
     }
     s->near = malloc((size_t)sum * sizeof *s->near + 1);
     if (!s->near || sum == 0) return false;
-    link_all(s); // fill; moves every `first` to the next node's
-    // move the entries of `first` back
+    link_all(s); // fill; afterwards first[i] is where the neighbours of node i + 1 begin
+    // shift the entries of `first` by one, so that first[i] belongs to node i again
     for (int i = nodes; i > 0; i--) s->first[i] = s->first[i - 1];
     s->first[0] = 0;
     return true;
@@ -132,7 +132,7 @@ void kn_patches_reset(kn_patches *s)
     }
 }
 
-// --- a round --------------------------------------------------------------------------------------------------------
+// --- grouping the pressed nodes -------------------------------------------------------------------------------------
 
 void kn_patches_begin(kn_patches *s, int p)
 {
@@ -150,7 +150,7 @@ void kn_patches_press(kn_patches *s, int node, double force_n)
     s->force_n[node] += force_n;
 }
 
-// Add a node to a group. from_n records how much of the group's force is on nodes of each old patch.
+// Add a node to a group. Its force also counts for the old patch that the node belonged to (from_n).
 static void join(kn_patches *s, int node, int g)
 {
     int number = s->number[s->probe][node];
@@ -159,7 +159,7 @@ static void join(kn_patches *s, int node, int g)
     if (number >= 0) s->group[g].from_n[number] += s->force_n[node];
 }
 
-// Collect all nodes connected with a node over pressed neighbours.
+// Add a pressed node to a group, and all nodes that are connected with it by chains of pressed neighbours.
 static void visit(kn_patches *s, int node, int g)
 {
     int count = 1;
@@ -176,7 +176,8 @@ static void visit(kn_patches *s, int node, int g)
     }
 }
 
-// Return the old number, not yet taken, whose nodes carry most of a group's force; -1: none.
+// Return the number of the old patch whose nodes carry most of a group's force, among the numbers that are not in
+// `taken`. Return -1 if there is none.
 static int most_of(const group *g, unsigned taken)
 {
     int most = -1;
@@ -185,7 +186,7 @@ static int most_of(const group *g, unsigned taken)
     return most;
 }
 
-// Sort the groups by force. Insertion sort, since qsort may allocate.
+// Sort the groups by force, the strongest first. Use insertion sort, because qsort may allocate.
 static void sort_by_force(const kn_patches *s, int order[GROUPS_MAX])
 {
     for (int i = 0; i < s->groups; i++) {
@@ -202,8 +203,9 @@ static int first_free(unsigned taken)
     return number;
 }
 
-// Give numbers to the groups, the strongest first. A group keeps the old number whose nodes carry most of its force,
-// else it gets a free number. If there are more groups than numbers, the weakest groups share the last number.
+// Give patch numbers to the groups, beginning with the strongest. A group gets the number of the old patch whose nodes
+// carry most of the group's force, or else a free number. If there are more groups than numbers, the weakest groups
+// share one number. Return the numbers in use as bits.
 static unsigned give_numbers(kn_patches *s)
 {
     int order[GROUPS_MAX], own = s->groups < KN_PATCHES_MAX ? s->groups : KN_PATCHES_MAX;
@@ -223,7 +225,7 @@ static unsigned give_numbers(kn_patches *s)
     return taken;
 }
 
-// Compute how much of every old number's force each new number has taken over.
+// Compute share[i][j] of kn_patches_end: how much of the old patch j the new patch i has taken over.
 static void share_out(const kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     double all_n[KN_PATCHES_MAX] = {0};
@@ -241,7 +243,7 @@ static void share_out(const kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCH
 unsigned kn_patches_end(kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_MAX])
 {
     int8_t *number = s->number[s->probe];
-    // find the connected groups, number them, and store every node's number for the next round
+    // find the connected groups, number them, and store every node's number for the next grouping
     for (int i = 0; i < s->count; i++) {
         if (s->member[s->pressed[i]] >= 0) continue;
         bool room = s->groups < GROUPS_MAX;
@@ -251,7 +253,7 @@ unsigned kn_patches_end(kn_patches *s, double share[KN_PATCHES_MAX][KN_PATCHES_M
     unsigned used = give_numbers(s);
     share_out(s, share);
     int *last = s->last[s->probe];
-    // first clear the numbers of the last round
+    // first clear the numbers of the last grouping
     for (int i = 0; i < s->last_count[s->probe]; i++) number[last[i]] = -1;
     for (int i = 0; i < s->count; i++) {
         int node = s->pressed[i];
@@ -275,10 +277,11 @@ int kn_patches_at(const kn_patches *s, int p, int node) { return s->number[p][no
 
 #define TICKS 8 // number of ticks in which a sweep visits all nodes of the skin
 
-// Nodes that span the skin at one node: (x1 - x0) x (x3 - x2) points outwards.
+// Four nodes that give the skin's tangents at one node: (x1 - x0) x (x3 - x2) points outwards, where xi is the position
+// of node[i].
 typedef struct tangents {
     int node[4];
-    // bends[i]: along node[2 i] .. node[2 i + 1], the skin is a spline, which passes beside the node
+    // bends[i]: from node[2 i] to node[2 i + 1] the skin is a spline, which does not pass through the node between them
     bool bends[2];
 } tangents;
 
@@ -288,7 +291,7 @@ struct kn_ahead {
     int probe, count, at; // number of the probe; number of nodes of the skin; next node that the sweep visits
     double reach_m;
     int *skin;
-    tangents *along;                   // tangents at each node of the skin
+    tangents *along;                   // [count] tangents at each node of the skin
     double *distance_m;                // distance of every node from the tool; INFINITY: out of reach
     int place[KN_PATCHES_MAX], places; // places found by the last sweep, as indices in `skin`; their number
 };
@@ -302,7 +305,7 @@ static int node_of(const kn_face *f, int u, int v)
     return f->origin + inside(u, f->len[0]) * f->step[0] + inside(v, f->len[1]) * f->step[1];
 }
 
-// Describe the skin at a face's node. A spline does not pass through inner nodes.
+// Return the tangents at a node of a face. A spline passes through the nodes at the ends of a row only.
 static tangents along_face(const kn_model *m, const kn_face *f, int u, int v)
 {
     bool bends = m->def.skin == KN_SKIN_SPLINE;
@@ -335,7 +338,7 @@ static void list_skin(kn_ahead *s, bool *listed)
 
 // --- create ---------------------------------------------------------------------------------------------------------
 
-// A convex tool has one nearest place, for which kn_clearance is enough.
+// Return true if the shape is convex. A convex tool touches the skin at one nearest place, which kn_clearance finds.
 static bool convex(const kn_shape *shape) { return shape->part_count == 1 && shape->part[0].kind != KN_SOLID_FIELD; }
 
 kn_ahead *kn_ahead_create(const kn_model *model, const kn_patches *patches, int p, double reach_m)
@@ -378,7 +381,8 @@ void kn_ahead_reset(kn_ahead *s)
 
 // --- distances ------------------------------------------------------------------------------------------------------
 
-// Compute the distance of a point from the tool at its present pose. `way`: direction out of the tool at the point.
+// Return the distance of the point x from the tool at its present pose, m. `way`: gradient of the distance, a unit
+// vector out of the tool.
 static double distance_of(const kn_ahead *s, const kn_state *state, const double turn[3][3], const double x[3],
                           double way[3])
 {
@@ -390,8 +394,8 @@ static double distance_of(const kn_ahead *s, const kn_state *state, const double
     return distance;
 }
 
-// Compute the skin's point at node i of the skin, and its normal. Along each direction, the spline's point is 3/4 of
-// the node plus 1/8 of each neighbour.
+// Compute the point of the skin that belongs to node i of the skin, and the outward normal there. Along each direction
+// in which the skin is a spline, this point is 3/4 of the node's position plus 1/8 of each neighbour's.
 static void skin_at(const kn_ahead *s, const kn_state *state, int i, double x[3], double normal[3])
 {
     const tangents *t = &s->along[i];
@@ -412,7 +416,7 @@ static void skin_at(const kn_ahead *s, const kn_state *state, int i, double x[3]
 
 // --- a sweep --------------------------------------------------------------------------------------------------------
 
-// Return true if no tool presses a node or any of its neighbours.
+// Return true if the tool presses neither a node nor any of its neighbours.
 static bool is_free(const kn_ahead *s, int node)
 {
     int count;
@@ -422,8 +426,8 @@ static bool is_free(const kn_ahead *s, int node)
     return free;
 }
 
-// Return whether a node is nearer to the tool than its neighbours. Among nodes at the same distance, the one with the
-// lowest id counts as nearest.
+// Return whether a node is nearer to the tool than all of its neighbours. Of two nodes at equal distance, the node with
+// the lower id counts as nearer.
 static bool stands_out(const kn_ahead *s, int node)
 {
     double own = s->distance_m[node];
@@ -437,7 +441,7 @@ static bool stands_out(const kn_ahead *s, int node)
     return nearest;
 }
 
-// Choose the nearest local minima as the places of this sweep.
+// Choose the places of this sweep: the local minima of the distance, the nearest first.
 static void choose(kn_ahead *s)
 {
     s->places = 0;
@@ -477,14 +481,14 @@ void kn_ahead_look(kn_ahead *s, const kn_state *state)
 
 // --- places ---------------------------------------------------------------------------------------------------------
 
-// Find the point of the skin nearest to the tool, starting at node i of the skin.
+// Find the point of the skin nearest to the tool. The search starts at node i of the skin.
 static void place_at(const kn_ahead *s, const kn_state *state, const double turn[3][3], int i, kn_place *place)
 {
     double x[3], normal[3], way[3], fine = s->model->shape[s->probe].fine_m;
     place->node = s->skin[i];
     skin_at(s, state, i, x, normal);
     double distance = distance_of(s, state, turn, x, way), out = kn_dot(way, normal);
-    // move along the skin by (d + r) of the gradient's tangential part, at most one spacing: see patch.h
+    // move along the skin by (d + r) times the tangential part of the gradient, at most one spacing: see patch.h
     double far = fmax(0, distance) + fine, most = s->model->def.spacing_m, size = 0;
     for (int k = 0; k < 3; k++) way[k] -= out * normal[k], size += way[k] * way[k];
     far = fmin(far, size > 0 ? most / sqrt(size) : 0);
@@ -512,29 +516,31 @@ int kn_ahead_places(const kn_ahead *s, const kn_state *state, int most, kn_place
 
 // --- impedance ------------------------------------------------------------------------------------------------------
 
-#define SLOWER 30 // factor S by which the inertia is reduced, see patch.h
+#define SLOWER 30 // factor S by which the impedance reduces the inertia, see patch.h
 #define COLD 60   // number of iterations of a probe's first solve
 #define WARM 12   // number of iterations of every later solve, which starts from the last solution
-// residual relative to the load at which a solve ends; the error of Y is the square of this residual
+// a solve ends when its residual relative to the load is below ENOUGH; the relative error of Y is the square of ENOUGH
 #define ENOUGH 1e-4
 
 struct kn_mobility {
     const kn_model *model;
-    // the object at rest; its scratch holds matrix and vectors, its field `change` holds the pattern
+    // state of the undeformed object: its scratch holds the matrix and the solver's vectors, and its field `change`
+    // holds the pattern of forces
     kn_state *rest;
-    void *field[KN_PROBES_MAX]; // solution z of each probe's last solve
+    void *field[KN_PROBES_MAX]; // solution z of the last solve for each probe
     bool warm[KN_PROBES_MAX];
     int probe, left;
     double rz, beta, enough;
 };
 
-// Scale the first reals of a field.
+// Multiply the first `reals` numbers of a field by a factor.
 static void scale(const kn_model *m, void *field, size_t reals, double by)
 {
     for (size_t i = 0; field && i < reals; i++) kn_real_set(m, field, i, by * kn_real_get(m, field, i));
 }
 
-// Hold the nodes that lie on the table at rest. Other nodes of the outside may reach the table later, but are not held.
+// Hold the nodes that lie on the table in the undeformed object. Other nodes may come to lie on the table later, but
+// they stay free here.
 static void hold_table(kn_mobility *m)
 {
     const kn_model *model = m->model;
@@ -546,8 +552,8 @@ static void hold_table(kn_mobility *m)
     }
 }
 
-// Assemble the step's matrix of the object at rest, with S times its stiffness. The result is the same as with S times
-// less inertia, except for the factor S.
+// Assemble the matrix of an implicit step of the undeformed object, with S times the stiffness of all edges. This is S
+// times the matrix with the inertia divided by S that patch.h describes.
 static void assemble(kn_mobility *m)
 {
     const kn_model *model = m->model;
@@ -557,8 +563,8 @@ static void assemble(kn_mobility *m)
     memset(w->r, 0, kn_state_field(model, 3));
     memset(w->p, 0, kn_state_field(model, 6));
     model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
-    // Remove the dampers' flow and multiply the stiffness by S. In f64 a lattice's g has the stiffness itself, else
-    // vectors of its root (kernel.h).
+    // Multiply the stiffness by S, and divide it by the slope that the flow of the dampers at rest causes. w->g holds
+    // one real per edge, the stiffness, for a block in f64, and else three, a vector with the root of the stiffness.
     const double softer = SLOWER / model->law.slope_rest;
     const size_t reals = (size_t)kn_work_edge(model);
     scale(model, w->g, reals * model->edge_reals, reals == 1 ? softer : sqrt(softer));
@@ -597,7 +603,7 @@ void kn_mobility_begin(kn_mobility *m, int p)
     memset(m->rest->change, 0, kn_state_field(m->model, 3));
 }
 
-// Add a force to the pattern. Held components carry no load, since they do not move.
+// Add a force to the pattern of forces. Held components get no load, because they do not move.
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3])
 {
     for (size_t k = 0; k < 3; k++)
@@ -612,19 +618,19 @@ static double product(const kn_model *m, const void *a, const void *b)
     return sum;
 }
 
-// Start a round from the last round's solution z: r = b - A z, which costs one product. The residual r then is only the
-// change of the pattern since the last round.
+// Start a solve from the solution z of the last solve for this probe: r = b - A z, which costs one matrix product. The
+// residual r is then only the change of the pattern since the last solve.
 void kn_mobility_start(kn_mobility *m)
 {
     const kn_model *model = m->model;
     kn_work *w = kn_state_work(m->rest);
-    // first z = P b, whose size sets the threshold
+    // first compute P b, the preconditioned load; b.P b sets the threshold at which the solve ends
     memcpy(w->r, m->rest->change, kn_state_field(model, 3));
     memset(w->guess, 0, kn_state_field(model, 3));
     memset(w->d, 0, kn_state_field(model, 3));
     memset(w->q, 0, kn_state_field(model, 3));
     m->enough = ENOUGH * ENOUGH * fabs(model->kernels->update(model, m->rest, 0)); // z = P b
-    // then one product with the last solution, which becomes the first guess
+    // then subtract the matrix product with the last solution, which becomes the first guess
     memcpy(w->z, m->field[m->probe], kn_state_field(model, 3));
     model->kernels->apply(model, m->rest, 0);
     m->rz = model->kernels->update(model, m->rest, 1);
@@ -632,7 +638,8 @@ void kn_mobility_start(kn_mobility *m)
     m->left = m->warm[m->probe] ? WARM : COLD;
 }
 
-// End a round: Y = b'z. A bad solution is dropped, so that the next round starts from zero.
+// End a solve: compute Y = b'z. If Y is not finite and positive, drop the solution, so that the next solve starts from
+// zero.
 static bool finish(kn_mobility *m, double *a_n_s_per_m)
 {
     kn_work *w = kn_state_work(m->rest);

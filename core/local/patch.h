@@ -24,20 +24,21 @@ kn_patches *kn_patches_create(const kn_model *model); // NULL: memory is short, 
 void kn_patches_destroy(kn_patches *patches);         // does nothing if `patches` is NULL
 void kn_patches_reset(kn_patches *patches);           // forget all patches of all tools
 
-// Group the nodes under probe `p` (a round): call begin once, press for every node that carries load, then end.
-// These and the functions below are real-time safe.
+// Group the nodes that probe `p` presses: call begin once, press for every node that carries load, then end. These and
+// the functions below are real-time safe.
 void kn_patches_begin(kn_patches *patches, int p);
 void kn_patches_press(kn_patches *patches, int node, double force_n);
 
-// End the grouping. Bit i of the result is set if patch number i is in use. share[i][j]: the share of the old patch j
-// that patch i has taken over. Only those nodes of j that are still pressed count, by their present load. The share is
-// 0 if j was not in use.
+// End the grouping. Bit i of the result is set if patch number i is in use. share[i][j] is the share of the old patch j
+// that the new patch i has taken over, by present load: the load on nodes of j that are now in i, divided by the load
+// on all nodes of j that are still pressed. The share is 0 if the number j was not in use.
 unsigned kn_patches_end(kn_patches *patches, double share[KN_PATCHES_MAX][KN_PATCHES_MAX]);
 
-// Return the number of the patch that a node belongs to since the last kn_patches_end for probe p, -1: none.
+// Return the number of the patch of probe p that a node belongs to since the last kn_patches_end for this probe. Return
+// -1 if the node belongs to no patch.
 int kn_patches_at(const kn_patches *patches, int p, int node);
 
-// Return the neighbours of a node, pressed or not, and store their count.
+// Return the neighbours of a node on the skin, pressed or not, and store their count. The list belongs to `patches`.
 const int *kn_patches_near(const kn_patches *patches, int node, int *count);
 
 // --- next places ----------------------------------------------------------------------------------------------------
@@ -69,7 +70,7 @@ kn_ahead *kn_ahead_create(const kn_model *model, const kn_patches *patches, int 
 void kn_ahead_destroy(kn_ahead *ahead); // does nothing if `ahead` is NULL
 void kn_ahead_reset(kn_ahead *ahead);   // forget the places found so far and begin a new sweep
 
-// Visit one tick's share of the skin's nodes in the sweep for places that the tool will touch. Call once per tick.
+// Continue the sweep: visit some of the skin's nodes in search of places that the tool will touch. Call once per tick.
 // Real-time safe.
 void kn_ahead_look(kn_ahead *ahead, const kn_state *state);
 
@@ -99,18 +100,19 @@ typedef struct kn_mobility kn_mobility;
 kn_mobility *kn_mobility_create(const kn_model *model);
 void kn_mobility_destroy(kn_mobility *m); // does nothing if `m` is NULL
 
-// Run a round for probe `p`: call begin, then load for every force of the pattern (`offset`: the node's model->offset),
-// then start. Then call iterate until it returns true. These and the functions below are real-time safe.
+// Solve for the impedance at the contact of probe `p` (a round): call begin, then load for every force of the pattern
+// (`offset`: the node's model->offset), then start. Then call iterate until it returns true. These and the functions
+// below are real-time safe.
 void kn_mobility_begin(kn_mobility *m, int p);
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3]);
 void kn_mobility_start(kn_mobility *m);
 
-// Do one iteration of the solve, about 20 ns per node. Return true when the solve (the round) is complete. Then
+// Do one iteration of the solve, which takes about 20 ns per node. Return true when the solve is complete. Then
 // *a_n_s_per_m is the new impedance, or 0 if the solve failed.
 bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m);
 
-// Return the scalar product of force_n and the velocity of a node under the whole pattern of 1 N. The velocity is that
-// of the last successful solve for probe p.
+// Return the scalar product of force_n and the velocity of a node, W. The velocity is the response of the object to the
+// whole pattern of forces, 1 N in sum, from the last successful solve for probe p.
 double kn_mobility_rate(const kn_mobility *m, int p, size_t offset, const double force_n[3]);
 
 #endif

@@ -8,21 +8,22 @@
 
 // --- sizes ----------------------------------------------------------------------------------------------------------
 
-// Return the samples per node patch and axis. A distance of at most r/8 between samples keeps the ripple of a sliding
-// sphere at 0.3 % per ms. Four samples per spacing is the largest number.
+// Return the number of samples along each side of a node's patch: 4, or 2 for a tool that is large compared with the
+// patch. If samples are at most an eighth of a ball's radius apart, the force of the sliding ball ripples by 0.3 % per
+// ms only.
 static int samples_per_patch(double spacing_m, const kn_shape *shape) { return shape->fine_m > 4 * spacing_m ? 2 : 4; }
 
-// Stretch beyond which a gripped contact is lost, m. No grip's force can stretch a contact as far.
+// Distance from the tool up to which a gripped sample is found, m. No force of a grip stretches a contact as far.
 #define GRIP_M 0.002
 
-// Return the distance up to which a sample may touch, m, if the tool does not move.
+// Return the distance from a tool up to which a sample may touch in this step, m, if the tool does not move.
 static double still_margin(const kn_model *model, const kn_probe_def *def)
 {
     return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
 }
 
-// At most the lower half of a ball is pressed into the skin, with one patch around it. Other shapes
-// count as the ball around them.
+// Upper bound: the lower half of a ball is pressed into the skin, with a margin of one patch. Another shape counts as
+// the ball around it.
 int kn_contact_samples(const kn_model *model)
 {
     double count = model->base_count, h = model->def.spacing_m, patches = 0;
@@ -62,8 +63,8 @@ void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
 
 // --- plate ----------------------------------------------------------------------------------------------------------
 
-// Return whether a point is under the plate. The slack keeps a node at the plate's very edge under it, whatever the
-// last digits of its position are.
+// Return whether a point is under the plate. The slack makes sure that a node at the plate's edge is under the plate,
+// whatever the rounding of its position.
 static bool under_plate(const kn_model *model, const kn_probe_def *def, const double plate[3], const double x[3])
 {
     double slack = 0.1 * model->def.spacing_m;
@@ -79,9 +80,10 @@ static bool held_by_other(const kn_model *model, const kn_state *state, int p, i
     return false;
 }
 
-// Return true if a node ahead of the plate moves away from the plate by itself. If such a node were held, a plate that
-// slows down would take back nodes that it has just released. A node that was held may overlap the plate only by the
-// rounding of its displacement. Such a node is also not held again.
+// Return true if a node that is not held moves away from the plate by itself. `above`: depth of the node above the
+// plane of the plate; `way`: its own displacement in this step. If such a node were held, a plate that slows down would
+// take back nodes that it has just released. ROUNDING covers a released node that overlaps the plate by the rounding of
+// its displacement only.
 #define ROUNDING 0x1p-20
 static bool gets_away(double above, double way, double displacement)
 {
@@ -105,14 +107,14 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
             kn_state_velocity(model, state, hold.node, v);
             if (gets_away(x[2] - plane, dt * v[2], x[2] - model->rest_m[hold.node][2])) continue;
-            // If a node is deeper inside the plate than this step can bring it, the node came in from the side and rose
-            // beside the plate. Under a plate that goes up, a node is not held if it is deeper than its own motion can
-            // have brought it. Otherwise the plate would push it down by a quarter of a cell.
+            // A node that is deeper in the plate than this step can have brought it came in from the side: do not hold
+            // it. Under a plate that goes up, only the node's own motion can have brought it into the plate. Without
+            // this limit, the plate would push the node down by up to a quarter of a cell.
             double down = fmax(0, -probe->velocity_m_s[2]);
             double came = dt * fmax(0, v[2] - probe->velocity_m_s[2]), h = model->def.spacing_m;
             double deepest = probe->velocity_m_s[2] > 0 ? 2 * came + 1e-3 * h : 0.25 * h + dt * down;
             if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;
-            // first touch: the node only moves out of the way, by the part of the plate's step that is left
+            // at first touch, the node moves only by the part of the plate's step that is left, down to the plate
             hold.velocity_m_s[2] = (plane - x[2]) / dt;
             held[t] = 1;
         }
@@ -122,7 +124,7 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
 
 // --- one tool against one point -------------------------------------------------------------------------------------
 
-// The search for samples under one tool.
+// Data of the search for samples under one tool.
 typedef struct search {
     const kn_model *model;
     const kn_state *state;
@@ -133,12 +135,12 @@ typedef struct search {
     const double *at_m;      // position of the tool
     const double (*turn)[3]; // rotation of the tool; NULL: none
     double relief_m;
-    double margin_m; // a sample farther away cannot touch in this step
+    double margin_m; // largest distance from the tool at which a sample can touch in this step
     double foundation_n_m3;
     int probe;
 } search;
 
-// Begin the search at the tool's present pose.
+// Begin the search for samples under probe p at the tool's present pose.
 static search begin(const kn_model *model, const kn_state *state, int p, kn_contact *contact)
 {
     const kn_probe_def *def = &model->def.probe[p];
@@ -150,7 +152,7 @@ static search begin(const kn_model *model, const kn_state *state, int p, kn_cont
     s.relief_m = state->tool[p].relief_m;
     s.foundation_n_m3 = kn_probe_foundation(def);
     s.margin_m = still_margin(model, def);
-    // a coupled tool may be thrown at the object: as fast as its coupling moves it in the air
+    // a coupled tool may hit the object at the speed that its coupling gives it in the air
     if (s.tool->coupled) {
         double speed = sqrt(kn_dot(s.tool->drive, s.tool->drive)) / s.tool->give[0];
         s.margin_m += fmin(model->def.solver.dt_s * speed, s.shape->fine_m);
@@ -158,15 +160,15 @@ static search begin(const kn_model *model, const kn_state *state, int p, kn_cont
     return s;
 }
 
-// Compute the vector from the tool to a point. A flat object is pressed by a disc, whatever the tool's y is.
+// Compute the vector from the tool to a point. For a flat object, ignore the tool's y, because a ball acts as a disc.
 static void away_from(const kn_model *model, const double centre[3], const double point[3], double away[3])
 {
     for (int k = 0; k < 3; k++) away[k] = point[k] - centre[k];
     if (model->grid.flat) away[1] = 0;
 }
 
-// Return the signed distance of a point that lies `arm` from the tool, and the direction in which the tool
-// pushes there. turn NULL: level.
+// Return the signed distance of a point from the tool's surface. `arm`: vector from the tool's position to the point;
+// `turn`: rotation of the tool, NULL: none. Store the direction in which the tool pushes at the point.
 static double distance_of(const kn_shape *shape, const double (*turn)[3], const double arm[3], double normal[3])
 {
     double own[3], way[3];
@@ -177,7 +179,7 @@ static double distance_of(const kn_shape *shape, const double (*turn)[3], const 
     return distance;
 }
 
-// Project the normal onto the plane of a flat object; straight up if nothing is left.
+// Project the normal onto the x-z plane of a flat object. If the projection is 0, the normal points up.
 static void stay_in_plane(double normal[3])
 {
     double size = hypot(normal[0], normal[2]);
@@ -186,8 +188,9 @@ static void stay_in_plane(double normal[3])
     normal[2] = size > 0 ? normal[2] / size : 1;
 }
 
-// Add a sample at a point and fill in the fields that depend on its tool. Return NULL if the point is too far away, or
-// if the skin there faces away from the tool: a tool never touches the far side of a thin block.
+// Add a sample at a point of the skin, and fill in the members that depend on the tool. Return NULL if the point is too
+// far from the tool, or if the skin there faces away from the tool. The second condition keeps a tool from touching the
+// far side of a thin block.
 static kn_sample *sample_at(const search *s, const double point[3], const double outwards[3], double area_m2)
 {
     double arm[3], normal[3];
@@ -209,8 +212,8 @@ static kn_sample *sample_at(const search *s, const double point[3], const double
     return sample;
 }
 
-// Return the key of a sample. Keys ascend in the order in which samples are found: probe, face, patch of the
-// face, place within the patch.
+// Return the key of a sample. Keys ascend in the order in which samples are found: by probe, then face, then patch of
+// the face, then place within the patch.
 static uint64_t key_of(int probe, int face, int patch, int place)
 {
     return ((uint64_t)(probe + 1) << 56) + ((uint64_t)face << 48) + ((uint64_t)patch << 8) + (uint64_t)place;
@@ -218,9 +221,9 @@ static uint64_t key_of(int probe, int face, int patch, int place)
 
 // --- skin of a block ------------------------------------------------------------------------------------------------
 
-// Compute the quadratic B-spline weights of the nodes at -1, 0, +1 for t in [-1/2, 1/2] around node i of n. At the edge
-// of the block a neighbour is missing. The skin is continued straight there (x_-1 = 2 x_0 - x_1), so it ends at the
-// edge.
+// Compute the quadratic B-spline weights of the nodes i - 1, i and i + 1 of n at the place i + t, t in [-1/2, 1/2]. At
+// the end of the row a neighbour is missing. There the row is continued as a straight line (x_-1 = 2 x_0 - x_1), so
+// that the skin ends at the last node.
 static void spline(double t, int i, int n, double w[3])
 {
     w[0] = 0.5 * (0.5 - t) * (0.5 - t);
@@ -230,7 +233,7 @@ static void spline(double t, int i, int n, double w[3])
     if (i == n - 1) w[1] += 2 * w[2], w[0] -= w[2], w[2] = 0;
 }
 
-typedef struct patch { // the 3 x 3 nodes around one node of a face
+typedef struct patch { // patch of skin that belongs to one node of a face, with the 3 x 3 nodes around this node
     const kn_face *face;
     int u, v;
     int node[9];
@@ -251,7 +254,7 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         }
 }
 
-// Compute the weights of the nine nodes and the skin's point there, from the weights along u and v.
+// Compute the weights of the nine nodes from the weights along u and v, and the point of the skin that they give.
 static void blend(const patch *p, const double wu[3], const double wv[3], double weight[9], double point[3])
 {
     for (int k = 0; k < 3; k++) point[k] = 0;
@@ -261,7 +264,7 @@ static void blend(const patch *p, const double wu[3], const double wv[3], double
     }
 }
 
-// Compute the weights of the bilinear skin, which is straight from node to node.
+// Compute the weights of the bilinear skin along one side. This skin is straight from node to node.
 static void straight(double t, double w[3]) { w[0] = fmax(-t, 0), w[1] = 1 - fabs(t), w[2] = fmax(t, 0); }
 
 static void weights(const kn_model *model, double t, int i, int n, double w[3])
@@ -270,10 +273,11 @@ static void weights(const kn_model *model, double t, int i, int n, double w[3])
     else spline(t, i, n, w);
 }
 
-// Return true if t lies outside the block: half of a patch at the rim overhangs.
+// Return true if the place i + t of a row of n nodes lies outside the block. The patch of a node at the end of a row
+// lies outside with one half.
 static bool overhangs(double t, int i, int n) { return (t < 0 && i == 0) || (t > 0 && i == n - 1); }
 
-// Compute the point (tu, tv) of a patch. Return false where the patch overhangs.
+// Compute the point (tu, tv) of a patch, each in [-1/2, 1/2]. Return false if this point lies outside the block.
 static bool patch_point(const kn_model *model, const patch *p, double tu, double tv, double weight[9], double point[3])
 {
     const int *len = p->face->len;
@@ -287,7 +291,8 @@ static bool patch_point(const kn_model *model, const patch *p, double tu, double
 
 #define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
 
-// Compute the weights of `per` samples along one side of a patch. Bit j of the result: sample j is on the block.
+// Compute the weights of `per` samples along one side of a patch. Bit j of the result is set if sample j is on the
+// block.
 static unsigned side_weights(const kn_model *model, int per, int i, int n, double w[PER_PATCH_MAX][3])
 {
     unsigned on = 0;
@@ -300,8 +305,8 @@ static unsigned side_weights(const kn_model *model, int per, int i, int n, doubl
     return on;
 }
 
-// Compute the outward normal of the skin at a patch's node, not unit. A face that is one node wide runs straight along
-// y.
+// Compute the outward normal of the skin at a patch's node, not normalised. A face that is one node wide belongs to a
+// flat object and runs along y.
 static void patch_normal(const patch *p, double normal[3])
 {
     double du[3], dv[3];
@@ -319,14 +324,14 @@ static void sample_patch(const search *s, const patch *p)
     double h = p->face->spacing_m, outwards[3];
     int per = samples_per_patch(h, s->shape), per_u = per, per_v = per;
     double area = h * h / (per * per);
-    // across a flat object one sample stands for the whole thickness
+    // on a flat object, one sample along y stands for the whole thickness
     if (model->grid.flat) {
         area *= model->grid.depth_m / h * per;
         if (p->face->len[0] == 1) per_u = 1;
         else per_v = 1;
     }
     patch_normal(p, outwards);
-    // weights depend on u and v separately: compute them once per side, not once per sample
+    // the weights along u do not depend on v: compute them once per side, not once per sample
     double wu[PER_PATCH_MAX][3], wv[PER_PATCH_MAX][3];
     unsigned on_u = side_weights(model, per_u, p->u, p->face->len[0], wu);
     unsigned on_v = side_weights(model, per_v, p->v, p->face->len[1], wv);
@@ -345,8 +350,8 @@ static void sample_patch(const search *s, const patch *p)
     }
 }
 
-// Add the samples of a block's faces. Patches out of the tool's reach are skipped, first by the ball around
-// the tool, then by its distance.
+// Add the samples of a block's faces. A patch out of the tool's reach is skipped: a first test uses the ball around the
+// tool, a second test the tool's distance from the patch's node.
 static void find_on_faces(const search *s)
 {
     for (int f = 0; f < s->model->face_count; f++) {
@@ -368,7 +373,7 @@ static void find_on_faces(const search *s)
 
 // --- skin of a net --------------------------------------------------------------------------------------------------
 
-// Load the corners of a triangle of the skin, and its normal, not unit: its length is twice the area.
+// Load the corners of a triangle of the skin, and compute its outward normal, whose length is twice the area.
 static void load_triangle(const kn_model *model, const kn_state *state, const int node[3], double x[3][3],
                           double normal[3])
 {
@@ -378,12 +383,12 @@ static void load_triangle(const kn_model *model, const kn_state *state, const in
     kn_cross(u, v, normal);
 }
 
-// Compute the barycentric weights of the centre of small triangle i, when a triangle is cut into per^2 small ones.
+// Compute the barycentric weights of the centre of small triangle i. A triangle is cut into per^2 small triangles.
 static void small_centre(int i, int per, double weight[3])
 {
     int row = 0;
     while ((row + 1) * (row + 1) <= i) row++;
-    // row r holds 2 r + 1 small triangles, upright and upside down by turns
+    // row r holds 2 r + 1 small triangles, alternately upright and upside down
     int at = i - row * row, upward = at % 2 == 0;
     double third = upward ? 1.0 / 3 : 2.0 / 3;
     weight[1] = (at / 2 + third) / per;
@@ -423,7 +428,7 @@ static void find_on_net(const search *s)
     for (int f = 0; f < model->skin_count; f++) {
         const int *node = model->skin[f];
         double x[3] = {0}, side = 0;
-        // the longest side bounds the extent of the triangle from a corner
+        // no point of a triangle is farther from a corner than the longest side
         for (int k = 0; k < 3; k++) {
             double a[3], b[3];
             kn_state_position(model, s->state, node[k], a);
@@ -449,7 +454,7 @@ static void find_samples(const kn_model *model, const kn_state *state, int p, kn
 
 // --- table ----------------------------------------------------------------------------------------------------------
 
-// List the samples at which the table (plane z = 0) may push the object.
+// List the samples at which the table, the plane z = 0, may push the object.
 static void find_table_samples(const kn_model *model, const kn_state *state, kn_contact *contact)
 {
     for (int i = 0; i < model->base_count; i++) {
@@ -480,13 +485,13 @@ static void find_table_samples(const kn_model *model, const kn_state *state, kn_
 
 // --- anchors of sticking samples ------------------------------------------------------------------------------------
 
-// Restore the memory of a sample from the last step. The stretch e turns with its tool and
-// stays tangential to the skin.
+// Restore the memory of a sample from its anchor of the last step. The stretch e turns with the tool, and its part
+// along the normal is removed.
 static void recall(const kn_model *model, const kn_contact *contact, const kn_anchor *anchor, kn_sample *s)
 {
     double turned[3] = {0};
     s->bonds = anchor->flags & KN_ANCHOR_BONDS;
-    // a sample that did not slip has static friction, which is larger than sliding friction
+    // static friction, which is larger than sliding friction, holds a sample that did not slip in the last step
     if (!(anchor->flags & KN_ANCHOR_SLIPS) && s->friction > 0) s->friction *= KN_STICTION;
     if (s->probe != KN_TABLE) kn_cross(contact->tool[s->probe].velocity + 3, anchor->stretch_m, turned);
     for (int k = 0; k < 3; k++) s->stretch_m[k] = anchor->stretch_m[k] + model->def.solver.dt_s * turned[k];
@@ -494,8 +499,8 @@ static void recall(const kn_model *model, const kn_contact *contact, const kn_an
     for (int k = 0; k < 3; k++) s->stretch_m[k] -= out * s->normal[k];
 }
 
-// Restore the memory of all samples. Anchors and samples are both in ascending order of their
-// keys, so one merge is enough.
+// Restore the memory of all samples. Anchors and samples are both in ascending order of their keys, so one pass over
+// both is enough.
 static void recall_all(const kn_model *model, const kn_state *state, kn_contact *contact)
 {
     int at = 0;
@@ -506,14 +511,14 @@ static void recall_all(const kn_model *model, const kn_state *state, kn_contact 
         else if (s->friction > 0) s->friction *= KN_STICTION;
         if (s->probe == KN_TABLE || !s->bonds) continue;
         const kn_probe_def *def = &model->def.probe[s->probe];
-        // contact that touched in the last step may pull up to its adhesion; a gripped sample may pull without limit
+        // a sample that touched in the last step may pull up to the adhesion; a gripped sample may pull without limit
         s->lowest_m = -def->adhesion_pa / kn_probe_foundation(def);
         if (state->tool[s->probe].grip_n > 0) s->lowest_m = -INFINITY, s->friction = INFINITY;
     }
 }
 
-// Store the anchor of a pressing sample. The stretch is computed from the tangential force, so it lies on the friction
-// cone at most.
+// Store the anchor of an active sample. Its stretch is computed from the tangential force, which does not exceed the
+// friction cone.
 static void remember(kn_state *state, const kn_sample *s)
 {
     kn_anchor *a = &state->anchor[state->anchor_count++];
@@ -532,7 +537,7 @@ static void remember_all(kn_state *state, const kn_contact *contact)
         if (contact->sample[i].line.active) remember(state, &contact->sample[i]);
 }
 
-// --- the step's two ends --------------------------------------------------------------------------------------------
+// --- beginning and end of a step ------------------------------------------------------------------------------------
 
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field)
 {
@@ -546,7 +551,8 @@ double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, cons
     return rate;
 }
 
-// Shrink a tool that enters the model inside the object by its depth in the object. The tool grows back slowly.
+// Shrink a tool that enters the model inside the object by its depth in the object, so that it does not push at first.
+// The tool grows back slowly. `first`: first sample of the tool.
 static void relieve(kn_state *state, int p, kn_contact *contact, int first)
 {
     double deepest = 0;
@@ -564,7 +570,7 @@ void kn_sample_push(kn_sample *s)
 
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact)
 {
-    // the table first, then every tool: sample keys ascend in this order
+    // first the table, then every tool, so that the keys of the samples ascend
     contact->hold_count = contact->sample_count = 0;
     contact->coupled = false;
     find_table_samples(model, state, contact);
@@ -596,8 +602,8 @@ static void add_force(kn_probe_output *out, const double arm[3], const double fo
 
 static void end_hold(const kn_model *model, kn_state *state, const kn_held_node *hold, kn_output *output)
 {
-    // The work follows the node's own motion, which differs from the plate's at first touch. Work is also done on a
-    // node that pulls.
+    // the work is that of the node's own motion, which differs from the plate's motion at first touch; it is negative
+    // for a node that pulls
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
     // a held node that pulls at the plate is released
     if (hold->gone || !(hold->force_n[2] >= 0)) {
@@ -633,7 +639,7 @@ static void end_tool(const kn_model *model, kn_state *state, int p, const kn_too
     kn_probe_state *probe = &state->probe[p];
     kn_tool_state *own = &state->tool[p];
     if (!probe->attached) return;
-    // if the limit of a grip is exceeded, the grip is torn loose until the client asks for `grip` again
+    // if the force exceeds the limit of a grip, the grip is torn loose until `grip` has been off and is on again
     if (own->grip_n > 0 && kn_dot(held_n, held_n) > own->grip_n * own->grip_n) own->grip_n = -1;
     probe->contacts = out->contacts;
     kn_tool_advance(model, state, p, tool);
@@ -662,8 +668,7 @@ void kn_contact_end(const kn_model *model, kn_state *state, const kn_input *inpu
 
 // --- clearance ------------------------------------------------------------------------------------------------------
 
-// Search for the point of the skin nearest to a tool. The distance is negative if the skin is inside the
-// tool, or the tool under the skin.
+// Data of the search for the point of the skin nearest to a tool.
 typedef struct nearest {
     const kn_model *model;
     const kn_state *state;
@@ -671,10 +676,10 @@ typedef struct nearest {
     const double *at_m;
     double turn[3][3];
     double distance_m;
-    bool under; // the skin at the nearest point faces away from the tool, i.e. the tool is below the skin
+    bool under; // the tool is under the skin: the skin at the nearest point faces away from the tool
 } nearest;
 
-// Update the nearest point with a point of the skin.
+// Compare a point of the skin with the nearest point so far, and keep the nearer one.
 static void consider(nearest *n, const double point[3], const double outwards[3])
 {
     double arm[3], normal[3];
@@ -690,7 +695,7 @@ static void consider_net(nearest *n)
     for (int f = 0; f < n->model->skin_count; f++) {
         double x[3][3], outwards[3], point[3];
         load_triangle(n->model, n->state, n->model->skin[f], x, outwards);
-        // corners, middles of the sides, centre
+        // consider the corners, the middles of the sides and the centre of each triangle
         for (int i = 0; i < 7; i++) {
             for (int k = 0; k < 3; k++)
                 point[k] = i < 3   ? x[i][k]
@@ -721,9 +726,9 @@ static void consider_faces(nearest *n)
             }
 }
 
-// Return the distance of the skin from probe p at a pose, for any shape but a plate. `turn`: rotation matrix of the
-// tool. If the tool is under the skin, the clearance is negative. A ball's centre may be under the skin with all of the
-// skin beyond its radius. The ball is then as deep as its centre is, plus its radius.
+// Return the distance of the skin from probe p at a pose, for any shape but a plate; < 0 if the tool is under the skin.
+// `turn`: rotation matrix of the tool. If a ball is under the skin, its depth is the distance of its centre from the
+// skin plus its radius.
 static double skin_clearance(const kn_model *model, const kn_state *state, int p, const double position_m[3],
                              const double turn[3][3])
 {
@@ -742,7 +747,7 @@ double kn_clearance(const kn_model *model, const kn_state *state, int p, const d
 {
     const kn_probe_def *def = &model->def.probe[p];
     double clear = INFINITY, x[3], turn[3][3];
-    // every shape but a plate is measured by its distance function at the skin
+    // for every shape but a plate, evaluate the distance of the shape at points of the skin
     if (def->shape != KN_PROBE_PLATE) {
         kn_tool_matrix(orientation_wxyz, turn);
         return skin_clearance(model, state, p, position_m, (const double(*)[3])turn);

@@ -3,34 +3,34 @@
 // Contact of rigid tools with the object. This module does the geometry: it lists the held nodes and the pressing
 // samples, which are points of the skin near tools. All solvers use the two lists.
 //
-// Plate. The plate holds the top nodes that it reaches: they move with the plate's velocity (it sticks). The residual
-// that the lattice leaves on a held node is the contact force, unfiltered. A held node that would pull at the plate is
-// released.
+// Plate. The plate holds the top nodes that it reaches: held nodes move with the plate's velocity, so the plate sticks.
+// The residual that the lattice leaves on a held node is the contact force, unfiltered. A held node that would pull at
+// the plate is released.
 //
 // All other shapes. They use foundation contact (pressure = stiffness x depth) on a smooth skin. The skin is the
-// quadratic B-spline through the nodes of each face, or bilinear (kn_skin_form). Each node patch of the skin has
-// samples s = sum_a w_a x_a,  depth = -distance of the shape at s,
+// quadratic B-spline with the nodes of each face as control points, or bilinear (kn_skin_form). The patch of skin that
+// belongs to a node has samples s = sum_a w_a x_a,  depth = -distance of the shape at s,
 //
 //     f = k A depth n                                   while depth > -adhesion/k, once touched; else while depth > 0
 //     t = -k A e, cut to mu f; e: how far s has slid along the tool since it stuck (elastoplastic anchor)
 //     k: foundation stiffness, N/m^3;  A: area of the skin that the sample stands for;  n: normal of the tool
 //
-// Both forces are taken implicitly at the end of the step, active set and friction cone included. Rejected: contact at
-// single nodes or closest points. Its force jumps by 60-76 % per millisecond when the support changes, while a pressure
-// that fades to zero at the rim does not jump. Rejected, too: friction that follows a measured velocity instead of an
-// anchor. It chatters at full amplitude. e belongs to the sample, which is a point of the material, so the skin carries
-// e along.
+// Both forces are those at the end of the step (implicit), and so are the choice of pressing samples and the friction
+// cone. Rejected: contact at single nodes or closest points. Its force jumps by 60-76 % per millisecond when another
+// node becomes the supporting one, while a pressure that fades to zero at the rim does not jump. Also rejected:
+// friction that follows a measured velocity instead of an anchor. This friction chatters at full amplitude. e belongs
+// to the sample, which is a point of the material, so the skin carries e along.
 //
 // A coupled tool (tool.h) may arrive at 1 m/s and with any force. Its foundation is a layer whose thickness is KN_LAYER
 // times the tool's smallest half width:
 //     pressure = k depth / (1 - depth / layer)
 // So no force can push the skin through the tool. The part of the object that the tool pushes down stops at the table.
 //
-// Table. With support FRICTION, the plane z = 0 pushes the nodes of the outside up in the same way.
+// Table. With support FRICTION, the plane z = 0 pushes up the nodes of the object's outside, also by a foundation.
 #include "core/solve/tool.h"
 
-#define KN_FOUNDATION_N_M3 2.5e7 // default foundation stiffness: dough's yield pressure 7.8 kPa presses it in by 0.3 mm
-// foundation stiffness of the table: dough as high as a hand sinks into the table by 0.05 mm
+#define KN_FOUNDATION_N_M3 2.5e7 // default stiffness: the yield pressure of dough, 7.8 kPa, gives a depth of 0.3 mm
+// foundation stiffness of the table: under its weight, dough as high as a hand sinks into the table by 0.05 mm
 #define KN_TABLE_N_M3 1e8
 #define KN_LAYER 0.5    // ratio of a coupled tool's layer thickness to the tool's smallest half width
 #define KN_STICTION 1.2 // ratio of static to sliding friction
@@ -59,28 +59,28 @@ typedef struct kn_sample { // a point of the skin near a tool
     double point_m[3];     // present position of the sample in the scene [m]
     double arm_m[3];       // vector from the tool's position to the sample [m]
     double depth_m;        // present depth of the sample below the tool's surface; > 0: inside the tool [m]
-    double lowest_m;       // depth below which the tool releases the sample; <= 0, < 0 with adhesion [m]
+    double lowest_m;       // depth at which the tool releases the sample: 0, or < 0 with adhesion or grip [m]
     double foundation_n_m; // foundation stiffness k times the sample's skin area A [N/m]
     // thickness of the foundation layer of a coupled tool; INFINITY: pressure is proportional to depth
     double layer_m;
     // present coefficient of Coulomb friction, static or sliding; 0: no friction; INFINITY: the tool grips the sample
     double friction;
-    double stretch_m[3];            // distance e that the sample has slid along the tool since it stuck, tangential [m]
-    double rate_m_s[3];             // velocity of the skin at the sample, from the velocity field evaluated last
+    double stretch_m[3];            // tangential displacement e on the tool since the sample began to stick [m]
+    double rate_m_s[3];             // velocity of the skin at the sample, for the last field that `look` has read
     struct kn_sample_line {         // linearised contact force of the sample, set by the solver
-        bool active;                // the sample presses with the force slope_n_m * depth + offset_n
-        double slope_n_m, offset_n; // k A and 0 without a layer, else the tangent of the pressure law
+        bool active;                // true: the force along the normal is slope_n_m * depth + offset_n; false: 0
+        double slope_n_m, offset_n; // tangent of the pressure law; k A and 0 without a layer
         // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is the secant that
         // puts the friction force at the end of the step on Coulomb's cone.
         double side_n_m;
-    } line, last;      // last: `line` as it was before its last update
+    } line, last;      // present linearisation; linearisation before the last update
     double force_n[3]; // set by the solver: force on the skin
     double pressing_n; // set by the solver: part of force_n along the normal; < 0: the sample pulls
-    uint64_t key;      // identifies the sample from step to step, see key_of in contact.c
+    uint64_t key;      // number by which the next step finds this sample again, see key_of in contact.c
     bool bonds;        // the sample touched the tool in the last step, so adhesion may hold it
 } kn_sample;
 
-typedef struct kn_contact { // contacts of one step; lives in the state's scratch
+typedef struct kn_contact { // contact of all tools and the table in one step; part of the state's scratch
     kn_held_node *hold;
     kn_sample *sample;
     int hold_count, hold_max;
@@ -90,7 +90,7 @@ typedef struct kn_contact { // contacts of one step; lives in the state's scratc
     bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
 } kn_contact;
 
-// Return the largest number of samples that all tools and the table can have at once.
+// Return the largest number of samples that all tools and the table together can have in one step.
 int kn_contact_samples(const kn_model *model);
 
 size_t kn_contact_bytes(const kn_model *model);
@@ -99,15 +99,15 @@ void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory);
 // Return the number of anchors that a state has room for: one per sample if any contact of the model sticks, else 0.
 size_t kn_contact_anchors(const kn_model *model);
 
-// Begin the step of every tool (attach or detach it, set its velocity), then list holds and samples at the present
-// positions. kn_contact_end moves the tools.
+// Begin the step of every tool (kn_tool_begin), then list the held nodes and the samples at the present positions. The
+// tools do not move before kn_contact_end.
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact);
 
 // Return the velocity of a sample's point minus that of its tool, along the sample's normal. `field` holds the nodal
 // velocities in the model's precision, as state->velocity does.
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
 
-// Set the sample's force along the normal to stiffness times present depth. For explicit solvers.
+// Set the force on a sample to stiffness times present depth, along the normal. Explicit solvers use this function.
 void kn_sample_push(kn_sample *s);
 
 // End a step: sum the forces on each tool, release held nodes that pull, store the anchors of sticking samples, and

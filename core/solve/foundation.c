@@ -4,7 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-// A run of consecutive samples that share their nodes. Values of fields are fetched and added once per patch.
+// A patch of the skin: consecutive samples that share their nodes. The nodes' values in a field are fetched and added
+// once for all samples of a patch.
 typedef struct patch {
     kn_sample *sample;
     int count, nodes;
@@ -13,7 +14,8 @@ typedef struct patch {
     double block[9][6]; // matrix blocks to add at the nodes: xx xy xz yy yz zz
 } patch;
 
-// Compare a few nodes only: samples of one face with the same corner nodes share all nodes.
+// Return whether two samples share all nodes. Comparing a few nodes is enough: samples of one face whose corner nodes
+// are equal share all of them.
 static bool same_nodes(const kn_sample *a, const kn_sample *b)
 {
     return a->probe == b->probe && a->face == b->face && a->nodes == b->nodes && a->offset[0] == b->offset[0] &&
@@ -29,8 +31,8 @@ static void fetch(const kn_model *m, const void *field, patch *p)
     }
 }
 
-// Set `p` to the patch that starts at sample `from`, with zeros to add. Return false behind the last sample. If `field`
-// is NULL, no values are fetched.
+// Set `p` to the patch that starts at sample `from`. Fetch its nodes' values in `field` unless `field` is NULL, and
+// clear p->add. Return false if there is no sample `from`.
 static bool next_patch(const kn_model *m, const kn_contact *contact, const void *field, int from, patch *p)
 {
     if (from >= contact->sample_count) return false;
@@ -53,7 +55,7 @@ static void add_to(const kn_model *m, void *field, const patch *p)
 static void add_blocks(const kn_model *m, void *field, const patch *p)
 {
     for (int a = 0; a < p->nodes; a++) {
-        // a block has 6 components: find the first component in the row and lane of the node's x component
+        // the field has 6 components per node: find the first one from the offset in a 3-component field
         size_t o = p->sample->offset[a], first = o / (3 * m->stride) * 6 * m->stride + o % (3 * m->stride);
         for (size_t c = 0; c < 6; c++)
             if (p->block[a][c] != 0) kn_real_add(m, field, first + c * m->stride, p->block[a][c]);
@@ -81,11 +83,11 @@ static bool coupled(const kn_contact *c, const kn_sample *s)
     return s->probe != KN_TABLE && c->tool[s->probe].coupled;
 }
 
-// Return the depth at the end of the step. With friction, also compute the stretch at the end of the step, as if the
-// sample stuck.
+// Return the depth of a sample at the end of the step. With friction, also store the stretch that the sample would have
+// at the end of the step if it stuck.
 static double end_of(double dt, const kn_sample *s, const double tool[3], double stretch[3])
 {
-    // relative motion along the normal changes the depth, relative motion across it the stretch
+    // relative motion along the normal changes the depth, tangential relative motion changes the stretch
     double along = kn_dot(s->normal, s->rate_m_s), push = kn_dot(s->normal, tool);
     if (s->friction > 0)
         for (int k = 0; k < 3; k++)
@@ -93,10 +95,10 @@ static double end_of(double dt, const kn_sample *s, const double tool[3], double
     return s->depth_m - dt * (along - push);
 }
 
-#define LAYER_MOST 0.95 // depth, as a share of the layer's thickness, above which the pressure is a straight line
+#define LAYER_MOST 0.95 // ratio of depth to the layer's thickness above which the pressure is a straight line
 
-// Judge one sample at the end of the step, predicted from the present velocities: decide whether it presses, and
-// compute the tangent of its pressure and its stiffness sideways.
+// Judge one sample at its predicted place at the end of the step: decide whether it presses, and compute the tangent of
+// its pressure and its tangential stiffness. The prediction uses the present velocities of the guess.
 static void judge(double dt, const kn_contact *c, kn_sample *s)
 {
     double tool[3], stretch[3] = {0}, k = s->foundation_n_m;
@@ -109,16 +111,16 @@ static void judge(double dt, const kn_contact *c, kn_sample *s)
         s->line.offset_n = -used * used * s->layer_m * s->line.slope_n_m;
     }
     if (!s->line.active || !(s->friction > 0)) return;
-    // adhesion counts as pressure for friction, so that contact held by adhesion does not slip off
+    // for friction, adhesion counts as additional pressure, so that contact held by adhesion does not slip off
     double pressed = s->line.slope_n_m * depth + s->line.offset_n - k * s->lowest_m;
     double size = sqrt(kn_dot(stretch, stretch));
     double cone = s->friction * fmax(0, pressed);
-    // if the force is inside Coulomb's cone, the sample sticks with full stiffness; otherwise the secant ends on the
-    // cone
+    // if the sticking force is inside Coulomb's cone, the sample sticks with the stiffness k; else it slides, and the
+    // secant ends on the cone
     s->line.side_n_m = k * size <= cone ? k : cone / size;
 }
 
-// Compute the force on the skin for the present velocity of its tool.
+// Compute the force of a sample on the skin at the end of the step, from the present velocities of skin and tool.
 static void force_of(double dt, const kn_contact *c, const kn_sample *s, double force[3], double *pressing)
 {
     double tool[3], stretch[3];
@@ -135,7 +137,7 @@ static void push(const kn_sample *s, const double force[3], patch *p)
         for (int k = 0; k < 3; k++) p->add[a][k] += s->weight[a] * force[k];
 }
 
-// Compute dt K of a sample, upper half: K = slope n n' + side (1 - n n').
+// Compute the upper half of dt K for a sample, with the stiffness K = slope n n' + side (1 - n n').
 static void stiffness_of(double dt, const kn_sample *s, double k[6])
 {
     const double *n = s->normal, side = dt * s->line.side_n_m, along = dt * (s->line.slope_n_m - s->line.side_n_m);
@@ -143,7 +145,7 @@ static void stiffness_of(double dt, const kn_sample *s, double k[6])
         for (int j = i; j < 3; j++, c++) k[c] = along * n[i] * n[j] + (i == j ? side : 0);
 }
 
-// Add the sample's stiffness to the diagonal blocks of its nodes.
+// Add the stiffness of a sample to the diagonal blocks of the nodes that carry the sample.
 static void stiffen(double dt, const kn_sample *s, patch *p)
 {
     double k[6];
@@ -152,10 +154,10 @@ static void stiffen(double dt, const kn_sample *s, patch *p)
         for (int c = 0; c < 6; c++) p->block[a][c] += s->weight[a] * s->weight[a] * k[c];
 }
 
-// Compute force = dt K v. Return u . dt K v.
+// Compute force = dt K v for the stiffness K of a sample and a velocity v. Return u . force.
 static double answer(double dt, const kn_sample *s, const double v[3], const double u[3], double force[3])
 {
-    // add the part along the normal, then the isotropic part if there is friction
+    // first the part along the normal, then, with friction, the part that is equal in all directions
     double more = dt * (s->line.slope_n_m - s->line.side_n_m) * kn_dot(s->normal, v), sum = more * kn_dot(s->normal, u);
     for (int k = 0; k < 3; k++) force[k] = more * s->normal[k];
     if (!(s->line.side_n_m > 0)) return sum;
@@ -165,10 +167,11 @@ static double answer(double dt, const kn_sample *s, const double v[3], const dou
 
 // --- coupled tools --------------------------------------------------------------------------------------------------
 
-// Add dt J'KJ to the lower half of a. J maps the motion (v, w) of a body to v + w x arm at the sample.
+// Add dt J'KJ of a sample to the lower half of the matrix `a`. J maps the motion (v, w) of a body to the velocity
+// v + w x arm at the sample.
 static void add_stiffness(double dt, const kn_sample *s, const double arm[3], double a[6][6])
 {
-    // column j: force and torque of the sample if component j of the body's motion V is 1
+    // column j is the force and torque of the sample if component j of the body's motion is 1 and all others are 0
     for (int j = 0; j < 6; j++) {
         double unit[6] = {0}, v[3], force[3], wrench[6] = {0};
         unit[j] = 1;
@@ -179,7 +182,8 @@ static void add_stiffness(double dt, const kn_sample *s, const double arm[3], do
     }
 }
 
-// Factor the 6 x 6 matrix of a coupled tool: the coupling's own terms and the stiffness of its pressing samples.
+// Assemble and factor the 6 x 6 matrix of a coupled tool: the terms of the coupling and the stiffness of all active
+// samples of the tool.
 static void factor_tool(double dt, kn_contact *c, int probe)
 {
     kn_tool_step *tool = &c->tool[probe];
@@ -192,14 +196,15 @@ static void factor_tool(double dt, kn_contact *c, int probe)
     kn_six_factor(tool->factor);
 }
 
-// Set a coupled tool's velocity to the one where coupling and contact balance. The rates of the skin are given.
+// Set the velocity of a coupled tool so that the forces of coupling and contact balance, for given velocities of the
+// skin.
 static void balance_tool(double dt, kn_contact *c, int probe)
 {
     kn_tool_step *tool = &c->tool[probe];
     double b[6];
     memcpy(b, tool->drive, sizeof b);
     memset(tool->velocity, 0, sizeof tool->velocity);
-    // forces are taken at zero velocity of the tool; its own motion is in the factored matrix
+    // the samples' forces are those at zero velocity of the tool, because the matrix contains the tool's motion
     for (int i = 0; i < c->sample_count; i++) {
         const kn_sample *s = &c->sample[i];
         double force[3], pressing;
@@ -211,7 +216,7 @@ static void balance_tool(double dt, kn_contact *c, int probe)
     memcpy(tool->velocity, b, sizeof b);
 }
 
-// Balance every coupled tool. `factor`: the matrices have changed, so factor them first.
+// Set the velocities of all coupled tools by balance_tool. `factor`: factor their matrices first.
 static void balance(const kn_model *m, kn_contact *c, bool factor)
 {
     for (int p = 0; p < m->def.probe_count && c->coupled; p++) {
@@ -221,9 +226,9 @@ static void balance(const kn_model *m, kn_contact *c, bool factor)
     }
 }
 
-// --- the four functions that the solver calls ----------------------------------------------------------------------
+// --- functions that the solver calls --------------------------------------------------------------------------------
 
-// Store the velocity of the skin at every sample, for the velocities in a field.
+// Store the velocity of the skin at every sample (rate_m_s), interpolated from a field of node velocities.
 static void look(const kn_model *m, kn_scratch *scratch, const void *field)
 {
     patch p;
@@ -237,7 +242,8 @@ void kn_foundation_push(const kn_model *model, kn_scratch *scratch)
     kn_contact *c = &scratch->contact;
     const double dt = model->def.solver.dt_s;
     look(model, scratch, scratch->work.guess);
-    // a coupled tool may move differently than in the last step, so its samples are judged a second time
+    // judge the samples with the tools' velocities of the last step; then find the velocities of coupled tools in this
+    // step, and judge a second time
     for (int again = 0; again <= c->coupled; again++) {
         for (int i = 0; i < c->sample_count; i++) judge(dt, c, &c->sample[i]);
         balance(model, c, true);
@@ -257,7 +263,8 @@ void kn_foundation_push(const kn_model *model, kn_scratch *scratch)
     }
 }
 
-// Compute the velocities of coupled tools that follow from the skin velocities d alone, without the coupling's drive.
+// Compute the response v of the coupled tools to skin velocities alone (rate_m_s, from the search direction d), without
+// the drive of the coupling.
 static void follow_tools(const kn_model *m, kn_contact *c, double v[KN_PROBES_MAX][6])
 {
     memset(v, 0, sizeof(double[KN_PROBES_MAX][6]));
@@ -288,7 +295,7 @@ double kn_foundation_apply(const kn_model *model, kn_scratch *scratch)
             double apart[3], force[3];
             if (!s->line.active) continue;
             if (!c->coupled) rate_of(s, &p, s->rate_m_s);
-            // direction of the skin relative to the tool
+            // apart: velocity of the skin relative to the tool
             memcpy(apart, s->rate_m_s, sizeof apart);
             if (coupled(c, s)) {
                 double tool[3];
@@ -303,15 +310,15 @@ double kn_foundation_apply(const kn_model *model, kn_scratch *scratch)
     return sum;
 }
 
-// Relative change of a sample's stiffness that requires another solve. A larger change means that a slip was not
-// predicted.
+// Largest relative change of a sample's stiffness that needs no further solve. A larger change means that the solver
+// did not predict a slip.
 #define OFF_LINE 0.05
 
 // Return true if two stiffnesses differ by more than OFF_LINE times the larger one.
 static bool off(double a, double b) { return fabs(a - b) > OFF_LINE * fmax(a, b); }
 
-// Judge a sample again and return true if it has changed. `force_n` keeps the sample's part of the residual, and `last`
-// keeps the old judgement.
+// Judge a sample again, and return true if the judgement has changed. force_n keeps the force that the residual
+// contains, and `last` keeps the old judgement.
 static bool turns_over(double dt, const kn_contact *c, kn_sample *s)
 {
     force_of(dt, c, s, s->force_n, &s->pressing_n);
@@ -327,11 +334,11 @@ int kn_foundation_change(const kn_model *model, kn_scratch *scratch)
     kn_contact *c = &scratch->contact;
     const double dt = model->def.solver.dt_s;
     int changed = 0;
-    // balance the coupled tools with their old matrices, then judge the samples at the present guess
+    // find the velocities of the coupled tools with their old matrices, then judge the samples at the present guess
     look(model, scratch, scratch->work.guess);
     balance(model, c, false);
     for (int i = 0; i < c->sample_count; i++) changed += turns_over(dt, c, &c->sample[i]);
-    // if all changes are small, keep the judgement from which the matrix was built
+    // if no judgement has changed, keep the linearisations from which the matrix was built
     if (changed == 0) {
         for (int i = 0; i < c->sample_count; i++) c->sample[i].line = c->sample[i].last;
         return 0;
@@ -359,7 +366,7 @@ void kn_foundation_read(const kn_model *model, kn_scratch *scratch)
     for (int i = 0; i < c->sample_count; i++) {
         kn_sample *s = &c->sample[i];
         force_of(model->def.solver.dt_s, c, s, s->force_n, &s->pressing_n);
-        // a sample without adhesion cannot pull: remove the pull of a sample that is about to let go
+        // a sample without adhesion or grip cannot pull: remove the pull that the linearisation leaves
         if (s->pressing_n >= 0 || s->lowest_m < 0) continue;
         for (int k = 0; k < 3; k++) s->force_n[k] -= s->pressing_n * s->normal[k];
         s->pressing_n = 0;

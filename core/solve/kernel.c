@@ -1,4 +1,4 @@
-// Choice of a model's kernels by processor, lattice and precision, and their tables.
+// Choice of the kernels for a model by processor, lattice and precision, and allocation of their tables.
 #include "core/solve/kernel.h"
 
 #include <stdlib.h>

@@ -1,38 +1,40 @@
-// Pressure in the cells, sixteen at a time. This file is part of kernel_grid.c, which includes it. core/cell.h has the
-// equations.
+// Gas pressure in the cells of a block, sixteen cells at a time. This file is a part of kernel_grid.c, which includes
+// it. core/cell.h has the equations.
 //
 // A cell is named after its lowest node. It lies between the nodes a and a+1 of four rows (two in a flat object). The
-// lanes of a row of cells are those of its first row of nodes; far corners are one lane rotation away, as far ends of
-// edges are.
+// lanes of a row of cells are those of its first row of nodes. The corners at a+1 are in the next vector, or one lane
+// rotation away, as the far ends of edges are.
 //
 //     c ^   to[2] . . . to[3]         corners 2r (a) and 2r + 1 (a+1) on row to[r], i.e. da + 2 db + 4 dc
 //       |     .   cell   .            flat: rows to[0] and to[1]
 //       |   to[0] . . . to[1]
 //       +------------------> b
 //
-// All lengths are in spacings. All coordinates are in the order a, b, c, in which the lattice is right-handed whatever
-// the world axes are. At rest every number is a small whole number, J is exactly 1, and nothing pushes.
+// All lengths are in spacings. All coordinates are in the order of the grid axes a, b, c, which count as right-handed,
+// whatever the scene axes are. At rest every number is a small whole number, J is exactly 1, and the gas exerts no
+// force.
 
 typedef struct cells {
-    lanes slope[8][3]; // derivative of J = V/V0 by each corner's position, times 36 (flat cells: times 2)
+    lanes slope[8][3]; // derivative of J with respect to each corner's position, times 36 (flat cells: times 2)
     lanes j;           // J = V/V0, volume relative to the volume at rest
 } cells;
 
-// List the rows of a cell's corners. Return false if the cell would lie outside the lattice.
+// List the rows of nodes that hold the corners of the cells from row b of plane c on. Return false if there is no such
+// cell, because the row is at the end of the block.
 LANES_INLINE bool cell_rows(const tables *t, int row, int b, int c, int to[4])
 {
     for (int r = 0; r < 4; r++) to[r] = row + t->cell_to[r];
     return (t->rows == 1 || b + 1 < t->rows) && (t->planes == 1 || c + 1 < t->planes);
 }
 
-// Load a component of a field at end 0 or 1 of sixteen cells along a row.
+// Load a component of a field at the near (0) or the far (1) corners along a row, for sixteen cells.
 LANES_INLINE lanes cell_end(int K, const real *field, int row, int component, int k, int end)
 {
     return end ? near(K, field, row, component, k, 1) : lanes_load(field + at(K, row, 3, component, k));
 }
 
-// Add values to the two ends of sixteen cells along a row. With one vector per row, one store is enough. With more
-// vectors, two stores are needed.
+// Add values to the near (own) and far corners along a row, for sixteen cells. With one vector per row, both are in one
+// vector, so one store is enough.
 LANES_INLINE void add_ends(int K, real *field, int row, int C, int component, int k, lanes own, lanes far)
 {
     if (K == 1) {
@@ -45,7 +47,7 @@ LANES_INLINE void add_ends(int K, real *field, int row, int C, int component, in
 
 LANES_INLINE lanes twice_and(lanes a, lanes b) { return lanes_fma(lanes_set(2), a, b); }
 
-// Add or subtract a x b.
+// Add the cross product a x b to `sum`, or subtract it if `plus` is false.
 LANES_INLINE void add_cross(lanes sum[3], bool plus, const lanes a[3], const lanes b[3])
 {
     UNROLL(3)
@@ -56,7 +58,8 @@ LANES_INLINE void add_cross(lanes sum[3], bool plus, const lanes a[3], const lan
     }
 }
 
-// Add a bilinear face p0 p1 p2 p3 to the slopes of its corners; u x v points outwards. The flux's part for p0 is
+// Add the contribution of a bilinear face p0 p1 p2 p3 to the slopes of its corners; u x v points along `axis`. At p0 it
+// is
 //     integral (1-u)(1-v) x_u cross x_v = (2 A + B) x (2 C + D)/36     A = p1-p0  B = p2-p3  C = p3-p0  D = p2-p1
 LANES_INLINE void add_face(lanes slope[8][3], lanes corner[8][3], int axis, int end)
 {
@@ -87,7 +90,7 @@ LANES_INLINE void block_shape(cells *x, lanes corner[8][3])
         add_face(x->slope, corner, axis, 0);
         add_face(x->slope, corner, axis, 1);
     }
-    // V is linear in the coordinates along any one axis, so J follows from the slopes along a
+    // V is linear in all coordinates along axis a, so J follows from these coordinates and their slopes
     lanes sum = lanes_mul(corner[1][0], x->slope[1][0]);
     for (int i = 2; i < 8; i++) sum = lanes_fma(corner[i][0], x->slope[i][0], sum);
     x->j = lanes_fma(lanes_sub(sum, lanes_set(36)), lanes_set((real)(1.0 / 36)), lanes_set(1));
@@ -128,11 +131,11 @@ LANES_INLINE void cell_shape(const tables *t, const fields *f, const int to[4], 
     else block_shape(x, corner);
 }
 
-// Component of a block for a pair of axes: xx xy xz yy yz zz.
+// Index of a pair of axes in a diagonal block, which is stored as xx xy xz yy yz zz.
 static const int pair_of[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
-// Push the corners by the pressure at the end of the step. Add the pressure's slope to their
-// blocks and keep g for products.
+// Add the gas forces at the end of the step to the residual of the corners of sixteen cells. Add the slope of the
+// pressure to the corners' diagonal blocks, and keep g for the products.
 LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row, const int to[4], int k, bool flat)
 {
     const int dims = flat ? 2 : 3;
@@ -150,7 +153,7 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     over = lanes_fnma(lanes_mul(lanes_set(t->cell_rate), rate), lanes_mul(i1, i1), over);
     lanes push = lanes_mul(lanes_mul(lanes_set(t->cell_push), here), over);
     lanes root = lanes_mul(lanes_mul(lanes_set(t->cell_root), here), i1);
-    // add forces and diagonal blocks and store g, for one row of the cell's corners after another
+    // for each row of corners: add the forces and the diagonal blocks, and store g
     for (int r = 0; r < 1 << (dims - 1); r++) {
         lanes g[2][3];
         for (int c = 0; c < dims; c++) {
@@ -168,7 +171,8 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     }
 }
 
-// Add g (g.d) of a vector of cells to q. Return (g.d)^2 by lanes.
+// Add g (g.d) of sixteen cells to q, where g is the vector of each cell and d the search direction. Return (g.d)^2 for
+// each lane.
 LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *kept, int row, const int to[4], int k,
                                 bool flat)
 {
@@ -188,7 +192,7 @@ LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *ke
     return lanes_mul(rate, rate);
 }
 
-// Visit all cells in memory order, either for a product or for the residual and the blocks.
+// Visit all cells in memory order. If `product`, call cell_product and return the sum of (g.d)^2; else call cell_add.
 LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bool flat, bool product)
 {
     const tables *t = model->tables;
@@ -212,7 +216,7 @@ LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bo
 
 // --- one pressure for the whole object ------------------------------------------------------------------------------
 
-// Sum dV/dx of every node into `kept`. Return the sum of J.
+// Sum dV/dx of every node over its cells into `kept`. Return the sum of J over all cells.
 static double object_shape(const kn_model *model, kn_state *state)
 {
     const tables *t = model->tables;
@@ -243,7 +247,8 @@ static double object_shape(const kn_model *model, kn_state *state)
     return sum;
 }
 
-// Return the rate of change of the volume at a field of velocities: the scalar product of dV/dx (`kept`) and `field`.
+// Return the rate of change of the object's volume for a field of velocities: the scalar product of dV/dx (`kept`) and
+// `field`.
 static double object_rate(const kn_model *model, const real *kept, const real *field)
 {
     const tables *t = model->tables;
@@ -269,7 +274,7 @@ static void object_add(const kn_model *model, kn_state *state)
     over -= (double)t->cell_rate * object_rate(model, kept, f.guess) / count * slope;
     const lanes push = lanes_set((real)((double)t->cell_push * over));
     const lanes root = lanes_set((real)((double)t->cell_root * sqrt(slope / count)));
-    // push every node, turn dV/dx into g, and add the diagonal blocks of the one rank-one term
+    // at every node: add the force, turn dV/dx into g, and add g g' to the diagonal block
     for (int row = 0; row < t->row_count; row++)
         for (int k = 0; k < f.K; k++) {
             lanes g[3];
@@ -284,7 +289,7 @@ static void object_add(const kn_model *model, kn_state *state)
         }
 }
 
-// Add g (g.d) of the whole object to q. Return (g.d)^2.
+// Add g (g.d) to q, where g is the vector of the whole object and d the search direction. Return (g.d)^2.
 static double object_product(const kn_model *model, kn_state *state)
 {
     const kn_work *work = kn_state_work(state);
@@ -298,7 +303,7 @@ static double object_product(const kn_model *model, kn_state *state)
 
 // --- what edge and apply call ---------------------------------------------------------------------------------------
 
-// Add the cells' pressure to r and to the blocks of P.
+// Add the gas forces to the residual r, and the slope of the pressure to the diagonal blocks.
 static void pressure_add(const kn_model *model, kn_state *state)
 {
     int K = model->grid.vectors;
@@ -317,7 +322,8 @@ static double pressure_product(const kn_model *model, kn_state *state)
     return K == 1 ? cells_pass(model, state, 1, false, true) : cells_pass(model, state, K, false, true);
 }
 
-// Set the constants of Boyle's law. Lengths are in spacings, so dV/dx = V0/(h whole) slope.
+// Set the constants of Boyle's law. Lengths are in spacings, and the slopes are those of J times `whole`. So dV/dx =
+// V0/(h whole) slope.
 static void build_cells(tables *t, const kn_model *model)
 {
     const kn_grid *g = &model->grid;
@@ -329,12 +335,12 @@ static void build_cells(tables *t, const kn_model *model)
     t->cell_push = (real)(gas * v0 / (h * whole));
     t->cell_rate = (real)(dt / (h * whole));
     t->cell_root = (real)(sqrt(dt * gas * v0) / (h * whole));
-    // rows of a flat object follow one another along c, or along b
+    // in a flat object there is one row per plane (rows follow one another along c), or one plane (along b)
     const bool upright = g->flat && g->len[1] == 1;
     t->cell_axis[0] = g->axis[0];
     t->cell_axis[1] = g->axis[upright ? 2 : 1];
     t->cell_axis[2] = g->axis[2];
-    // distances in rows from the cell's first row to its others; with one row per plane the next row is that at c + 1
+    // distance from the first row of a cell's corners to each of its other rows, in rows
     t->cell_to[1] = 1;
     t->cell_to[2] = g->len[1];
     t->cell_to[3] = g->len[1] + 1;

@@ -1,26 +1,28 @@
-// The kernels of a grid: one source for three instruction sets and two precisions. kernel.h says what the loops do,
-// grid.h describes the layout.
+// The kernels of a block. This source is compiled for three instruction sets and two precisions. kernel.h says what the
+// loops do, grid.h describes the layout.
 #include "core/solve/kernel_law.h"
 
-// Constants of a model in its precision. They are equal for every instruction set.
+// Constants of a model in its precision, equal for every instruction set. The share of a node along an axis is 1/2 at
+// the two ends of the block and 1 between them.
 typedef struct tables {
-    law_tables law;                       // first member: its tables are 64-byte aligned with the block
-    real direction[KN_FORWARD][3];        // rest vector of forward edge e, m
-    real inverse[KN_FORWARD];             // 1/(gamma L0): rate to strain rate, 1/m
-    real area[KN_FORWARD];                // gamma kappa L0: stress to force, m^2
-    real root;                            // sqrt(kappa A): turns sqrt(ds/db) into sqrt(force per rate)
-    real mass_dt, weight;                 // of a node with the whole share: mass over dt, kg/s; downward force, N
-    int vectors, rows, row_count, planes; // K, rows per plane, rows in all, planes
-    real *lane_share;                     // [K][16] share of a node along the row, 0 in padding
-    real *lane_mass;                      // [K][16] equal to lane_share, but 1 in padding so that no block is singular
-    // [K][16] weights of the edges that lead to a node shifted by -1, 0 and +1 along the row. Shifts -1 and +1: 1 if
-    // the edge exists, else 0. Shift 0: the node's share.
+    law_tables law;                       // must be first: its arrays are then aligned to 64 bytes like the block
+    real direction[KN_FORWARD][3];        // rest vector of forward edge e [m]
+    real inverse[KN_FORWARD];             // factor 1/(gamma L0) from growth rate to strain rate [1/m]
+    real area[KN_FORWARD];                // factor gamma kappa L0 from stress to force [m^2]
+    real root;                            // factor sqrt(kappa A) from sqrt(ds/db) to sqrt(force per rate)
+    real mass_dt, weight;                 // mass over dt [kg/s] and downward force [N] of an inner node
+    int vectors, rows, row_count, planes; // number K of vectors per row; rows per plane; rows in all; planes
+    real *lane_share;                     // [K][16] share of a node along the row, 0 in the padding
+    real *lane_mass;                      // [K][16] equal to lane_share, but 1 in the padding, so no block is singular
+    // [3][K][16] weight along the row of the edges from a node to a node shifted by -1, 0 and +1 along the row. For
+    // shifts -1 and +1: 1 if the edge exists, else 0. For shift 0: the node's share.
     real *lane_near[3];
     real *lane_near_root[3];
-    real *lane_here[3];                                    // [K][16] 1 where the edge exists, else 0
-    real *row_share, *row_root, *plane_share, *plane_root; // shares and their square roots across the row
-    real diagonal, diagonal_root;                          // ratio of a diagonal's stiffness to a side's, and its root
-    // pressure: cells; 1/h; P0 dV/dx, dt dJ/dt and sqrt(dt P0/V0) dV/dx of a unit slope; components and rows of a cell
+    real *lane_here[3];                                    // [3][K][16] 1 if the edge of this shift exists, else 0
+    real *row_share, *row_root, *plane_share, *plane_root; // shares along b and c; their square roots
+    real diagonal, diagonal_root;                          // ratio of a diagonal's stiffness to a side's; its root
+    // Gas: number of cells; 1/h; factors from the slopes of J to P0 dV/dx, to dt dJ/dt, and to sqrt(dt P0/V0) dV/dx;
+    // scene axes of a, b, c; distances of a cell's four rows.
     int cell_count;
     real cell_inverse_h, cell_push, cell_rate, cell_root;
     int cell_axis[3], cell_to[4];
@@ -33,7 +35,7 @@ static size_t tables_size(const kn_model *model)
     return (sizeof(tables) + 63) / 64 * 64 + reals * sizeof(real) + 64;
 }
 
-// Take an array from the block behind the tables.
+// Take an array of the tables from the memory behind the struct.
 static real *take(real **next, size_t count)
 {
     real *p = *next;
@@ -41,7 +43,7 @@ static real *take(real **next, size_t count)
     return p;
 }
 
-// Return the share of node i of n along one axis: a node at an end has half of the cells of an inner one.
+// Return the share of node i of n along one axis: 0.5 at the two ends, else 1. A single node has 1.
 static double end_share(int i, int n) { return n > 1 && (i == 0 || i == n - 1) ? 0.5 : 1.0; }
 
 static void build_lanes(tables *t, const kn_grid *g, real **next)
@@ -56,8 +58,7 @@ static void build_lanes(tables *t, const kn_grid *g, real **next)
     }
     for (int k = 0; k < g->vectors; k++)
         for (int l = 0; l < KN_LANES; l++) {
-            // node a of the row is in lane l of vector k: neighbours along the row are in the next
-            // vector, not in the next lane
+            // node a of the row is in lane l of vector k; its neighbour a + 1 is in the next vector, not the next lane
             int a = l * g->vectors + k, at = k * KN_LANES + l;
             double share = a < g->len[0] ? end_share(a, g->len[0]) : 0;
             t->lane_share[at] = (real)share;
@@ -102,7 +103,7 @@ static void tables_build(const kn_model *model, void *block)
     law_tables_build(&t->law, model);
     build_lanes(t, g, &next);
     build_rows(t, g, &next);
-    // per forward edge: rest vector, length scales, and the area that turns its stress into a force
+    // for each forward edge: rest vector, factor to strain rate, factor to force
     for (int e = 0; e < KN_FORWARD; e++) {
         const int *step = kn_grid_forward[e];
         double length = g->spacing_m * sqrt((double)(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]));
@@ -129,18 +130,18 @@ LANES_INLINE size_t at(int K, int row, int C, int c, int k)
     return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
 }
 
-// Load component c of the nodes that lie s steps (-1, 0, +1) along the row from those of vector k.
+// Load component c of the neighbours of the nodes in vector k of a row. s = -1, 0 or +1: shift along the row.
 LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
 {
     int to = k + s;
     if (to >= 0 && to < K) return lanes_load(field + at(K, row, 3, c, to));
-    // the neighbour of the last vector is the first vector, shifted by one lane; the same holds the other way round
+    // next to the last vector is the first vector, rotated by one lane, and vice versa
     if (s > 0) return lanes_next(lanes_load(field + at(K, row, 3, c, 0)));
     return lanes_prev(lanes_load(field + at(K, row, 3, c, K - 1)));
 }
 
-// near_vector returns the vector that holds the neighbours of vector k. turn moves values by lanes so that they can be
-// added to that vector.
+// near_vector returns the number of the vector that holds the neighbours of the nodes in vector k. `turn` rotates
+// values of vector k by lanes so that they can be added to this vector.
 LANES_INLINE int near_vector(int K, int k, int s)
 {
     int to = k + s;
@@ -155,8 +156,8 @@ LANES_INLINE lanes turn(int K, lanes a, int k, int s)
 
 LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
 
-// Return the row of group g of a row's neighbours, or -1 if there is none: see the drawing in
-// grid.h. Group -1 is the row itself.
+// Return the row to which the forward edges of group g lead, or -1 if there is none; see the drawing in grid.h. Group
+// -1 is the row itself.
 LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
 {
     switch (g) {
@@ -168,8 +169,9 @@ LANES_INLINE int group_row(const tables *t, int row, int b, int c, int g)
     }
 }
 
-// Return the share across the row of the cells around an edge of group g and shift s, or its root. In groups 0 and 2
-// (see grid.h) the edge without a shift is a side. All other edges of the groups 0 to 3 are diagonals.
+// Return the part of an edge's weight that depends on row and plane, or its root if roots are passed. g: group of the
+// edge, s: shift. In groups 0 and 2 (see grid.h) the edge with shift 0 is a side. All other edges of the groups 0 to 3
+// are diagonals.
 LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 {
     switch (g) {
@@ -181,14 +183,14 @@ LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 }
 
 // In f64, the vectors g of the edges would be more than half of the bytes that a product moves, and would not fit the
-// cache. So f64 stores only (root/length)^2 of an edge and computes the edge's direction again from the displacements.
-// Measured: 5 us longer at 2 560 nodes, 25 us shorter at 5 733.
+// cache. So f64 stores only (root/length)^2 of an edge, and each product computes the edge's direction again from the
+// displacements. Measured: a product takes 5 us longer at 2 560 nodes, and 25 us less at 5 733.
 enum { LEAN = sizeof(real) == sizeof(double) };
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-typedef struct fields { // the arrays of a state, with their types
-    // K: vectors per row. A constant 1, where the caller knows it, removes the branches from the loops.
+typedef struct fields { // the fields of a state and of the solver, with the type `real`
+    // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
     int K;
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
@@ -202,19 +204,19 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
         K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
-// Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that lie s steps further along the row.
+// Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the row.
 typedef struct edges {
-    int row, to, k, s, e; // from row, to row, vector, shift, forward edge number
-    bool moved;           // a prescribed velocity changed in one of the two rows
-    real share, root;     // share across the row, and its root
+    int row, to, k, s, e; // first row, second row, vector, shift, number of the forward edge
+    bool moved;           // a prescribed velocity has changed in one of the two rows
+    real share, root;     // part of the edges' weight that depends on row and plane; its root
 } edges;
 
-// Compute unit vectors, the stress at the linearisation point and the root of its slope.
-// Advance the strain unless `again`.
+// Compute the unit vectors of sixteen edges, their stress at the solver's guess, and the root of the law's slope there.
+// Unless `again`, also advance the strains.
 LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, bars *x16, lanes *stress, lanes *root)
 {
-    // differences, far end minus near end, of rest position, displacement and velocity
+    // differences between far end and near end: rest position, displacement, velocity
     x16->scale = lanes_set(t->inverse[x->e]);
     for (int c = 0; c < 3; c++) {
         x16->rest[c] = lanes_set(t->direction[x->e][c]);
@@ -237,19 +239,20 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
              t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
 }
 
-// Sums for the row's own ends, kept in registers until all edges of the row are done.
+// Sums at the near ends of the edges of a row, kept in registers until all edges of the row are done.
 typedef struct sums {
     lanes pull[3], block[6];
 } sums;
 
-// Add the edges' forces and stiffness to the residual and the diagonal blocks of both ends. Keep g for the products.
+// Linearise sixteen edges. Add their forces to the residual and their stiffness to the diagonal blocks of both ends,
+// and keep g for the products.
 LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, sums *own)
 {
     bars x16;
     lanes stress, root;
     edge_law(model, t, f, x, kind, stroke, how, again, &x16, &stress, &root);
-    // weights of edges on the block's surface, 0 for edges that do not exist
+    // multiply by the weights of the edges; the weight is 0 if an edge does not exist
     size_t lane = (size_t)x->k * KN_LANES;
     lanes tension =
         lanes_mul(stress, lanes_mul(lanes_set(t->area[x->e] * x->share), lanes_load(t->lane_near[x->s + 1] + lane)));
@@ -257,7 +260,7 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
     int to = near_vector(f->K, x->k, x->s);
     lanes g[3], far[3], over = lanes_mul(root, x16.inverse);
     if (LEAN) lanes_store(f->g + at(f->K, x->row, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
-    // add forces: plus at the near end, minus at the far end, whose sums are in memory
+    // add the force at the near end, whose sums are in registers, and subtract it at the far end, in memory
     for (int c = 0; c < 3; c++) {
         g[c] = lanes_mul(root, x16.n[c]);
         if (!LEAN) lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
@@ -276,7 +279,7 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
         }
 }
 
-// Compute z = P r for a symmetric block; return r.z.
+// Compute z = P r for the symmetric blocks P of sixteen nodes. Return r.z for each lane.
 LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
 {
     z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
@@ -285,7 +288,7 @@ LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3]
     return dot(r, z);
 }
 
-// Invert a symmetric 3x3 block by its cofactors.
+// Invert symmetric 3 x 3 blocks by their cofactors.
 LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
 {
     p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
@@ -305,8 +308,8 @@ LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
                      lanes_load(t->lane_mass + (size_t)k * KN_LANES));
 }
 
-// Finish a row when all of its edges are summed: add mass and weight, apply constraints, invert the blocks,
-// compute z. Return r.z by lanes.
+// Finish vector k of a row after all of its edges have been added: add mass and weight, apply constraints, invert the
+// blocks, compute z. Return r.z for each lane.
 LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
                               bool again)
 {
@@ -328,19 +331,19 @@ LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *w
             r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
         }
     if (work->row_held[row]) {
-        // a composite needs the block without constraints for its ties
+        // keep the block without constraints, which a composite adds to the masters of tied nodes
         for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
         static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
         lanes loose[3], one = lanes_set(1);
         for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
-        // cut the prescribed components out of the block, so that its inverse acts on the free ones only
+        // clear the rows and columns of prescribed components, so that the inverse acts on free components only
         for (int i = 0; i < 3; i++) {
             int o = pair[i][0];
             m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
-            // the diagonal is exactly 1 where a component is prescribed
+            // the diagonal of a prescribed component becomes 1, so that the block can be inverted
             m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
         }
-        // a prescribed component gets no direction: its diagonal in the inverse is 0
+        // the diagonal of a prescribed component in the inverse becomes 0, so that the component never changes
         invert_block(m, p);
         for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
     } else {
@@ -362,7 +365,7 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     sums own;
     for (int i = 0; i < 3; i++) own.pull[i] = lanes_set(0);
     for (int i = 0; i < 6; i++) own.block[i] = lanes_set(0);
-    // groups of rows that the forward edges lead to; the row itself has one forward edge, the other groups three
+    // visit the rows to which forward edges lead: one edge leads to the row itself, three edges to each other row
     for (int g = -1; g < 4; g++) {
         int to = group_row(t, row, b, c, g);
         if (to < 0) continue;
@@ -379,8 +382,8 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
-// Run the edge pass over a whole block. A row is finished once its own edges are done, because all edges that end in a
-// row start in the same row or an earlier one. Sums are made plane by plane, in one fixed order.
+// Run the edge pass over a whole block. All edges that end in a row start in this row or in an earlier row. So a row is
+// complete after its own edges. Return r.z, summed plane by plane in a fixed order.
 LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
                               kn_linearization how, bool again, int K)
 {
@@ -399,7 +402,7 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
     return sum;
 }
 
-// One function for each kind of law. A single function with all kinds takes gcc -O3 twice as long to compile.
+// Define one function for each kind of law. gcc -O3 takes twice as long to compile a single function with all kinds.
 #define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
     static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
     {                                                                                                                  \
@@ -463,18 +466,18 @@ LANES_INLINE void next_direction(const fields *f, int row, real beta)
     }
 }
 
-// Values at the row's own ends: positions x (f64 only), search direction d, product q.
+// Values at the near ends of the edges of a row: displacement x (f64 only), search direction d, product q.
 typedef struct products {
     lanes x[3], d[3], q[3];
 } products;
 
-// Add g (g . gap) to the product at both ends of sixteen edges; `gap` is the difference of the search direction d
-// between the two ends.
+// Add the product of sixteen edges, g (g . gap), to q at both ends. `gap` is the difference of the search direction d
+// between the near end and the far end.
 LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own)
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
-        // f64 computes the edge's direction from the positions; f32 loads g
+        // f64 computes the edge's vector from the displacements; f32 loads g
         if (LEAN) g[c] = lanes_add(lanes_set(t->direction[e][c]), lanes_sub(near(f->K, f->x, to, c, k, s), own->x[c]));
         else g[c] = lanes_load(f->g + at(f->K, row, 3 * KN_FORWARD, 3 * e + c, k));
         gap[c] = lanes_sub(own->d[c], near(f->K, f->d, to, c, k, s));
@@ -490,14 +493,14 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
     }
 }
 
-// Compute q = A d of the edges and the mass. Return d.q.
+// Compute the new search direction d = z + beta d and the product q = A d of edges and mass. Return d.q.
 LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double beta_, int K)
 {
     const tables *t = model->tables;
     fields f = fields_of(state, K);
     const real beta = (real)beta_;
     double total = 0;
-    // ready: number of rows whose direction d is up to date; it runs one plane and one row ahead of the products
+    // ready: number of rows with the new direction d; the products need d one plane and one row ahead
     int ready = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
@@ -510,7 +513,7 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
                     own.d[i] = lanes_load(f.d + at(f.K, row, 3, i, k));
                     own.q[i] = lanes_set(0);
                 }
-                // the one forward edge within the row, then three edges to each of four other rows
+                // first the forward edge within the row, then three edges to each of four other rows
                 product_edges(t, &f, row, row, k, 1, 0, &own);
                 for (int g = 0; g < 4; g++) {
                     int to = group_row(t, row, b, c, g);
@@ -520,7 +523,7 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
                 }
                 for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), own.q[i]);
             }
-            // add the mass; the products of edges that end in this row are complete by now
+            // add the product of the mass; the products of all edges that end in this row have been added
             for (int k = 0; k < f.K; k++) {
                 lanes mass = mass_of(t, b, c, k);
                 for (int i = 0; i < 3; i++) {

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SOLVE_KERNEL_LAW_H
 #define KN_CORE_SOLVE_KERNEL_LAW_H
-// The law of law.h for sixteen edges at a time. The caller gathers the values at the edges' ends. Private to the
-// kernels.
+// The law of law.h for sixteen edges at a time. The caller gathers the values at the edges' ends. Only the kernels
+// include this header.
 #include "core/solve/kernel.h"
 #include "core/solve/lanes.h"
 
@@ -31,10 +31,10 @@ enum { DEGREE = 3, SLOPE_DEGREE = 2 };
 enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 #endif
 
-// The three shifts along a row must be unrolled, so that they are constants. gcc leaves the loop rolled, which makes
-// the edge pass 18 % slower.
+// Unroll a loop with n turns, so that its counter is a constant. Without UNROLL, gcc does not unroll the loop over the
+// three shifts along a row, and the edge pass takes 18 % longer.
 #define PRAGMA(x) _Pragma(#x)
-// Do not unroll loops in the base and checked builds: they need not be fast, and unrolling takes compile time.
+// base and checked builds need not be fast, and unrolling takes compile time
 #if KN_KERNEL_BASE || KN_KERNEL_CHECKED
 #define UNROLL(n)
 #elif defined(__clang__)
@@ -43,25 +43,25 @@ enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 #define UNROLL(n) PRAGMA(GCC unroll n)
 #endif
 
-// Constants of the law in the model's precision. They are equal for every instruction set.
+// Constants of the law in the model's precision, equal for every instruction set.
 typedef struct law_tables {
-    // Middle of each segment of the law's table, from which y is counted; 0 in f32. It is the first member, so it is
-    // aligned to 64 bytes like the block.
+    // Middle of each segment of the law's table, which is subtracted from y; 0 in f32. Being the first member, the
+    // array is aligned to 64 bytes like the block of tables.
     real middle[KN_LAW_SEGMENTS];
     real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
-    kn_law_kind kind;            // KN_LAW_TABLE in f64 stands for the fine table
-    real a, k1, keep, gain;      // A; k1; factors of the strain's update u <- keep u + gain s
-    real dt, half_dt, shortest2; // shortest2: squared length below which n is not scaled up any more, m^2
-    // the law's two straight ends: where they end (b0, yh), their slopes, and the roots of their slopes
+    kn_law_kind kind;            // kind of the law; KN_LAW_TABLE in f64 means the f64 table
+    real a, k1, keep, gain;      // A; k1; the strain advances by u = keep u + gain s
+    real dt, half_dt, shortest2; // shortest2: lower limit of the squared length in the division for n [m^2]
+    // The law's two straight branches. They end at y = 1 (b0) and yh. `rest`, `flow`: slopes; `root_..`: roots of them.
     real inverse_b0, b0, yh, rest, flow, root_rest, root_flow;
-    // stops z_in, z_out of the damper; A/dt; remaining strain below which the stroke counts as used up
+    // stops z_in, z_out of the damper; A/dt; distance from a stop below which the damper counts as at the stop
     real inwards, outwards, stop_per_strain, stroke_ends;
     real gamma;
     int shift;
 } law_tables;
 
-// Set the constants of a damper with stops. Strains come from displacements, whose rounding is a share of
-// the size of the whole object.
+// Set the constants of a damper with stops. stroke_ends covers the rounding of strains in f32: strains are computed
+// from displacements, whose rounding is proportional to the size of the object.
 static void build_stroke(law_tables *t, const kn_model *model)
 {
     double across = model->size_m / model->def.spacing_m / model->gamma;
@@ -90,7 +90,7 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     build_polynomials(t, law);
     t->shift = law->shift;
     t->kind = law->kind;
-    // in f64 the fine table replaces Newton where its accuracy allows
+    // in f64, the f64 table replaces Newton's method if the table is accurate enough
     if (sizeof(real) == sizeof(double) && kn_law_in_lanes(law)) t->kind = KN_LAW_TABLE;
     t->a = (real)law->a_pa_s;
     t->k1 = (real)law->mat.k1_pa;
@@ -113,7 +113,7 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     build_stroke(t, model);
 }
 
-// Compute s = T(b) and root = sqrt(ds/db) with Newton's method, lane by lane.
+// Compute s = T(b) and root = sqrt(ds/db) by Newton's method, one lane after the other.
 static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s, lanes *root)
 {
     _Alignas(64) real at_b[KN_LANES], at_s[KN_LANES], at_root[KN_LANES];
@@ -136,8 +136,8 @@ LANES_INLINE lanes polynomial(int degree, const real (*table)[KN_LAW_SEGMENTS], 
     return sum;
 }
 
-// Compute s and root from the table. The law is odd, so it is evaluated at y = |b|/b0 and
-// gets the sign of b at the end.
+// Compute s = T(b) and root = sqrt(ds/db) from the table. The law is odd, so it is evaluated at y = |b|/b0, and s gets
+// the sign of b at the end.
 LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, lanes *s, lanes *root)
 {
     const lanes one = lanes_set(1), zero = lanes_set(0), yh = lanes_set(t->yh);
@@ -159,7 +159,7 @@ LANES_INLINE void law_table(const law_tables *t, kn_linearization how, lanes b, 
     *root = lanes_less(y, one, lanes_set(t->root_rest), c);
 }
 
-// Compute s = T(b) and root = sqrt(ds/db) by the kind of law. kind is a constant where this is inlined.
+// Compute s = T(b) and root = sqrt(ds/db) by the kind of law. In inlined calls, `kind` is a constant.
 LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind kind, kn_linearization how, lanes b,
                          lanes *s, lanes *root)
 {
@@ -173,8 +173,8 @@ LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind
     }
 }
 
-// Evaluate the law a second time, for the few edges beside prescribed nodes. It is not inlined, which keeps the loop of
-// the first evaluation small.
+// Evaluate the law a second time, for the few edges whose ends have a prescribed velocity that has changed. The
+// function is not inlined, which keeps the loop of the first evaluation small.
 static __attribute__((noinline)) void law_again(const kn_model *model, const law_tables *t, kn_law_kind kind,
                                                 kn_linearization how, const lanes *b, lanes *s, lanes *root)
 {
@@ -186,10 +186,10 @@ LANES_INLINE void law_stop(const law_tables *t, lanes b, lanes z, lanes *s, lane
 {
     lanes zero = lanes_set(0), ends = lanes_set(t->stroke_ends), per_strain = lanes_set(t->stop_per_strain);
     lanes in = lanes_sub(z, lanes_set(t->inwards)), out = lanes_sub(lanes_set(t->outwards), z);
-    // the stress that would bring the damper exactly to a stop bounds s; b itself does if the stroke is used up
+    // s is bounded by the stress that would bring the damper exactly to a stop; at a stop this stress is b
     lanes most = lanes_add(b, lanes_less(ends, in, lanes_mul(per_strain, in), zero));
     lanes least = lanes_sub(b, lanes_less(ends, out, lanes_mul(per_strain, out), zero));
-    // at a stop s = b + constant: the slope is 1
+    // if a stop limits s, then s = b + constant, and the slope ds/db is 1
     *root = lanes_less(most, *s, lanes_set(1), lanes_less(*s, least, lanes_set(1), *root));
     *s = lanes_max(least, lanes_min(*s, most));
 }
@@ -199,9 +199,10 @@ LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
     return lanes_fma(a[2], b[2], lanes_fma(a[1], b[1], lanes_mul(a[0], b[0])));
 }
 
-// Geometry of sixteen edges. Differences are far end minus near end.
+// Geometry of sixteen edges. A difference is the value at the far end minus that at the near end.
 typedef struct bars {
-    // vector at rest, m; change of this vector since, m; difference of the last velocities of the two ends, m/s
+    // vector of the edge at rest, m; change of this vector (difference of displacements), m; difference of the last
+    // velocities, m/s
     lanes rest[3], shift[3], dv[3];
     lanes n[3];                   // unit vectors from the near to the far end
     lanes length2, inverse, rate; // squared length; 1/length; growth rate of the length in the last step
@@ -219,7 +220,8 @@ LANES_INLINE void bars_direct(const law_tables *t, bars *x)
     x->rate = dot(x->n, x->dv);
 }
 
-// Compute the strain from the length: L - L0 = (d + d0).(d - d0)/(L + L0) keeps all digits.
+// Compute the strain (L - L0)/(gamma L0) from the vectors d now and d0 at rest. The formula L - L0 = (d + d0).(d -
+// d0)/(L + L0) loses no digits.
 LANES_INLINE lanes bars_strain(const law_tables *t, const bars *x)
 {
     lanes twice[3];
@@ -229,16 +231,17 @@ LANES_INLINE lanes bars_strain(const law_tables *t, const bars *x)
     return lanes_mul(stretch, x->scale);
 }
 
-// Compute the stress at the linearisation point and the root of its slope. Advance the strain of sixteen edges unless
-// `again`. `wanted`: growth rate by the guess. `afresh`: the guess is not the last velocity, so the law is evaluated
-// twice. `here`: [16] 1 where an edge exists, else 0. `strain`: NULL under KN_LAW_VOIGT.
+// Compute the stress of sixteen edges at the solver's guess, and the root of the law's slope there. Unless `again`,
+// first advance the strains over the last step. `wanted`: growth rate of the edges at the guess. `afresh`: the guess
+// differs from the last velocity, so the law is evaluated twice. `here`: [16] 1 if the edge exists, else 0. `strain`:
+// the strains, NULL with KN_LAW_VOIGT.
 LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bars *x, kn_law_kind kind, bool stroke,
                            kn_linearization how, lanes wanted, bool afresh, bool again, const real *here, real *strain,
                            lanes *stress, lanes *root)
 {
     const lanes scale = x->scale, a = lanes_set(t->a), k1 = lanes_set(t->k1), zero = lanes_set(0);
     lanes u, b = zero, s = zero;
-    // without a damper the strain follows from the length, and there is no state
+    // without a damper the strain follows from the length and is not stored
     if (kind == KN_LAW_VOIGT) {
         u = bars_strain(t, x);
         law_of(model, t, kind, how, lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u)), stress, root);
@@ -247,13 +250,13 @@ LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bar
     u = lanes_load(strain);
     lanes whole = stroke ? bars_strain(t, x) : u;
     if (!again) {
-        // Growth of the edge in the last step, to second order, from velocities: differences of lengths lose 4 digits
-        // in f32. (L_new - L_old)/dt = Ld - dt/2 (|dv|^2 - Ld^2)/L
+        // Growth rate of the edge over the last step, from the velocities to second order, because a difference of
+        // lengths would lose 4 digits in f32: (L_new - L_old)/dt = L' - dt/2 (|dv|^2 - L'^2)/L
         lanes across2 = lanes_fnma(x->rate, x->rate, dot(x->dv, x->dv));
         lanes done = lanes_fnma(lanes_mul(lanes_set(t->half_dt), across2), x->inverse, x->rate);
         b = lanes_fma(a, lanes_mul(done, scale), lanes_mul(k1, u));
         law_of(model, t, kind, how, b, &s, root);
-        // u += dt (s - k1 u)/A, kept between the stops; 0 where there is no edge
+        // advance u by dt (s - k1 u)/A, keep the damper between its stops, and set u = 0 where there is no edge
         u = lanes_fma(lanes_set(t->gain), s, lanes_mul(lanes_set(t->keep), u));
         if (stroke)
             u = lanes_max(lanes_sub(whole, lanes_set(t->outwards)),
@@ -261,7 +264,7 @@ LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bar
         u = lanes_mul(u, lanes_load(here));
         lanes_store(strain, u);
     }
-    // now the stress at the end of this step
+    // then the stress at the end of this step
     lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
     if (stroke) {
         law_of(model, t, kind, how, sought, stress, root);
@@ -269,8 +272,8 @@ LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bar
     } else if (afresh) {
         law_again(model, t, kind, how, &sought, stress, root);
     } else {
-        // One evaluation serves both steps. The guess is the last velocity, so b moved only by k1
-        // du and the second-order term.
+        // the guess is the last velocity, so b has changed only by k1 du and the second-order term: the linearised law
+        // is accurate enough
         *stress = lanes_fma(lanes_mul(*root, *root), lanes_sub(sought, b), s);
     }
 }

@@ -1,28 +1,29 @@
-// The kernels of an irregular lattice. The law is evaluated for sixteen edges at a time; sums into nodes go edge by
-// edge. Edges are ordered by their lower node, so half of every sum stays in registers. Scalar parts are plain
-// arithmetic in a fixed order, so all machines give the same bits.
+// The kernels of a net. The law is evaluated for sixteen edges at a time, but forces and products are added to the
+// nodes one edge after the other. Edges are ordered by their lower node, so the sums of lower nodes stay in registers.
+// The scalar parts are plain arithmetic in a fixed order, so all machines give the same bits.
 #include "core/cell.h"
 #include "core/solve/kernel_law.h"
 
 typedef struct tables {
-    law_tables law; // first member: its tables are 64-byte aligned with the block
+    law_tables law; // must be first: its arrays are then aligned to 64 bytes like the block
     int nodes, edges, batches;
     int (*ends)[2]; // [edges] lower node, upper node
     int *first;     // [nodes + 1] first edge with this lower node
-    real *rest;     // [batches][3][16] rest vector, m; the padding repeats that of the first edge
-    real *scale;    // [batches][16] factor 1/(gamma L0) from length to strain, 1/m
-    real *area;     // [batches][16] gamma kappa weight L0: factor from stress to force, m^2; 0 in the padding
-    real *root;     // [batches][16] sqrt(kappa weight A): turns sqrt(ds/db) into sqrt(force per rate)
-    real *here;     // [batches][16] 1 where there is an edge, 0 in the padding
-    real *mass_dt;  // [nodes] m/dt, kg/s
-    real *weight;   // [nodes] downward force, N
-    // cells (0 without pressure): corners; sides from the first corner at rest; 1/V0; P0; 1/6 or half the thickness
+    real *rest;     // [batches][3][16] rest vector [m]; the padding repeats that of the first edge
+    real *scale;    // [batches][16] factor 1/(gamma L0) from length to strain [1/m]
+    real *area;     // [batches][16] factor gamma kappa weight L0 from stress to force [m^2]; 0 in the padding
+    real *root;     // [batches][16] factor sqrt(kappa weight A) from sqrt(ds/db) to sqrt(force per rate)
+    real *here;     // [batches][16] 1 if there is an edge, 0 in the padding
+    real *mass_dt;  // [nodes] mass over dt [kg/s]
+    real *weight;   // [nodes] downward force [N]
+    // Gas: number of cells (0 without gas) and of sides from a cell's first corner; corners; rest vectors of the sides;
+    // 1/V0; P0; 1/6 for a tetrahedron, half the thickness for a triangle.
     int cells, sides;
     bool flat;
     int (*corner)[4];
     real *side, *inverse_volume;
     real outside, sixth;
-    double volume; // volume of the whole object at rest
+    double volume; // volume of the whole object at rest [m^3]
 } tables;
 
 static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
@@ -44,7 +45,7 @@ static void *take(char **next, size_t bytes)
     return p;
 }
 
-// Fill the tables of the edges. The padding repeats the first edge with no area, so that all lanes hold valid numbers.
+// Fill the tables of the edges. The padding repeats the first edge with area 0, so that all lanes hold valid numbers.
 static void fill_edges(const kn_model *m, tables *t)
 {
     double a = m->law.a_pa_s;
@@ -103,7 +104,7 @@ static void tables_build(const kn_model *m, void *block)
     t->weight = take(&next, nodes * sizeof(real));
     fill_edges(m, t);
     fill_cells(m, t, &next);
-    // edges are in the order of their lower nodes
+    // find the first edge of each node; edges are in the order of their lower nodes
     for (int i = 0, e = 0; i <= m->node_count; i++) {
         while (e < m->edge_count && m->edges[e].i < i) e++;
         t->first[i] = e;
@@ -116,7 +117,7 @@ static void tables_build(const kn_model *m, void *block)
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-// Compute the difference of a 3-component field between the far and the near end of sixteen edges.
+// Compute the differences of a 3-component field between the far and the near ends of sixteen edges.
 LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lanes out[3])
 {
     _Alignas(64) real gap[3][KN_LANES] = {{0}};
@@ -125,15 +126,15 @@ LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lan
     for (int k = 0; k < 3; k++) out[k] = lanes_load(gap[k]);
 }
 
-// Add g g' to a symmetric block.
+// Add g g' to the symmetric block p.
 static void block_add(real p[6], const real g[3])
 {
     for (int c = 0, m = 0; c < 3; c++)
         for (int k = c; k < 3; k++, m++) p[m] += g[c] * g[k];
 }
 
-// Add the forces and stiffness of sixteen edges to the residual and the diagonal blocks of both
-// ends. Keep g for the products.
+// Add the forces of sixteen edges to the residual and their stiffness to the diagonal blocks of both ends. Keep g for
+// the products.
 static void scatter(const kn_work *work, const int (*edge)[2], int count, int at, const lanes n[3], lanes tension,
                     lanes root)
 {
@@ -154,7 +155,7 @@ static void scatter(const kn_work *work, const int (*edge)[2], int count, int at
     }
 }
 
-// Linearise sixteen edges and add them to their nodes.
+// Linearise sixteen edges, and add their forces and stiffness to their nodes.
 LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, int batch, kn_law_kind kind,
                              bool stroke, kn_linearization how, bool again)
 {
@@ -163,7 +164,7 @@ LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const table
     const int(*edge)[2] = (const int(*)[2])t->ends + at;
     int count = t->edges - (int)at < KN_LANES ? t->edges - (int)at : KN_LANES;
     bool afresh = again;
-    // the law is evaluated twice if the guess differs from the last velocity at any end
+    // evaluate the law twice if the guess differs from the last velocity at any end of an edge
     for (int l = 0; l < count; l++) afresh = afresh || work->row_moved[edge[l][0]] || work->row_moved[edge[l][1]];
 
     // gather the geometry, evaluate the law, scatter the results
@@ -194,7 +195,7 @@ static real multiply_block(const real p[6], const real r[3], real z[3])
     return z[0] * r[0] + z[1] * r[1] + z[2] * r[2];
 }
 
-// Invert a symmetric block in place, by its cofactors.
+// Invert the symmetric block m in place, by its cofactors.
 static void invert_block(real m[6])
 {
     real p[6] = {m[3] * m[5] - m[4] * m[4], m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3],
@@ -203,8 +204,8 @@ static void invert_block(real m[6])
     for (int k = 0; k < 6; k++) m[k] = p[k] * inverse;
 }
 
-// Finish a node when all of its edges are summed: add mass and weight, apply constraints, invert the
-// block, compute z. Return r.z.
+// Finish a node after all of its edges have been added: add mass and weight, apply constraints, invert the block,
+// compute z. Return r.z.
 static double finish_node(const kn_state *state, const tables *t, int node, bool again)
 {
     static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
@@ -217,7 +218,7 @@ static double finish_node(const kn_state *state, const tables *t, int node, bool
     // add the inertia force if the guessed velocity differs from the last velocity
     if (work->row_moved[node] || again)
         for (int k = 0; k < 3; k++) r[k] += t->mass_dt[node] * (v[k] - guess[k]);
-    // cut the prescribed components out of the block, so that its inverse acts on the free ones only
+    // clear the rows and columns of prescribed components, so that the inverse acts on free components only
     if (work->row_held[node])
         for (int k = 0; k < 3; k++) {
             p[pair[k][0]] *= loose[pair[k][1]] * loose[pair[k][2]];
@@ -241,16 +242,16 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
 
 // --- pressure in the elements ---------------------------------------------------------------------------------------
 
-// The gas of a net, one element at a time; core/cell.h has the equations. A volume is the product of an element's three
-// sides. A side is its rest vector plus its change, as for edges.
+// The gas of a net, one element at a time; core/cell.h has the equations. The volume of an element is 1/6 of the triple
+// product of its three sides at the first corner. A side is its rest vector plus its change, as for edges.
 
-typedef struct element { // one cell in its present shape
-    real slope[4][3];    // dV/dx of its corners, m^2
+typedef struct element { // volume of one element in its present shape
+    real slope[4][3];    // dV/dx of the element's corners [m^2]
     real j;              // J = V/V0, volume relative to the volume at rest
 } element;
 
-// Set a corner's slope to factor (a x b) and subtract it from the first corner's. `factor`: 1/6, or half the thickness
-// of a flat element.
+// Set the slope of a corner to factor (a x b), and subtract it from the slope of the first corner. `factor`: 1/6, or
+// half the thickness of a flat element.
 LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real b[3], real factor)
 {
     for (int k = 0; k < 3; k++) {
@@ -260,10 +261,10 @@ LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real 
     }
 }
 
-// Compute J = V/V0 of one cell and its derivatives (slopes) by the corners' positions.
+// Compute J = V/V0 of one element and the derivatives dV/dx (slopes) with respect to its corners' positions.
 LANES_INLINE element element_of(const tables *t, const real *displacement, int cell)
 {
-    // third side of a flat element, along -y, because its corners 0, 1, 2 turn from x to z
+    // third side of a flat element; it points along -y, because the corners 0, 1, 2 turn from x to z
     static const real across[3] = {0, -1, 0};
     const int *corner = t->corner[cell];
     real side[3][3];
@@ -282,7 +283,7 @@ LANES_INLINE element element_of(const tables *t, const real *displacement, int c
     return x;
 }
 
-// Compute (P - P0)/P0 at the end of the step, and its slope -d(P/P0)/dJ.
+// Compute the relative overpressure (P - P0)/P0 at the end of the step, and the slope -d(P/P0)/dJ. `rate`: dJ/dt.
 static void gas(const tables *t, real j, real rate, real *over, real *slope)
 {
     real held = j > (real)KN_CELL_LEAST ? j : (real)KN_CELL_LEAST;
@@ -290,8 +291,8 @@ static void gas(const tables *t, real j, real rate, real *over, real *slope)
     *over = (1 - held) / held + (held - j) * *slope - t->law.dt * rate * *slope;
 }
 
-// Push the corners of every cell by the pressure at the end of the step, and add the slope to their
-// blocks. Keep g for the products.
+// Add the gas forces at the end of the step to the residual of the corners of every cell. Add the slope of the pressure
+// to the corners' diagonal blocks, and keep g for the products.
 static void cells_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;
@@ -314,8 +315,8 @@ static void cells_add(const kn_work *work, const tables *t, const real *displace
     }
 }
 
-// Like cells_add, but with one pressure in the whole object. Volumes and gradients are summed first, [nodes][3] in
-// work->cell.
+// Do the work of cells_add with one pressure for the whole object. First sum the volumes, and dV/dx of every node in
+// work->cell, [nodes][3].
 static void object_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;
@@ -340,7 +341,8 @@ static void object_add(const kn_work *work, const tables *t, const real *displac
     for (int i = 0; i < t->nodes; i++) block_add(p + 6 * i, kept + 3 * i);
 }
 
-// Add g (g.d) of every cell to q. Return the cells' share of d.q.
+// Add g (g.d) of every cell to q, where g is the vector of a cell and d the search direction. Return the gas's part of
+// d.q.
 static double cells_product(const kn_work *work, const tables *t)
 {
     const real *d = work->d, *kept = work->cell;
@@ -358,7 +360,7 @@ static double cells_product(const kn_work *work, const tables *t)
     return sum;
 }
 
-// Like cells_product, but with one pressure in the whole object.
+// Do the work of cells_product with one pressure for the whole object.
 static double object_product(const kn_work *work, const tables *t)
 {
     const real *d = work->d, *kept = work->cell;
@@ -411,7 +413,7 @@ static double apply(const kn_model *model, kn_state *state, double beta)
     const real *g = work->g, *z = work->z;
     for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
     double sum = 0;
-    // add the products of the edges in node order: the lower end is summed in registers, the upper end in memory
+    // add the products of the edges by lower node: sums of the lower node are in registers, of upper nodes in memory
     for (int i = 0; i < t->nodes; i++) {
         const real own[3] = {d[3 * i], d[3 * i + 1], d[3 * i + 2]};
         real mine[3] = {t->mass_dt[i] * own[0], t->mass_dt[i] * own[1], t->mass_dt[i] * own[2]};
@@ -424,7 +426,7 @@ static double apply(const kn_model *model, kn_state *state, double beta)
                 other[k] -= n[k] * force;
             }
         }
-        // all edges from lower nodes have been added: this node's sum is complete
+        // all edges from lower nodes have been added, so the sum of this node is complete
         for (int k = 0; k < 3; k++) {
             q[3 * i + k] += mine[k];
             sum += (double)(own[k] * q[3 * i + k]);

@@ -1,11 +1,11 @@
 #ifndef KN_CORE_SOLVE_LANES_H
 #define KN_CORE_SOLVE_LANES_H
-// Vectors of sixteen lanes of float or double, for the instruction set that the file is compiled for. Private to the
-// kernels.
+// Vectors of sixteen lanes of float or double, for the instruction set for which a file is compiled. Only the kernels
+// include this header.
 //
-// Every instruction set has the same 16 logical lanes and IEEE division and square root. Operations are fused only
-// where lanes_fma is written. All instruction sets therefore give the same bits: a native vector N of W lanes is
-// repeated PARTS = 16/W times.
+// On every instruction set there are 16 logical lanes, with IEEE division and square root. Operations are fused only
+// where lanes_fma is written. Therefore all instruction sets give the same bits. A native vector has W lanes, so a
+// vector of 16 lanes is PARTS = 16/W native vectors.
 //
 //     KN_KERNEL_AVX512  f32 1 x 16   f64 2 x 8        KN_KERNEL_BASE  1 x 16, fma() from libm: in software where the
 //     KN_KERNEL_AVX2    f32 2 x 8    f64 4 x 4                        processor has none (right, not real time)
@@ -24,7 +24,7 @@ typedef double real;
 #include <immintrin.h>
 #endif
 
-// BASE and CHECKED builds need not be fast, and inlining everywhere would take a compiler minutes.
+// BASE and CHECKED builds need not be fast, and forced inlining would take a compiler minutes.
 #if KN_KERNEL_BASE || KN_KERNEL_CHECKED
 #define LANES_INLINE static inline
 #else
@@ -60,10 +60,11 @@ typedef __m256d native;
 #define N_MAX(a, b) _mm256_max_pd(a, b)
 #define N_LESS(a, b, x, y) _mm256_blendv_pd(y, x, _mm256_cmp_pd(a, b, _CMP_LT_OQ))
 #else
-// GNU vectors of all 16 lanes: the compiler maps them to the processor. Fused operations and roots go lane by lane.
+// GNU vectors of all 16 lanes, which the compiler maps to the processor. Fused operations and roots are computed one
+// lane after the other.
 typedef real native __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias));
 typedef __typeof__((native){0} < (native){0}) native_mask;
-// Blocks are aligned to 64 bytes, while 16 doubles would ask for 128.
+// A vector in memory: arrays are aligned to 64 bytes, while the type of 16 doubles would require 128.
 typedef real stored __attribute__((vector_size(KN_LANES * sizeof(real)), may_alias, aligned(64)));
 #define PARTS 1
 #define N(op) base_##op
@@ -80,7 +81,7 @@ LANES_INLINE native base_sqrt(native a)
         a[i] = sizeof(real) == sizeof(float) ? (real)sqrtf((float)a[i]) : (real)sqrt((double)a[i]);
     return a;
 }
-// Fuse lane by lane with the library's fma().
+// Compute c = a b + c with the library's fma(), one lane after the other.
 static __attribute__((noinline)) void base_fuse(const native *a, const native *b, native *c)
 {
     for (int i = 0; i < KN_LANES; i++)
@@ -98,18 +99,16 @@ LANES_INLINE native base_less(native a, native b, native x, native y)
     native_mask m = a < b;
     return (native)((m & (native_mask)x) | (~m & (native_mask)y));
 }
-// like the instruction minps: the result is the second operand if either is NaN
+// as with the instruction minps, the result is the second operand if one of the two is NaN
 #define N_MIN(a, b) base_less(a, b, a, b)
 #define N_MAX(a, b) base_less(b, a, a, b)
 #define N_LESS(a, b, x, y) base_less(a, b, x, y)
 #endif
 
-// Number of lanes of a native vector.
-#define W (KN_LANES / PARTS)
+#define W (KN_LANES / PARTS) // number of lanes of a native vector
 
-// The parts are members, not an array, and are never looped over. gcc keeps an array of vectors in memory unless it
-// unrolls all loops around the array before it looks for scalars. gcc does not do that, and the edge pass took three
-// times as long.
+// A vector of 16 lanes. Its parts are separate members, not an array, and no code loops over them. With an array, gcc
+// keeps the vectors in memory instead of registers, and the edge pass takes three times as long.
 #if PARTS == 1
 #define EACH(part) part(0)
 typedef struct lanes {
@@ -127,7 +126,7 @@ typedef struct lanes {
 } lanes;
 #endif
 
-// Each operation is written once for one part; EACH repeats it for all parts.
+// Each operation is written once, for one part; EACH repeats it for all parts.
 #define SET(i) N(set1)(a),
 #define LOAD(i) N(load)(p + W * i),
 #define STORE(i) N(store)(p + W * i, a.p##i);
@@ -159,8 +158,8 @@ LANES_INLINE lanes lanes_fma(lanes a, lanes b, lanes c) { return (lanes){EACH(FM
 LANES_INLINE lanes lanes_fnma(lanes a, lanes b, lanes c) { return (lanes){EACH(FNMA)}; }          // c - a b
 LANES_INLINE lanes lanes_less(lanes a, lanes b, lanes x, lanes y) { return (lanes){EACH(LESS)}; } // a < b ? x : y
 
-// Rotate: lane l takes the value of lane l+1 (next) or l-1 (prev). The row's end wraps; edges
-// that would use it have weight 0.
+// Rotate: lane l takes the value of lane l+1 (next) or l-1 (prev). The last and the first lane are neighbours in this
+// rotation, but an edge between them has weight 0.
 #if KN_KERNEL_AVX512 && KN_KERNEL_F32
 #define ROTATE(v, n)                                                                                                   \
     _mm512_castsi512_ps(_mm512_alignr_epi32(_mm512_castps_si512((v).p0), _mm512_castps_si512((v).p0), n))
@@ -214,7 +213,7 @@ LANES_INLINE lanes lanes_prev(lanes a)
 }
 #endif
 
-// Sum all lanes in double, as a fixed tree, so that the result is the same on every machine.
+// Sum all lanes in double precision, in the fixed order of a binary tree, so that all machines give the same result.
 LANES_INLINE double lanes_sum(lanes a)
 {
     _Alignas(64) real lane[KN_LANES];
@@ -226,8 +225,8 @@ LANES_INLINE double lanes_sum(lanes a)
     return sum[0];
 }
 
-// Look up a table of 16 reals by (bits(y) - bits(1)) >> shift, with y in [1, end of table]. `shift` counts the bits of
-// a float.
+// Look up a table of 16 reals. The index is (bits(y) - bits(1)) >> shift, for y between 1 and the end of the table.
+// `shift` applies to the bits of a float; for a double it is 29 more.
 #if KN_KERNEL_F32
 #define TABLE_ONE 0x3f800000
 #define TABLE_SHIFT(shift) (shift)
@@ -292,13 +291,13 @@ LANES_INLINE lanes lanes_table(const real *table, segment s)
 }
 #endif
 
-// lanes_inverse_root returns 1/sqrt(a) of every lane, for a > 0.
+// lanes_inverse_root computes 1/sqrt(a) in every lane, for a > 0.
 #if KN_KERNEL_F32
 LANES_INLINE lanes lanes_inverse_root(lanes a) { return lanes_div(lanes_set(1), lanes_sqrt(a)); }
 #else
-// Halving the exponent by a shift gives 1/sqrt(a) to 3.5 %. Two steps of fourth order make it exact to a unit of the
-// last place. The method takes a third of the time of a root and a quotient, which keep the divider busy for 45 cycles
-// per 8 lanes.
+// Halving the exponent by a shift of the bits gives 1/sqrt(a) to 3.5 %. Two iterations of fourth order reduce the error
+// to one unit in the last place. The method takes a third of the time of a root and a quotient, which keep the divider
+// busy for 45 cycles per 8 lanes.
 #define INVERSE_ROOT_BITS 0x5fe6eb50c7b537a9 // C. Lomont, Fast inverse square root (2003), for doubles
 #if KN_KERNEL_AVX512
 #define GUESS(i)                                                                                                       \
@@ -322,7 +321,7 @@ LANES_INLINE native base_guess(native a)
 LANES_INLINE lanes lanes_inverse_root(lanes a)
 {
     lanes root = {EACH(GUESS)};
-    // error off = 1 - a root^2; correction root += root (off/2 + 3/8 off^2 + 5/16 off^3)
+    // with the error off = 1 - a root^2, add root (off/2 + 3/8 off^2 + 5/16 off^3) to root
     for (int i = 0; i < 2; i++) {
         lanes off = lanes_fnma(a, lanes_mul(root, root), lanes_set(1));
         lanes series = lanes_fma(off, lanes_fma(off, lanes_set(5.0 / 16), lanes_set(3.0 / 8)), lanes_set(0.5));

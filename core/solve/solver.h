@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SOLVE_SOLVER_H
 #define KN_CORE_SOLVE_SOLVER_H
-// The solvers of a step, and their memory within it. Private to core; step.h is the interface for programs. The solver
-// in integers has a header of its own, solver_fixed.h.
+// The solvers of a step, and their memory within a step. Only core includes this header; step.h is the interface for
+// programs. The solver in integers has a header of its own, solver_fixed.h.
 #include "core/solve/contact.h"
 #include "core/solve/kernel.h"
 #include "core/solve/step_effort.h"
@@ -10,26 +10,26 @@
 
 // Constraints and forces on the nodes during one step. The arrays belong to the caller and are indexed by node id.
 typedef struct kn_boundary {
-    const uint8_t *fixed;            // [nodes] bit k is set: component k follows velocity_m_s instead of the forces
+    const uint8_t *fixed;            // [nodes] bit k is set if component k is fixed: it moves with velocity_m_s
     const double (*velocity_m_s)[3]; // [nodes] velocity of the fixed components, constant over the step
     const double (*force_n)[3];      // [nodes] load and contact forces, constant over the step; NULL = none
-    // [nodes] result: mean force over the step that holds the fixed components, 0 for other components. It includes
-    // m dv/dt when velocity_m_s changes. A probe feels minus the sum of these forces.
+    // [nodes] result: mean force over the step that moves the fixed components as prescribed, 0 for other components.
+    // If velocity_m_s changes, the force includes m dv/dt. The force on a probe is minus the sum of these forces.
     double (*reaction_n)[3];
 } kn_boundary;
 
 typedef struct kn_rigid { // rigid motions of an object that nothing holds, see solver_implicit.c
-    bool on;              // the rigid motions are used in this step
-    // x - centre of every node in the layout of the solver's fields, and a fourth component, 1 where there is a node;
-    // NULL if the model does not use the rigid motions
+    bool on;              // true: the preconditioner of this step uses the rigid motions
+    // Vector from the centre of mass to every node, in the layout of the solver's fields. A fourth component is 1 where
+    // there is a node and 0 in the padding. NULL if the model does not use the rigid motions.
     float *arm;
     double centre_m[3];  // centre of mass of the object
-    double factor[6][6]; // Cholesky factor of R'AR
+    double factor[6][6]; // Cholesky factor of R'AR: R maps a rigid motion to velocities, A is the step's matrix
 } kn_rigid;
 
-// The solvers' memory within a step. It lies in the state's arena, but it is neither saved nor hashed.
+// Memory of the solvers within a step. It is in the memory of a state, but it is neither saved nor hashed.
 typedef struct kn_scratch {
-    kn_work work; // implicit: first member, because kernels find it at state->scratch
+    kn_work work; // implicit: must be the first member, because the kernels find it at state->scratch
     kn_contact contact;
     kn_effort effort;     // implicit: effort of this step
     kn_deadline deadline; // implicit: deadline of this step
@@ -37,7 +37,7 @@ typedef struct kn_scratch {
     int *last_held;       // implicit: nodes whose velocities the last step prescribed
     int last_held_count;
     uint8_t *row_base; // implicit: [rows] 1 where the support holds a node of the row
-    // RK4: arrays of the step's boundary
+    // RK4: the arrays of kn_boundary
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
     void *stages; // RK4: memory of its stages; FIXED: memory of the integer step
@@ -58,16 +58,16 @@ static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state
 // iterations. A step does more only while the preconditioned residual exceeds `tolerance` times the largest residual of
 // the last second, and never more than `iterations_max`.
 
-// Solve for the velocities and store them in work->guess. Store the forces in the contact's holds and samples.
-// Displacements do not change yet.
+// Solve for the velocities of the nodes and store them in work->guess. Store the forces of held nodes and samples. The
+// kernel `integrate` moves the nodes later. Real-time safe.
 void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
 
 // --- foundation contact in the implicit step: foundation.c ----------------------------------------------------------
 
 // Foundation contact in the implicit step: the samples' forces at the end of the step and their stiffness in the
-// matrix. Samples of one patch of the skin are stored one behind the other and share the patch's nodes. The nodes'
-// values are fetched and added once for all samples of a patch: single sums into a field took three quarters of the
-// cost of a ball.
+// matrix. Samples of one patch of the skin are stored one after the other and share the patch's nodes. The nodes'
+// values are fetched and added once for all samples of a patch. With one sum per sample instead, the sums took three
+// quarters of the time of a ball's contact.
 //
 // Symbols are those of contact.h. Let r be the skin's velocity at a sample, J V the tool's velocity there, and K = k n
 // n' + k_side (1 - n n') the sample's stiffness. The force on the skin is f = k depth n - k_side e - dt K (r - J V). If
@@ -81,14 +81,15 @@ void kn_foundation_push(const kn_model *model, kn_scratch *scratch);
 // Add dt K d of all samples to the product q, where d is the search direction. Return the samples' part of d.q.
 double kn_foundation_apply(const kn_model *model, kn_scratch *scratch);
 
-// Decide again, by the present guess, which samples press, slide or stick. If the answer for a sample has changed,
-// change the sample's linearised force and the residual r. Return the number of such samples.
+// Decide again, by the present guess, which samples press, slide or stick. If any decision has changed, update the
+// linearised forces of all samples and the residual r. Return the number of samples whose decision has changed.
 int kn_foundation_change(const kn_model *model, kn_scratch *scratch);
 
-// Read force_n of every sample and the tools' velocities from the solution.
+// Compute the final force of every sample (force_n, pressing_n) and the velocities of coupled tools from the solution.
 void kn_foundation_read(const kn_model *model, kn_scratch *scratch);
 
-// Add the samples' resistance to a rigid motion about `centre`, sum dt J'KJ, to the lower half of `a`.
+// Add the resistance of all active samples to a rigid motion of the object about `centre_m`, sum dt J'KJ, to the lower
+// half of `a`.
 void kn_foundation_rigid(const kn_model *model, const kn_scratch *scratch, const double centre_m[3], double a[6][6]);
 
 // --- Runge-Kutta: solver_rk4.c --------------------------------------------------------------------------------------
@@ -101,31 +102,30 @@ void kn_foundation_rigid(const kn_model *model, const kn_scratch *scratch, const
 //     s + c1 g(s) = c1 w + k1 u,    u' = w - g(s),    w = L'/(gamma L0)           edge, see law.h
 //
 // The law of the model is built with dt = 0, so A = c1. With c1 = 0 the equations give s = k1 u. Without a damper
-// (KN_LAW_VOIGT) there is no u in the state: u = (L - L0)/(gamma L0).
+// (KN_LAW_VOIGT) the state does not hold u, because u = (L - L0)/(gamma L0).
 //
-// Inertia is node_mass_kg * mass_scale, but weight is node_mass_kg alone: a scaled object keeps its weight.
-// Stages use the plain list model->edges in its order, so every machine gives the same bits and there is no instruction
-// set to choose.
+// The inertia of a node is node_mass_kg * mass_scale, but its weight follows from node_mass_kg alone: a scaled object
+// keeps its weight. The stages visit the edges in the order of the list model->edges, so every machine gives the same
+// bits. There is no choice of an instruction set.
 
-// Return the largest stable step at rest, s: 2.785 / fastest rate of the lattice. The fastest rate is the largest
-// eigenvalue of C/M by power iteration, with C = c1/(1 + c1/c2(0)) per edge. The root of the largest eigenvalue of K/M
-// (pressure included) or the Voigt part's own rate is taken if it is faster. Rest is the stiffest state. With steps up
-// to 20 times longer, the flowing damper bounds the instability: there is no NaN, but the forces are wrong. Reads def,
-// grid, law, edges and node_mass_kg. Allocates while it works; returns -1 if memory is short.
+// Return the longest stable step of the object at rest, s: 2.785 divided by the fastest rate of the lattice. This rate
+// is the largest of three. The first is the largest eigenvalue of C/M, with C = c1/(1 + c1/c2(0)) per edge. The second
+// is the root of the largest eigenvalue of K/M, gas included. The third is the rate of the Voigt part itself. The
+// object is stiffest at rest. With a step up to 20 times too long, the flowing damper bounds the instability: there is
+// no NaN, but the forces are wrong. The function allocates memory while it works. Return -1 if memory is short.
 double kn_rk4_limit(const kn_model *model);
 
 // Return the bytes of scratch that a step needs, a multiple of 64.
 size_t kn_rk4_scratch(const kn_model *model);
 
-// Advance displacement, velocity and strain by def.solver.dt_s. Nothing else in the state changes; the caller counts
-// the tick. Real-time safe in the sense of no allocation and bounded loops. `scratch`: kn_rk4_scratch bytes, 8-byte
-// aligned.
+// Advance displacement, velocity and strain by def.solver.dt_s, and store boundary->reaction_n. Nothing else in the
+// state changes; the caller counts the tick. The step allocates nothing and its loops are bounded. `scratch`:
+// kn_rk4_scratch bytes, 8-byte aligned.
 void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boundary, void *scratch);
 
-// Add (P - P0) dV/dx of every cell to f. Each cell has its own pressure, or all cells have one pressure, which follows
-// from their total volume. `rest` (rest positions), `x` (displacements, m) and
-// `f` (forces) have 3 values per node, in the order of node ids.
-// Needs model->cells. Real-time safe.
+// Add the gas forces (P - P0) dV/dx of every cell to f. Each cell has its own pressure, or all cells have one pressure,
+// which follows from their total volume. `rest` (rest positions, m), `x` (displacements, m) and `f` (forces, N) have 3
+// values per node, in the order of node ids. The model must have a list of cells. Real-time safe.
 void kn_gas_push(const kn_model *model, const double *rest, const double *x, double *f);
 
 #endif

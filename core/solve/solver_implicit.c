@@ -6,7 +6,7 @@
 
 // --- boundary -------------------------------------------------------------------------------------------------------
 
-// Undo the constraints of the last step's holds. Only the nodes held last are visited, not all nodes.
+// Undo the constraints of the last step's held nodes. Only these nodes are visited, not all nodes.
 static void free_last_held(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->last_held_count; i++) {
@@ -20,8 +20,8 @@ static void free_last_held(const kn_model *m, kn_scratch *s)
     memset(s->work.row_moved, 0, (size_t)m->row_count);
 }
 
-// Prescribe the velocity of one held node. Mark the row as held, and as moved if the
-// velocity differs from the last one.
+// Prescribe the velocity of one held node. Mark its row as held, and also as moved if the velocity differs from the
+// last velocity.
 static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, const kn_held_node *hold)
 {
     const size_t at = m->offset[hold->node];
@@ -39,7 +39,7 @@ static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, c
     s->last_held[s->last_held_count++] = hold->node;
 }
 
-// Start the guess from the last velocities and overwrite the components that plates prescribe.
+// Set the guess to the last velocities, and overwrite the components that plates prescribe.
 static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
 {
     size_t bytes = kn_state_field(m, 3);
@@ -56,7 +56,7 @@ static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
         kn_real_add(m, s->work.r, m->offset[m->top[t]] + 2 * m->stride, -load_n * m->top_share[t]);
 }
 
-// Clear the residual and the blocks, then add the loads that act besides the edges' forces.
+// Clear the residual and the diagonal blocks, then add the dead load on the top and the forces of the contact.
 static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input)
 {
     memset(s->work.r, 0, kn_state_field(m, 3));
@@ -71,9 +71,10 @@ static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input
 //
 //     z = P r + R (R'AR)^-1 R'r        R: [nodes] (v, w) -> v + w x (x - centre)
 //
-// A lattice resists its own deformation a thousand times more than inertia resists its motion as a whole. The 3 x 3
-// blocks of P represent the first resistance only, so falling or being lifted would take hundreds of iterations. Edges
-// do no work under rigid motions. So R'AR is mass and inertia over dt plus the contact, and needs no product with A.
+// The resistance of a lattice to deformation is a thousand times the resistance of its inertia to a motion as a whole.
+// The 3 x 3 blocks of P contain the first resistance only, so an object that falls or is lifted would need hundreds of
+// iterations. Edges do no work under rigid motions. So R'AR is mass and inertia over dt plus the contact, and needs no
+// product with A.
 
 static size_t arm_of(const kn_model *m, int node)
 {
@@ -81,7 +82,7 @@ static size_t arm_of(const kn_model *m, int node)
     return row * 4 * m->stride + m->offset[node] % (3 * m->stride);
 }
 
-// Add mass and inertia over dt, lower half.
+// Add mass and inertia of the object, divided by dt, to the lower half of the matrix.
 static void add_inertia(const kn_model *m, const kn_rigid *rigid, double a[6][6])
 {
     double scale = m->def.solver.mass_scale / m->def.solver.dt_s;
@@ -90,14 +91,14 @@ static void add_inertia(const kn_model *m, const kn_rigid *rigid, double a[6][6]
         double mass = scale * m->node_mass_kg[i], x = (double)arm[0], y = (double)arm[m->stride],
                z = (double)arm[2 * m->stride];
         a[0][0] += mass, a[1][1] += mass, a[2][2] += mass;
-        a[3][1] -= mass * z, a[3][2] += mass * y, a[4][0] += mass * z; // mass (w x arm), in the rows of v
+        a[3][1] -= mass * z, a[3][2] += mass * y, a[4][0] += mass * z; // coupling of v and w: mass (w x arm)
         a[4][2] -= mass * x, a[5][0] -= mass * y, a[5][1] += mass * x;
         a[3][3] += mass * (y * y + z * z), a[4][4] += mass * (x * x + z * z), a[5][5] += mass * (x * x + y * y);
         a[4][3] -= mass * x * y, a[5][3] -= mass * x * z, a[5][4] -= mass * y * z;
     }
 }
 
-// Compute the centre of mass, and the arm of every node from it.
+// Compute the centre of mass of the object, and the vector from it to every node.
 static void find_centre(const kn_model *m, const kn_state *state, kn_rigid *rigid)
 {
     double mass = 0, sum[3] = {0}, x[3];
@@ -115,7 +116,7 @@ static void find_centre(const kn_model *m, const kn_state *state, kn_rigid *rigi
     }
 }
 
-// Prepare R and the factor of R'AR for the present positions and pressing samples.
+// Prepare the vectors of R and the Cholesky factor of R'AR for the present positions and active samples.
 static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch *scratch)
 {
     kn_rigid *rigid = &scratch->rigid;
@@ -123,16 +124,17 @@ static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch
     if (!rigid->on) return;
     find_centre(model, state, rigid);
     memset(rigid->factor, 0, sizeof rigid->factor);
-    // R'AR: inertia and contact, in closed form
+    // R'AR is the sum of inertia and contact
     add_inertia(model, rigid, rigid->factor);
     kn_foundation_rigid(model, scratch, rigid->centre_m, rigid->factor);
     double *w[3] = {&rigid->factor[3][3], &rigid->factor[4][4], &rigid->factor[5][5]}, spin = *w[0] + *w[1] + *w[2];
-    // a bar has no inertia about its own axis: keep the matrix regular
+    // a straight row of nodes has no inertia about its axis: add a small number, so that the matrix stays regular
     for (int k = 0; k < 3; k++) *w[k] += 1e-9 * spin + 1e-30;
     kn_six_factor(rigid->factor);
 }
 
-// Loops over the nodes of one row, one source for both precisions. Rows of a field: x, y and z of `stride` nodes each.
+// Loops over the nodes of one row, for both precisions. GATHER adds the force and torque of the row's residual to
+// `sum`. SCATTER adds the rigid motion c to z. A row of a field holds x, y and z of `stride` nodes one after the other.
 #define GATHER(real)                                                                                                   \
     const real *r = (const real *)scratch->work.r + 3 * at;                                                            \
     const float *x = rigid->arm + 4 * at, *y = x + stride, *z = y + stride;                                            \
@@ -152,14 +154,14 @@ static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch
         for (size_t k = 0; k < 3; k++) out[k * stride + i] += (real)v[k] * (real)here[i];                              \
     }
 
-// Add the rigid part of z = P r to work.z, for the residual work.r. Return the increase of r.z.
+// Add the second level of the preconditioner, R (R'AR)^-1 R'r, to work.z. Return the increase of r.z.
 static double rigid_add(const kn_model *model, kn_scratch *scratch)
 {
     const kn_rigid *rigid = &scratch->rigid;
     const size_t stride = model->stride, end = (size_t)model->row_count * stride;
     double sum[6] = {0}, c[6], more = 0;
     if (!rigid->on) return 0;
-    // R'r: total force and torque of the residual
+    // sum = R'r is the total force and torque of the residual
     for (size_t at = 0; at < end; at += stride) {
         if (kn_model_single(model)) {
             GATHER(float)
@@ -183,25 +185,26 @@ static double rigid_add(const kn_model *model, kn_scratch *scratch)
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
-// Return the power below which products of f32 begin to underflow. A quotient of such products is meaningless.
+// Return the power r.z or d.q, W, below which its f32 terms begin to underflow. The quotient of two such powers is
+// meaningless.
 static double least_w(const kn_model *m) { return kn_model_single(m) ? 1e-28 : 0; }
 
-// Return the r.z below which the object is at rest and no iteration is needed.
+// Return the value of r.z below which the object is at rest, so that no iteration is needed.
 static double nothing_of(const kn_model *m, const kn_state *state)
 {
     return fmax(1e-30 * state->residual_scale, least_w(m));
 }
 
-// Smallest reference for "the law is met", as a share of the largest residual of the last second. A step at rest begins
-// with a residual of rounding errors only, and no further linearisation reduces them to a thousandth.
+// Least reference residual of a step, as a share of the largest residual of the last second. Without this limit, a step
+// at rest would relinearise in vain: it begins with rounding errors only, and nothing reduces them to a thousandth.
 #define REST 1e-3
 
-// Record the residual that a step begins with. Return the reference for its further
-// linearisations. A NaN remains a NaN.
+// Record the squared residual rz with which a step begins. Return the reference: a further linearisation is needed
+// while the squared residual exceeds tolerance^2 times the reference. A NaN stays a NaN.
 static double note_start(const kn_model *m, kn_state *state, double rz)
 {
-    double faded = state->residual_scale * (1 - fmin(1, m->def.solver.dt_s)); // fades over a second
-    // a blow raises the scale by no more than the limit of an impact: see step_effort.h
+    double faded = state->residual_scale * (1 - fmin(1, m->def.solver.dt_s)); // decay with a time constant of 1 s
+    // an impact raises the scale at most to the limit of kn_impact_power: see step_effort.h
     double most = kn_impact_power(m);
     state->residual_scale = rz <= faded ? faded : rz > most ? most : rz;
     return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
@@ -214,13 +217,13 @@ static double update(const kn_model *m, kn_state *state, kn_scratch *s, double a
     return rz + rigid_add(m, s);
 }
 
-// When the deadline hurries a linearisation that others follow, the linear system is solved only to this share of its
-// initial residual, since the error of the next linearisation is larger. Measured for a plate's blow on dough with gas
-// in 0.6 ms: an error of 2.8 % with 0.2, 3.7 % with 0.1, 3.4 % with 0.3.
+// Ratio of residuals to which a hurried linearisation is solved. A deadline hurries a linearisation that others follow,
+// because the error of the next linearisation will be larger. Measured for a plate's blow on dough with gas in 0.6 ms:
+// the force error is 2.8 % with 0.2, 3.7 % with 0.1, and 3.4 % with 0.3.
 #define HURRIED 0.2
 
-// Run conjugate gradients. rz is r.z of the present residual; return r.z at the end. At least `wanted` iterations are
-// done, more only while the residual exceeds the tolerance.
+// Run conjugate gradients. rz is r.z of the present residual; return r.z at the end. Do `wanted` iterations, and more
+// while the residual exceeds the tolerance.
 static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double rz, int wanted, kn_output *output)
 {
     const kn_effort *solver = &s->effort;
@@ -241,19 +244,19 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
         // q = A d, where d is the next search direction
         double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
-        // step along d to the minimum, then make the next direction conjugate to d
+        // step to the minimum along d, then choose beta so that the next direction is conjugate to d
         double next = update(m, state, s, rz / dq);
         beta = next / rz;
         rz = next;
     }
-    // the cap on the iterations was reached
+    // iterations_max was reached
     output->capped = solver->tolerance > 0 && rz > enough;
     return rz;
 }
 
-// Take the first iteration along the last step's change of velocity, to the minimum in this direction. This solves the
-// components that change slowly from tick to tick, so the conjugate gradients need not find them again. The number of
-// iterations for the same error is halved. The search counts as one iteration.
+// Take the first iteration of a step along the last step's change of velocity, to the minimum in this direction. It
+// solves the components that change slowly from tick to tick, so the conjugate gradients need not find them again. This
+// halves the number of iterations for a given error. Return r.z.
 static double go_on(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
 {
     if (!(rz > nothing_of(m, state))) return rz;
@@ -268,22 +271,22 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     int wanted = s->effort.iterations;
     if (first && wanted > 1) {
         rz = go_on(m, state, s, rz, output);
-        // counted without asking: the shortest step includes this iteration
+        // count this iteration without asking the deadline, because even the shortest step does it
         s->deadline.spent += s->deadline.iteration;
         wanted--;
     }
     rz = iterate(m, state, s, rz, wanted, output);
-    // judge the samples again at the new guess; if some have changed, a shorter solve follows
+    // judge the samples of the contact again at the new guess; if some have changed, solve again with fewer iterations
     for (int again = 0; again < 2; again++) {
         if (again > 0 && !kn_deadline_spend(&s->deadline, s->deadline.look)) break;
-        // the first look is already counted with the linearisation
+        // the work of the first look was counted with the linearisation
         if (kn_foundation_change(m, s) == 0) break;
         rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
     }
     return rz;
 }
 
-// Read the contact forces from the residual: at a held node it is the force of the node on the plate.
+// Read the contact forces. The residual at a held node is the force of the node on the plate.
 static void read_forces(const kn_model *m, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
@@ -295,7 +298,7 @@ static void read_forces(const kn_model *m, kn_scratch *s)
     kn_foundation_read(m, s);
 }
 
-// Return the effort of this step: the input's, or the model's own when the input has none.
+// Return the effort of this step: that of the input, or that of the model if the input has none.
 static kn_effort effort_of(const kn_model *m, const kn_input *input)
 {
     const kn_solver_def *own = &m->def.solver;
@@ -303,8 +306,8 @@ static kn_effort effort_of(const kn_model *m, const kn_input *input)
     return (kn_effort){own->iterations, own->iterations_max, own->tolerance, own->passes, own->linearization};
 }
 
-// Choose the linearisation of the law. If edges flow even at rest (c2 < A/3), the law is curved from end to end. The
-// tangent in a blend then makes the force oscillate from step to step when a press ends, so the secant is used instead.
+// Choose the linearisation of the law. If edges flow even at rest (c2 < A/3), the tangent in a BLEND makes the force
+// oscillate from step to step when a press ends. So a BLEND is then replaced by a SECANT.
 static kn_linearization linearization_of(const kn_model *m, const kn_scratch *s)
 {
     bool flows = m->law.s1_pa > 0 && m->law.slope_rest < 0.25;
@@ -312,8 +315,8 @@ static kn_linearization linearization_of(const kn_model *m, const kn_scratch *s)
                                                                       : s->effort.linearization;
 }
 
-// Release held nodes that pull, within the step. A plate that is torn away would drag these nodes along for a whole
-// step if they were released only after it.
+// Release held nodes that pull, within the step. If they were released only after the step, a plate that is torn away
+// would drag them along for a whole step.
 static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
@@ -323,7 +326,7 @@ static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
         hold->gone = true;
         for (size_t k = 0; k < 3; k++) {
             if (m->support[hold->node] >> k & 1) continue;
-            // free the components and start them again from their last velocity
+            // free the component, and start its guess from its last velocity
             kn_real_set(m, s->work.free, at + k * m->stride, 1);
             kn_real_set(m, s->work.guess, at + k * m->stride, kn_real_get(m, state->velocity, at + k * m->stride));
         }
@@ -342,7 +345,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     // a material may need more than one linearisation in every step
     int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
     bool impact = false;
-    // count the work; if too few linearisations fit and a plate strikes, start from a guess of the flow under the plate
+    // begin to count the work; if the deadline leaves time for too few linearisations and a plate strikes fast, start
+    // from a guess of the flow under the plate
     kn_deadline_begin(&s->deadline, model, &s->contact, input->deadline);
     const int64_t guess = kn_deadline_guess(&s->deadline, model, KN_IMPACT_PASSES, s->effort.iterations_max);
     if (guess > 0 && kn_impact_guess(model, state, &s->contact)) s->deadline.spent += guess;
@@ -351,20 +355,20 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
             output->capped = true;
             break;
         }
-        // in a blow, nodes that pull leave the plate before the law is linearised again
+        // in an impact, nodes that pull leave the plate before the law is linearised again
         if (impact) let_go(model, state, s);
-        // linearise: external loads, contact, then the law of every edge at the guess
+        // linearise: dead load, contact, then the law of every edge at the guess
         add_external(model, s, input);
         rigid_begin(model, state, s);
         rz = model->kernels->edge(model, state, how, pass > 0);
         rz += rigid_add(model, s);
-        // the first residual tells whether this step is a blow that needs further linearisations
+        // the first residual tells whether this step is an impact, which needs further linearisations
         if (pass == 0) start = note_start(model, state, rz);
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
             impact = true;
             if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
         }
-        // stop when the law itself is met, not only its linearisation
+        // stop when the guess meets the law itself, not only its linearisation
         if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
         if (input->deadline > 0) output->capped = false; // only the last linearisation counts
@@ -373,8 +377,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         rz = solve_linear(model, state, s, rz, pass == 0, output);
         output->passes = pass + 1;
     }
-    // The residual is relative to the largest of the last second. The result is NaN if a number is not finite. It is 1
-    // if a contact appears for the first time, because there is no scale yet.
+    // The output's residual is relative to the largest residual of the last second. It is NaN if a number is not
+    // finite. It is 1 if all residuals were 0 so far, for example if the very first contact appears during this step.
     double scale = state->residual_scale > 0 ? state->residual_scale : rz;
     output->residual = rz == 0 ? 0 : sqrt(rz / scale);
     read_forces(model, s);

@@ -9,14 +9,14 @@
 // Return the difference of velocity between the ends of an edge of one spacing at which the edge begins to flow, m/s.
 static double flow_velocity(const kn_model *m) { return m->law.s1_pa / m->law.a_pa_s * m->gamma * m->def.spacing_m; }
 
-// Compare the motion of the nodes under plates with its limits. Return the larger of two ratios: the change of velocity
-// to its limit, and the distance moved in this step to its limit. Above 1 the step is an impact.
+// Compare the motion of the nodes under plates with the limits. Return the larger of two ratios: change of velocity to
+// the limit KN_IMPACT_RATE, and path in this step to the limit KN_IMPACT_WAY. Above 1 the step is an impact.
 static double carried(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
     double h = m->def.spacing_m, flow_m_s = flow_velocity(m), change = 0, way = 0;
     for (int i = 0; i < contact->hold_count; i++) {
         const kn_held_node *hold = &contact->hold[i];
-        // left: share of the height below the node that is not yet compressed
+        // left: ratio of the node's present height to its height at rest
         double x[3], high = m->rest_m[hold->node][2], left = 1;
         kn_state_position(m, state, hold->node, x);
         if (high > 0) left = fmin(1, fmax(0.02, x[2] / high));
@@ -29,15 +29,15 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
     return fmax(change / flow_m_s / KN_IMPACT_RATE, way / KN_IMPACT_WAY);
 }
 
-// Return the ratio of a change of pressure to its limit, for tools other than plates. The change is the one that
-// follows if the skin keeps its present velocity. Above 1 the step is an impact.
+// Return the ratio of the largest change of pressure in this step to the limit KN_IMPACT_PRESS, for tools other than
+// plates. The change is estimated as if the skin kept its last velocity. Above 1 the step is an impact.
 static double pressed(const kn_model *m, const kn_state *state, const kn_contact *contact)
 {
     double most = 0;
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *sample = &contact->sample[i];
         if (!sample->line.active || sample->probe == KN_TABLE) continue;
-        // the pressure changes by the foundation's stiffness times the velocity of the skin against the tool
+        // the rate of the pressure is the foundation's stiffness times the velocity of the skin relative to the tool
         most = fmax(most, kn_probe_foundation(&m->def.probe[sample->probe]) *
                               fabs(kn_sample_gap_rate(m, contact, sample, state->velocity)));
     }
@@ -56,7 +56,7 @@ double kn_impact_power(const kn_model *model)
 {
     const kn_law *law = &model->law;
     if (!(law->s1_pa > 0)) return INFINITY;
-    // flow_n: pull of an edge that begins to flow; flow_w: its power in the solver's norm, force^2 / damping
+    // flow_n: force of an edge that begins to flow; flow_w: power of this force in the norm r.z, force^2 / damping
     double flow_n = law->s1_pa * model->gamma * model->def.spacing_m * model->kappa_m;
     double flow_w = flow_n * flow_n / (model->kappa_m * law->a_pa_s);
     return KN_IMPACT_POWER * model->node_count * flow_w;
@@ -71,16 +71,15 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
     return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
 }
 
-typedef struct punch { // a plate that strikes the object from above
+typedef struct punch { // a plate that strikes the object from above; letters a, h as in step_effort.h
     double down_m_s, middle_m[2], half_m[2], top_m, a_m, h_m;
-    float rest; // share of the plate's velocity below which the object does not flow
+    float rest; // the field is 0 where the velocity is below `rest` times the plate's velocity
 } punch;
 
-// Measure the impact of one plate from the nodes that it holds. Return false if the plate does not come down fast
-// enough.
+// Describe the strike of one plate from the nodes that the plate holds. Return false if the plate does not strike fast.
 static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact *contact, int probe, punch *plate)
 {
-    // sum the change of velocity, the bounds and the height of the held nodes
+    // add up the changes of velocity and the heights of the held nodes, and find the bounds of their positions
     double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY}, change[3] = {0}, top_m = 0;
     int count = 0;
     for (int i = 0; i < contact->hold_count; i++) {
@@ -97,7 +96,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
         count++;
     }
     if (count == 0 || !(top_m > 0)) return false;
-    // a node stands for one spacing around it, so the plate reaches half a spacing beyond its outer nodes
+    // a node stands for a square of one spacing, so the plate reaches half a spacing beyond its outer nodes
     for (int k = 0; k < 2; k++) {
         plate->middle_m[k] = 0.5 * (low_m[k] + high_m[k]);
         plate->half_m[k] = 0.5 * (high_m[k] - low_m[k] + m->def.spacing_m);
@@ -106,31 +105,31 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     plate->top_m = top_m / count;
     plate->h_m = m->def.spacing_m;
     plate->down_m_s = -change[2] / count;
-    // leave out the slow parts, whose strain rate stays below KN_IMPACT_REST times the rate at which edges flow
+    // slow parts, whose strain rate is below KN_IMPACT_REST times the rate at which edges flow, do not flow
     plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
     return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
            change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // the plate moves mostly downwards
 }
 
-// Evaluate the guessed field of velocities at one rest position. The formulas and letters are those of step_effort.h.
+// Evaluate the guessed velocity field at the rest position of one node, by the formulas and letters of step_effort.h.
 static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[3])
 {
     const float h = (float)p->h_m, a = (float)p->a_m, top = (float)p->top_m,
                 d = fmaxf(0, (float)(p->top_m - rest_m[2]));
     const float x = (float)(rest_m[0] - p->middle_m[0]), y = (float)(rest_m[1] - p->middle_m[1]);
-    // R: distance from the plate's rectangle; d: depth below the plate
+    // way: distance R from the plate's rectangle; d: depth below the plate
     const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]),
                 beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
     const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
-    // r': distance from the centre of the plate; h keeps r' above zero
+    // off: distance r' from the centre of the plate; h keeps it above zero
     const float off2 = x * x + y * y + d * d + h * h, off = sqrtf(off2);
-    // downward share of the velocity, interpolated between its values at the surface and on the axis
+    // down: downward velocity relative to the plate's velocity, interpolated between surface and axis
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
     const float axis = a * a / (a * a + 0.15f * way * a + 0.22f * way * way);
-    // shrink the field towards the base and the sides; cut off the slow part, but keep the value 1 under the plate
+    // reduce the field towards the base and the sides, and set it to 0 in the slow part; it stays 1 under the plate
     const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));
     const float v = (float)p->down_m_s * fmaxf(0, share - p->rest) / (down * (1 - p->rest));
-    // outward velocity per metre of distance from the axis
+    // out: outward velocity per metre of distance from the axis, relative to v
     const float out = a / off * (0.42f * d / off2 - 0.21f / (off + d));
     velocity_m_s[0] = v * out * x;
     velocity_m_s[1] = v * out * y;
@@ -162,10 +161,11 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 
-// Prices: estimated units of work of the parts of a step, per lane of a lattice, per edge of a net, per sample of a
-// tool. LINE is one linearisation of the law, ITERATION one iteration. The prices were measured in ns on a Sapphire
-// Rapids, f32, by fitting them to the ticks of bench_strike. If a price is too small, steps with much of that part take
-// longer than estimated. If a price is too large, such steps are capped early.
+// Prices: estimated units of work for each part of a step. A price is per lane of a block (LANE, GAS, RIGID), per edge
+// of a net (EDGE, GAS), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
+// the law, ITERATION one iteration. The prices are nanoseconds on a Sapphire Rapids in f32, fitted to the ticks of
+// bench_strike. If a price is too small, steps with much of this part take longer than estimated. If a price is too
+// large, the deadline caps such steps too early.
 enum {
     STEP = 10000,
     LANE_LINE = 45,
@@ -175,36 +175,36 @@ enum {
     GAS_LINE = 20,
     GAS_ITERATION = 2,
     TIE_LINE = 50,
-    TIE_ITERATION = 15, // per tied node of a composite, for one iteration
+    TIE_ITERATION = 15, // per tied node of a composite and iteration
     RIGID_LINE = 30,
     RIGID_ITERATION = 12,
-    NEWTON_LINE = 1700, // per lane, for one linearisation whose law is solved edge by edge
-    LAW = 4,            // without Newton, evaluating the law takes a fourth (1/LAW) of a linearisation's time
+    NEWTON_LINE = 1700, // per lane and linearisation, if Newton's method solves the law edge by edge
+    LAW = 4,            // without Newton's method, evaluating the law is 1/LAW of a linearisation
     F64_TIMES = 2,
     SAMPLE_FIND = 100,
     SAMPLE_LINE = 120,
     SAMPLE_ITERATION = 35,
-    SAMPLE_LOOK = 100, // per sample, for one look at the contact; counted twice if the tool is coupled
+    SAMPLE_LOOK = 100, // per sample and look at the contact; all SAMPLE prices count twice with a coupled tool
     HOLD_LINE = 20,
     NODE_GUESS = 18
 };
 
-// Least number of iterations for which a linearisation is worth its time.
+// Number of iterations with which a linearisation is worth its time.
 #define LINE_ITERATIONS 4
 
-// Return the prices that depend on the lattice alone. `held`: a plate holds nodes in this step, so the rigid motions
-// are not solved (solver_implicit.c).
+// Return the prices of a linearisation and of an iteration without contact. `held`: a plate holds nodes in this step,
+// so the rigid motions are not used (solver_implicit.c).
 static kn_deadline of_lattice(const kn_model *m, bool held)
 {
     const int64_t lanes = (int64_t)kn_model_field(m, 1), parts = m->def.mesh ? m->edge_count : lanes;
     kn_deadline d = {.line = parts * (m->def.mesh ? EDGE_LINE : LANE_LINE),
                      .iteration = parts * (m->def.mesh ? EDGE_ITERATION : LANE_ITERATION)};
-    // gas adds the cells' pressure to every part, and f64 costs twice as much
+    // gas adds the work of the cells, and f64 takes twice the time of f32
     if (m->def.pressure != KN_PRESSURE_NONE) d.line += parts * GAS_LINE, d.iteration += parts * GAS_ITERATION;
     const bool f64 = m->def.solver.precision == KN_PRECISION_F64;
     if (f64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
     d.law = d.line / LAW;
-    // a law that the lanes cannot evaluate is solved by Newton, edge by edge
+    // a law without an accurate table is solved by Newton's method, edge by edge
     if (m->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&m->law)))
         d.line += lanes * NEWTON_LINE, d.law += lanes * NEWTON_LINE;
     if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
@@ -214,7 +214,7 @@ static kn_deadline of_lattice(const kn_model *m, bool held)
 
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most)
 {
-    // with a coupled tool every sample counts twice
+    // if any tool is coupled, every sample counts twice
     const int64_t samples = contact->sample_count * (int64_t)(1 + contact->coupled);
     kn_deadline d = of_lattice(model, contact->hold_count > 0);
     d.most = most;
@@ -222,7 +222,7 @@ void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_co
     // contact adds units to every linearisation and every iteration
     d.line += samples * SAMPLE_LINE + contact->hold_count * (int64_t)HOLD_LINE;
     d.iteration += samples * SAMPLE_ITERATION;
-    // a look that changes a sample needs a new residual, which counts as an iteration
+    // a look that changes a sample needs a new residual, which takes about as long as an iteration
     if (samples > 0) d.look = samples * SAMPLE_LOOK + d.iteration;
     *deadline = d;
 }
@@ -236,31 +236,31 @@ bool kn_deadline_line(kn_deadline *d, bool first)
     return true;
 }
 
-// The price covers every node once per probe, an upper bound for the plates, and the law: after a guess the first
+// The price is an upper bound: all nodes once per probe, and one evaluation of the law, because after a guess the first
 // linearisation evaluates the law twice.
 int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines, int iterations)
 {
-    // no guess without a deadline, nor when all linearisations fit
+    // there is no guess without a deadline, or if all linearisations fit
     if (d->most == 0 || d->spent + lines * (d->line + d->look + iterations * d->iteration) <= d->most) return 0;
     const int64_t price = model->def.probe_count * model->node_count * (int64_t)NODE_GUESS + d->law;
-    // no guess if it would leave no time for one linearisation
+    // there is no guess if it would leave too little time for one linearisation
     return d->spent + price + d->line + d->look + 2 * d->iteration > d->most ? 0 : price;
 }
 
 void kn_deadline_share(kn_deadline *d, int lines, int iterations)
 {
     const int64_t room = d->most - d->spent, price = d->line + d->look, few = LINE_ITERATIONS * d->iteration;
-    // longest: units that the present linearisation can still take, with one change of its contact
+    // longest: largest number of units that one linearisation can take after it has begun, with a second look
     const int64_t longest = d->look + iterations * d->iteration;
     d->line_most = d->most;
     d->hurried = false;
-    // do not hurry when there is no deadline, only one linearisation, or time for all of them
+    // do not hurry without a deadline, with a single linearisation, or with time for all linearisations
     if (d->most == 0 || lines == 1 || lines * longest + (lines - 1) * price <= room) return;
-    // fitting: number of linearisations that fit with a few iterations each
+    // fitting: number of linearisations that fit with LINE_ITERATIONS iterations each
     int64_t fitting = 1 + (room - few) / (price + few);
     if (fitting > lines) fitting = lines;
     if (fitting < 2) return;
-    // give each an equal share, although the first linearisations need more than the last ones
+    // give each linearisation an equal share, although the first ones need more than the last ones
     d->line_most = d->spent + room / fitting;
     d->hurried = true;
 }
@@ -275,6 +275,6 @@ bool kn_deadline_spend(kn_deadline *d, int64_t units)
 int64_t kn_deadline_least(const kn_model *model)
 {
     const kn_deadline d = of_lattice(model, false);
-    // two iterations: one for the solve, and one for the look at the contact, which counts even without contact
+    // count two iterations: one for the solve, and one for a look at the contact
     return STEP + d.line + 2 * d.iteration;
 }

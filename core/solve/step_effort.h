@@ -1,6 +1,7 @@
 #ifndef KN_CORE_SOLVE_STEP_EFFORT_H
 #define KN_CORE_SOLVE_STEP_EFFORT_H
-// The number of linearisations of the law in a step: an impact needs more of them, a deadline leaves time for fewer.
+// The work of an implicit step: how many linearisations of the law it solves, and how far. An impact needs more
+// linearisations than other steps, and a deadline may leave time for fewer.
 #include "core/solve/contact.h"
 
 // --- impacts --------------------------------------------------------------------------------------------------------
@@ -15,110 +16,115 @@
 //                            more.
 //
 // The step of a blow is solved up to KN_IMPACT_PASSES times, until the law is met within the tolerance. A plate that
-// pulls at a node releases the node within the step, not after it. A gentle landing of the hand is never a blow: it has
-// the same bits, forces and time with and without this module. All limits are in units of p1, the stress that makes an
-// edge flow.
+// pulls at a node releases the node within this step, not after it. A gentle landing of the hand is never a blow: its
+// bits, forces and time do not depend on this module.
 //
-// A step's residual is compared with the largest residual of the last second. A blow enters this largest residual with
-// at most the limit of kn_impact_power. Otherwise a blow, and every step of the second after it, would be solved only
-// to a thousandth of the blow's own residual. If gas a thousand times as stiff as the dough makes up most of the
-// residual, that leaves a third of the shape unsolved. For a tenth of a second after a blow, a step above a tenth of
-// KN_IMPACT_POWER is a blow, too, because the nodes that leave the plate one by one determine the motion that follows.
-// The limits for rate, pressure and path are not lowered. Otherwise a plate that moves on at 5 cm/s would be a blow for
-// all that time, at five times the cost.
+// A step's residual is compared with the largest residual of the last second. A blow raises this largest residual to at
+// most the limit of kn_impact_power. Without this limit, a blow, and every step of the second after it, would be solved
+// only to a thousandth of the blow's own residual. If gas a thousand times as stiff as the dough makes up most of the
+// residual, a third of the shape would then stay unsolved. For a tenth of a second after a blow, a step above a tenth
+// of KN_IMPACT_POWER is a blow, too, because the nodes that leave the plate one by one determine the motion that
+// follows. The limits for rate, pressure and path are not lowered after a blow. If they were, a plate that moves on at
+// 5 cm/s would be a blow during all of this time, at five times the cost.
 
-// A step is an impact if it exceeds POWER, RATE, PRESS or WAY.
+// A step is an impact if it exceeds one of the limits POWER, RATE, PRESS or WAY. POWER, RATE and PRESS are multiples of
+// the power, the velocity or the pressure at which an edge begins to flow (stress p1).
 #define KN_IMPACT_PASSES 6   // largest number of linearisations of the law in the step of an impact
 #define KN_IMPACT_POWER 3.0  // limit of r.z (kernel.h) per node at the start of a step; below 1 in a gentle press
 #define KN_IMPACT_RATE 16.0  // limit of the change of a held node's velocity; below 6 in a gentle press
-#define KN_IMPACT_PRESS 0.08 // limit of the change of a sphere's pressure; below 0.04 in a gentle press
-// Limit of the path of a held node in one step, relative to the length of a compressed edge; below 0.01 in a gentle
-// press.
+#define KN_IMPACT_PRESS 0.08 // limit of the change of a sample's pressure; below 0.04 in a gentle press
+// Limit of the path of a held node in one step, relative to the length of a compressed edge; the ratio is below 0.01 in
+// a gentle press.
 #define KN_IMPACT_WAY 0.03
-#define KN_IMPACT_RECENT 0.9 // share of the limit to which the largest residual fades in a tenth of a second
+#define KN_IMPACT_RECENT 0.9 // ratio to which the largest residual after an impact has faded after a tenth of a second
 #define KN_IMPACT_AFTER 0.1  // factor of KN_IMPACT_POWER for a tenth of a second after an impact
 
-// Return the number of linearisations that every step of a model needs; 1 if the law is nearly straight. Let r be the
-// ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A linearisation that is half tangent and half secant
-// leaves (r - 1)/(r + 1) of an error. r is 8 for dough, and the linearisation of the next step corrects the remaining
-// error. r is some hundreds for a ramp, which yields suddenly at p1. A step of 10 ms or more needs several
-// linearisations, too.
+// Return the number of linearisations that every step of a model needs. The number is 1 if the law is nearly straight
+// and the step is shorter than KN_IMPACT_LONG_S. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A
+// linearisation that is half tangent and half secant leaves (r - 1)/(r + 1) of an error. r is 8 for dough, and the
+// linearisation of the next step corrects the remaining error. r is some hundreds for a ramp, which yields suddenly at
+// p1, so a ramp needs several linearisations.
 int kn_impact_lines(const kn_model *model);
-#define KN_IMPACT_BEND 32.0 // s |d ln c2/ds| at p1 above which every step needs several linearisations
-// steps of this length or longer need several linearisations, unless the law is straight [s]
+#define KN_IMPACT_BEND 32.0 // if s |d ln c2/ds| at p1 exceeds this limit, every step needs several linearisations
+// time step from which on every step needs several linearisations, unless the law is straight [s]
 #define KN_IMPACT_LONG_S 0.01
 
-// Return the limit of r.z [W] above which a step of the model is an impact; infinite for a straight law.
+// Return the limit of r.z [W] above which a step of the model is an impact. The limit is infinite for a straight law.
 double kn_impact_power(const kn_model *model);
 
-// Return true if the step is an impact. `contact`: as found for this step; `rz`: r.z of the first linearisation. With a
-// straight law no step is an impact. All functions here are real-time safe.
+// Return true if the step is an impact. `contact`: contact that kn_contact_find has found for this step; `rz`: r.z of
+// the first linearisation. With a straight law no step is an impact. All functions of this header are real-time safe.
 bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *contact, double rz);
 
-// If a deadline leaves time for only one or two lines, the first line must be good. A plate may speed up its nodes by
-// more than KN_IMPACT_BLOW times the velocity at which an edge flows. The velocity field under it is then much the same
-// for every material that flows: the field under a rigid punch on an elastic half-space, reduced towards the base and
-// the sides.
+// If a deadline leaves time for only one or two lines, the first line must be good. A plate strikes fast if it changes
+// the velocity of its nodes by more than KN_IMPACT_BLOW times the velocity at which an edge flows. The velocity field
+// under a fast plate is much the same for every material that flows. It is that under a rigid punch on an elastic
+// half-space, reduced towards the base and the sides of the object.
 //
-//          |  V  |            a: half width of the plate, d: depth, R: way from the plate, r: from its axis
+//          |  V  |            a: half width of the plate, d: depth, R: distance from the plate, r: from its axis
 //     _____|_____|_____       down      V (surface + (axis - surface) d/R)
 //        <- : | : ->                    surface = 1/(1 + 1.2 sqrt(R/a) + 0.8 R/a)
 //           : | :                       axis = 1/(1 + 0.15 R/a + 0.22 (R/a)^2)
 //           : v :             outwards  V (0.42 a d r/r'^3 - 0.21 a r/(r' (r' + d))), r'^2 = r^2 + d^2 + h^2
 //
-// Slow parts do not flow: below KN_IMPACT_REST x height x the strain rate at which edges flow, the field is zero. The
-// law is linearised at these velocities. The field is far from exact, but most edges that will flow do flow in it. With
-// time for one line, a plate at 10 cm/s on dough gives more than twice its true force if the line starts from rest, and
-// less than 1.1 times its true force if it starts from this field (tests/physics/test_deadline.c).
+// Slow parts do not flow: the field is zero where the velocity would be below KN_IMPACT_REST x height x the strain rate
+// at which edges flow. The law is linearised at the velocities of this field. The field is far from exact, but most
+// edges that will flow in the step flow in the field. With time for one line, a plate at 10 cm/s on dough gives more
+// than twice its true force if the line starts from rest, and less than 1.1 times its true force if the line starts
+// from this field (tests/physics/test_deadline.c).
 #define KN_IMPACT_BLOW 100.0
 #define KN_IMPACT_REST 5.0
 
-// For every plate that strikes fast, add the velocity field under a punch (above) to the solver's guess, and mark every
+// For every plate that strikes fast, add the velocity field under a rigid punch to the solver's guess, and mark every
 // row as moved. The guess must already contain the velocities of the held nodes. Return true if a plate strikes fast.
 bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact);
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 
 // Limit on the work of one step, in units of work that the step itself counts. The count depends on the input alone. So
-// a step that the deadline ends early has the same bits on every machine. A unit is about one nanosecond of one core
-// with AVX-512. The caller that sets the deadline measures the length of a unit on its own machine (server/served_object.h).
+// a step that the deadline ends early has the same bits on every machine. A unit takes about one nanosecond on one core
+// with AVX-512. The caller that sets the deadline measures the duration of a unit on its own machine
+// (server/served_object.h).
 //
 //     spent  |find|line i i i i|look|i i|line i i i i|look|i i        most
 //            '-----------------------------------------------------'   the next part would not fit: the step ends
 //
-// Terms: find is the search for contact, a line is one linearisation of the law, i an iteration along the line, a look
-// one evaluation of the contact. The work of each part of an implicit step is counted before the part begins. The
-// shortest step is one line, one iteration and one look. It is taken even if the deadline is shorter. A blow (above)
-// may need more lines than fit. Then the units are shared among as many lines as fit with a few iterations each. All
-// lines but the last are solved only to a fifth of their initial residual. If a plate strikes, the step starts from a
-// guessed velocity field (kn_impact_guess). The unsolved part stays in the residual from which the next step starts.
-// The stages of Runge-Kutta and the passes of the integer solver are fixed by the model: they have no deadline.
+// Terms: find is the search for contact, a line is one linearisation of the law, i an iteration of the conjugate
+// gradients, a look one evaluation of the contact. The work of each part of an implicit step is counted before the part
+// begins. The shortest step is one line, one iteration and one look. A step does at least this work, even if the
+// deadline is shorter. An impact may need more lines than fit into the deadline. Then the units are shared among as
+// many lines as fit with a few iterations each. All lines but the last are solved only to a fifth of their initial
+// residual. If a plate strikes fast, the step starts from a guessed velocity field (kn_impact_guess). The unsolved part
+// stays in the residual from which the next step starts. The model fixes the stages of Runge-Kutta and the passes of
+// the integer solver, so these solvers have no deadline.
 
 typedef struct kn_deadline {
-    int64_t most, spent;           // units of work: limit of the step and count so far; `most` 0: no deadline
-    int64_t line, iteration, look; // estimated units of work of one linearisation, one iteration, one contact look
-    int64_t law;                   // estimated units of work of evaluating the law once, a part of a linearisation
-    int64_t line_most;             // limit of `spent` for the linearisation that is being solved
-    bool hurried;                  // linearisations are cut short to leave time for later ones
+    int64_t most, spent; // limit of the step, and count so far [units of work]; `most` 0: no deadline
+    int64_t line, iteration,
+        look;          // estimated work of one linearisation, one iteration, one look at the contact [units]
+    int64_t law;       // estimated work of evaluating the law once, a part of a linearisation [units]
+    int64_t line_most; // limit of `spent` for the present linearisation
+    bool hurried;      // the present linearisation is cut short to leave time for later ones
 } kn_deadline;
 
-// Estimate the units of work of each part of this step, and count the contact search, which is already done. `most`:
-// limit of the step, in units of work.
+// Estimate the units of work of each part of this step, and count the search for contact, which is already done.
+// `most`: limit of the step, in units of work; 0: no deadline.
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
-// Begin a linearisation (line) and count its work and that of its look at the contact. Return false if the
-// linearisation and two iterations exceed the deadline. The first linearisation always begins.
+// Begin a linearisation (line): count its work and that of its look at the contact. Return false, and count nothing, if
+// the linearisation and two iterations would exceed the deadline. The first linearisation always begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
-// Return the units that kn_impact_guess takes when a plate strikes. Return 0 if no guess is needed, because `lines`
-// lines of `iterations` iterations each fit. Return 0, too, if a guess, a line and two iterations do not fit.
+// Return the units of work of kn_impact_guess in a step in which a plate strikes fast. Return 0 if no guess is needed,
+// because `lines` linearisations of `iterations` iterations each fit into the deadline. Also return 0 if a guess, one
+// linearisation and two iterations do not fit.
 int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
 // Limit the linearisation that has begun to its share of the remaining units of work. `lines`: number of linearisations
 // from this one on, each of at most `iterations` iterations.
 void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 
-// If the present linearisation has that many units of work left, count them and return true. Else return false.
+// Count `units` units of work and return true, if the present linearisation has so many left. Else return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
 
 // Return the units of work of the shortest step of a model while no tool touches the object.

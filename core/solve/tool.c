@@ -6,7 +6,7 @@
 
 // --- shape ----------------------------------------------------------------------------------------------------------
 
-// Return the reason why a box or cross is too small or too round, or NULL.
+// Return NULL, or the reason why the sizes of a box or cross are wrong.
 static const char *unfit_box(const kn_probe_def *p, double spacing_m)
 {
     for (int k = 0; k < 3; k++)
@@ -17,7 +17,7 @@ static const char *unfit_box(const kn_probe_def *p, double spacing_m)
     return NULL;
 }
 
-// Refuse a shape smaller than the lattice's spacing, because it would fall between the nodes.
+// A shape smaller than the lattice's spacing is refused, because it would fall between the nodes.
 const char *kn_tool_unfit(const kn_probe_def *p, double spacing_m)
 {
     const bool cylinder = p->shape == KN_PROBE_CYLINDER, long_one = cylinder || p->shape == KN_PROBE_CAPSULE;
@@ -63,7 +63,7 @@ bool kn_tool_shape(const kn_probe_def *def, kn_shape *shape)
 
 // --- orientation ----------------------------------------------------------------------------------------------------
 
-// Compute the rotation vector from one orientation to another, the short way round.
+// Compute the shortest rotation vector from one orientation to another.
 static void turn_between(const double from[4], const double to[4], double turn[3])
 {
     double d[4];
@@ -133,26 +133,26 @@ void kn_tool_begin(const kn_model *m, kn_state *state, int p, const kn_probe_inp
     if (!probe->attached) return;
     tool->coupled = def->coupling_n_m > 0;
     take_grip(def, in, own);
-    // a tool that entered inside the object grows back by at most KN_RELIEF_M_S
+    // a tool that was attached inside the object grows back at KN_RELIEF_M_S, or less in the last step
     tool->growth_m_s = fmin(KN_RELIEF_M_S, own->relief_m / dt);
     own->relief_m = fmax(0, own->relief_m - KN_RELIEF_M_S * dt);
     tool->turned = turns;
-    // turn: rotation from the tool's orientation to that of the pose
+    // turn: rotation vector from the tool's orientation to the orientation of the pose
     if (turns) {
         double wanted[4];
         kn_turn_unit(in->orientation_wxyz, wanted);
         turn_between(own->orientation_wxyz, wanted, turn);
         kn_turn_matrix(own->orientation_wxyz, tool->turn);
     }
-    // A rigid tool follows the velocity of its pose and closes the distance to the pose within the time catch_up. A
-    // step longer than that time reaches the pose at once and never passes it.
+    // A rigid tool follows the velocity of its pose, and its distance to the pose decays with the time constant
+    // catch_up. A step longer than KN_FOLLOW_S closes the distance in one step and never passes the pose.
     if (!tool->coupled) {
         for (int k = 0; k < 3; k++) {
             probe->velocity_m_s[k] = in->velocity_m_s[k] + (in->position_m[k] - probe->position_m[k]) / catch_up;
             own->turn_rad_s[k] = turns ? turn[k] / catch_up : 0;
         }
     }
-    // the coupling's part of the tool's 6 x 6 system; turns use the arm l
+    // the coupling's part of the tool's 6 x 6 system; its rotational stiffness and damping contain l^2
     const double k_n_m = def->coupling_n_m, b_n_s_m = def->coupling_n_s_m, l2 = KN_COUPLING_ARM_M * KN_COUPLING_ARM_M;
     tool->give[0] = dt * k_n_m + b_n_s_m;
     tool->give[1] = l2 * tool->give[0];

@@ -59,7 +59,7 @@ knead check tools.yaml --set support=none --set gravity='9.8 m/s^2' | grep -q '^
 
 # Two resolutions.
 fine=$KN_SOURCE/core/scenes/dough-fine.yaml
-knead check "$fine" | grep -q "^accuracy *1 % of the force: spacing in a box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, twice that outside: 3210 nodes" ||
+knead check "$fine" | grep -q "^accuracy *1 % of the force: fine cells in the box x -10.5..10.5 y -10.5..10.5 z 15..24 mm, cells of twice the size outside: 3210 nodes" ||
     fail "the fine box is not reported"
 knead check "$fine" --set object.margin='5 cm' | grep -q "^accuracy *the tools reach the whole object: uniform" || fail "a fine box as large as the object is not reported as uniform"
 knead check "$fine" --set object.accuracy=0 | grep -q "^accuracy" && fail "accuracy 0 makes a fine box"
@@ -97,16 +97,16 @@ refuses 2 "folder/own.yaml:9:11: support is in folder/mine.yaml, expected only a
 
 # A plastic material: one damper in effect, or a warning. For a stroke the program tells the range of lengths.
 knead check "$dough" --set material=dough-plastic >out && grep -q "^plastic .* c2 within 3.8 % at every stress" out || fail "plastic"
-! grep -q "^warning.*c/c2" out || fail "dough-plastic gives a warning about c/c2"
-knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *|c/c2 - 1| is up to 94 %, above 5 %" || fail "no warning of a c1 that is too small"
+! grep -q "^warning.*c1 and c2 in series" out || fail "dough-plastic gives a warning about c1"
+knead check "$dough" --set material.k1='0 Pa' | grep -q "^warning *c1 and c2 in series differ from c2 by up to 94 %, above 5 %" || fail "no warning of a c1 that is too small"
 knead check "$dough" --set material.stroke='[0.02, 0.98]' |
-    grep -q "^stroke *a 0.02 to 0.98 around 0.2: without load an edge has 0.2041 to 10 times its" || fail "stroke"
+    grep -q "^stroke *Voigt part a = 0.02 to 0.98 of an edge's length, 0.2 when new: without load an edge has 0.2041 to 10 times its" || fail "stroke"
 
 # Structure, gas, and combinations that are impossible.
 pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml
 knead check "$pressure" | grep -q "^pressure *600 cells, each closed, 101325 Pa" || fail "the gas pressure is not reported"
 knead check "$pressure" --set object.diagonal_stiffness=0.02 >out
-grep -q "(diagonals, 0.02 as stiff as the sides)" out || fail "the stiffness of weak diagonals is not reported"
+grep -q "(diagonals, 0.02 times as stiff as the sides)" out || fail "the stiffness of weak diagonals is not reported"
 grep -q "^warning" out && fail "diagonals of 2 % give a warning"
 knead check "$pressure" --set object.diagonal_stiffness=0.005 | grep -q "^warning *gas does not resist shear" ||
     fail "no warning of diagonals too weak for gas"

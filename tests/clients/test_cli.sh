@@ -47,7 +47,7 @@ begins 2 'knead probe: --hand strong: expected none, light, normal or firm' knea
 begins 2 'knead probe: --axes 2: expected 1 or 3' knead probe --axes 2
 begins 2 'knead probe: --held with --local' knead probe --hand light --local --held
 for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
-    begins 2 "knead probe: ${alone%%=*} without a hand on a device, expected --hand too" knead probe $alone
+    begins 2 "knead probe: ${alone%%=*}: expected --hand as well, because the option is for a simulated device" knead probe $alone
 done
 begins 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
 begins 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800

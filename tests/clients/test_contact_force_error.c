@@ -1,4 +1,4 @@
-#include "clients/sweep/contact_force_error.h"
+#include "clients/sweep/replay_trace.h"
 #include "tests/check.h"
 
 enum { TICKS = 3000 };

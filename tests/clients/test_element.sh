@@ -19,13 +19,13 @@ knead element --catalogue >catalogue || fail "--catalogue: exit $?"
 [ "$(having 5 decreases)" = adefgik ] || fail "vibration decreases: $(having 5 decreases)"
 [ "$(having 6 yes)" = dfgk ] || fail "all three properties: $(having 6 yes)"
 [ "$(grep -c '^(.* forced: ' catalogue)" = 6 ] && [ "$(grep -c '^(.* one of [24]: ' catalogue)" = 5 ] || fail "wrong number of forced and of ambiguous elements"
-grep -q "^All three with the fewest parts: (d) and (f)\." catalogue || fail "(d) and (f) are not named as the elements with the fewest parts"
+grep -q "^All three properties with the fewest parts: (d) and (f)\." catalogue || fail "(d) and (f) are not named as the elements with the fewest parts"
 
 says 'd-(d|s)' 'element     (s|d)-d, jeffreys: 1 spring, 2 dampers; figure 2 (d)' \
-    's|d          no, in parallel one that has none takes it back (Table 1b): s' \
+    's|d          no, in parallel, one part that recovers is enough (Table 1b): s' \
     'every part of the series has a damper: s|d, d' 'has all three properties of a rheological object' \
     'impedance   Z(p) = (b1 p + b2 p^2) / (1 + a1 p)' 'long term   fluid' 'instant     dashpot' \
-    'parameters  3 of 3' 'as Maxwell units side by side (s-d)|d' "of the paper's figure 2: d f;"
+    'parameters  3 of 3' 'as Maxwell units side by side (s-d)|d' "in the paper's figure 2: d f;"
 says zener 'long term   solid' 'instant     spring' 'class       standard linear solid' \
     'the rule says "decreases" here and "remains" of (s|d)-s, the same one-port'
 says 's-(s|d)' 'the rule says "remains" here and "decreases" of (s-d)|s, the same one-port'

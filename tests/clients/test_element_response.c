@@ -1,5 +1,5 @@
 // clients/identify/element_response.h compared with core/network.h, which steps through time. The two share only the
-// equations and the coefficients of core/sdirk.h.
+// equations and the coefficients of the time integration (kn_sdirk_row).
 #include "clients/identify/element_response.h"
 #include "core/network.h"
 #include "tests/check.h"

@@ -1,6 +1,6 @@
 // Panels of points and lines: values that cannot be drawn are left out, and the picture is as large as its panels
 // need.
-#include "clients/report/plot_panels.h"
+#include "clients/report/report_page.h"
 #include "clients/cli/commands.h"
 #include "tests/check.h"
 #include <unistd.h>

@@ -73,7 +73,7 @@ open("odd.csv", "w", encoding="utf-8", newline="").write(
     "".join(r.replace(",", ";").replace(".", ",") + "\r\n" for r in rows))
 PY
 knead identify creep odd.csv >odd.txt 2>err || fail "odd: $(cat err)"
-grep -q 'odd.csv:[0-9]*:1: left out, .* standard deviations' odd.txt && ok "the outlier is left out and its line is reported" || fail "outlier"
+grep -q 'odd.csv:[0-9]*:1: left out as an outlier, .* standard deviations' odd.txt && ok "the outlier is left out and its line is reported" || fail "outlier"
 best() { awk -v n="$1" '$1 == n { print $2; exit }' "$2"; }
 near() { awk -v a="$(best "$1" one.txt)" -v b="$(best "$1" odd.txt)" 'BEGIN { exit !(a > 0 && b / a < 1.01 && b / a > 0.99) }'; }
 near k1 && near c1 && near alpha && near beta && ok "shuffled and missing readings, semicolons, decimal commas and CR LF give the same parameters within 1 %" ||
@@ -103,11 +103,11 @@ wait $report
 [ $? = 143 ] && ! ls -d cut cut.* >/dev/null 2>&1 && ok "a report ended by SIGTERM leaves no files" || fail "ended report: $(ls -d cut*)"
 
 cp 50gf.csv mine.csv
-refuses 2 "knead identify creep: --csv ./mine.csv: is being read, expected another name" identify creep mine.csv --csv ./mine.csv
-refuses 2 "knead identify creep: --png mine.csv: is being read, expected another name" identify creep mine.csv --png mine.csv
+refuses 2 "knead identify creep: --csv ./mine.csv: this path is also an input, expected another path" identify creep mine.csv --csv ./mine.csv
+refuses 2 "knead identify creep: --png mine.csv: this path is also an input, expected another path" identify creep mine.csv --png mine.csv
 cmp -s 50gf.csv mine.csv && ok "an input file is never overwritten" || fail "readings were written over"
-refuses 2 "knead identify creep: --out both and --csv both: expected names apart" identify creep mine.csv --csv both --out both
-refuses 2 "knead identify creep: mine.csv and ./mine.csv: one file, expected its readings once" identify creep mine.csv ./mine.csv
+refuses 2 "knead identify creep: --out both and --csv both: expected two paths, neither inside the other" identify creep mine.csv --csv both --out both
+refuses 2 "knead identify creep: mine.csv and ./mine.csv are one file, whose readings would count twice; expected it once" identify creep mine.csv ./mine.csv
 sed '1a # load: 30 gf' 50gf.csv >said.csv
 refuses 2 "said.csv:2:9: load of 30 gf here, but of 50 gf in line 1, expected one value" identify creep said.csv
 sed 's/^time.*/time [s],displacement [mm],displacement [mm]/; s/^[0-9].*/&,0/' 50gf.csv >twice.csv
@@ -147,7 +147,7 @@ grep -q 'early70 .*applied 1[12].* s late, held' early.txt && awk -F, '
     ok "the delay found with --late is applied to times, stresses and the two-stage fit" || fail "early: $(cat err early.txt)"
 cd ..
 
-refuses 2 "knead identify creep: expected a file of readings, CSV; --help tells its columns" identify creep
+refuses 2 "knead identify creep: expected a file of readings, CSV; --help lists its columns" identify creep
 : >empty.csv
 refuses 2 "knead identify creep: empty.csv: is empty, expected a table" identify creep empty.csv
 printf 'time,displacement\n0,1\n1,2\n' >unitless.csv

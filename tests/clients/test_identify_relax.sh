@@ -28,7 +28,7 @@ rows = {r["name"]: r for r in o["models"]}
 thins, above = rows["(s|d)-d thinning"], rows["(s|d)-d thinning above P0"]
 assert thins["fitted_error"] < 1e-6 and abs(thins["aicc"] - min(r["aicc"] for r in o["models"])) < 1e-6, rows
 assert above["not_known"] == ["P0"] and thins["not_known"] == [], rows
-assert "the fit has not seen" in o["verdict"] and "none does both" not in o["verdict"], o["verdict"]
+assert "The fit shows neither" in o["verdict"] and "no model does both" not in o["verdict"], o["verdict"]
 PY
 
 cp "$KN_SOURCE/core/scenes/dough-small.yaml" scene.yaml && sed -i 's/^material: .*/material: dough.yaml/' scene.yaml
@@ -79,7 +79,7 @@ if command -v gnuplot >/dev/null; then
         grep -q 'fractional Maxwell' report/index.html && ok "--png, --report" || fail "--png, --report"
 fi
 
-refuses 2 "knead identify relax: expected a file of readings, CSV; --help tells its columns" identify relax
+refuses 2 "knead identify relax: expected a file of readings, CSV; --help lists its columns" identify relax
 refuses 2 "knead identify relax: --noise 'loud': expected constant or relative" identify relax hold.csv --noise loud
 refuses 2 "knead identify relax: --load: unknown option; --help lists them" identify relax hold.csv --load 5gf
 refuses 2 "knead identify relax: --strain '150%': expected a share of the height like 10% or 0.1, up to 90 %" identify relax hold.csv --strain 150%
@@ -100,7 +100,7 @@ knead identify relax modulus.csv all.csv >out 2>err
 [ $? = 2 ] && grep -q 'all.csv: has a strain' err && ok "a file without a strain before a ramp with one is refused" || fail "mixed with a rise: $(cat err)"
 sed '2s/.*/time [s],stress [Pa],displacement [furlong]/; 3,$s/$/,1/' hold.csv >furlong.csv
 knead identify relax furlong.csv --height '1 cm' >out 2>err
-[ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected one of displacement, e.g. m" ] &&
+[ $? = 2 ] && [ "$(cat err)" = "furlong.csv:2:22: displacement: the unit 'furlong' is unknown, expected a unit of displacement, e.g. m" ] &&
     ok "an unknown unit is refused with its place" || fail "furlong: $(cat err)"
 sed 1d hold.csv >strainless.csv
 begun=yes refuses 2 "knead identify relax: --out m.yaml: no material without the held strain, expected it in the file or by --strain" identify relax strainless.csv --out m.yaml

@@ -89,7 +89,7 @@ if command -v gnuplot >/dev/null; then
     head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || fail "--png, --report"
 fi
 
-refuses 2 "knead identify sweep: expected a file of readings, CSV; --help tells its columns" identify sweep
+refuses 2 "knead identify sweep: expected a file of readings, CSV; --help lists its columns" identify sweep
 refuses 2 "knead identify sweep: --strain: unknown option; --help lists them" identify sweep sweep.csv --strain 5%
 refuses 2 "knead identify relax: --shear: unknown option; --help lists them" identify relax sweep.csv --shear
 sed 's/^\(5;[^;]*\);.*/\1;-3/' sweep.csv >minus.csv

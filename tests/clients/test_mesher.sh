@@ -26,7 +26,7 @@ done <"$bad/expected"
 surface=$KN_SOURCE/tests/clients/surfaces/block.obj
 refuses 2 "knead mesh: expected one .obj, .stl or .msh file; see --help"
 refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
-refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected .obj or .stl" "$meshes/block.msh" --size 5mm
+refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected a file that ends in .obj or .stl" "$meshes/block.msh" --size 5mm
 refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" -o x.msh
 refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm
 refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm -o x.stl

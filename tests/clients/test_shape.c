@@ -253,7 +253,7 @@ NIGHT_TEST(
           0.5 * json_number_value(json_object_get(best, "off")));
     CHECK(json_is_false(json_object_get(root, "explained")));
     CHECK(json_is_true(json_object_get(structure(root, "diagonals"), "stopped_early")));
-    CHECK(strstr(text_of(root, "words"), "None of them explains it"));
+    CHECK(strstr(text_of(root, "words"), "None of the structures explains the measurements"));
     json_decref(root);
     CHECK(COMMAND("found.json", "err", SMALL, "--set", "object.spacing=5 mm", "--only", "both", "--depth", "depth.png",
                   "--force", "force.csv", "--hold", "1", "--json") == 0);
@@ -489,7 +489,7 @@ TEST("points without a coordinate are left out, misplaced force rows are sorted,
     kn_hear();
     const int code = kn_shape_measured(&e, &o, c);
     kn_hear_end();
-    CHECK(code == 0 && strstr(kn_heard, "left out: 2 that lack a coordinate, the first in line 2"));
+    CHECK(code == 0 && strstr(kn_heard, "left out: 2 points without all coordinates, the first in line 2"));
     CHECK(strstr(kn_heard, "disorder.csv: the rows are not in the order of time: 1 moved"));
     if (code == 0) kn_measurement_free(&e);
     force = fopen("disorder.csv", "w");
@@ -529,10 +529,10 @@ TEST("several force columns are refused, and rows of the pressing probe are sele
     line[in ? fread(line, 1, sizeof line - 1, in) : 0] = '\0';
     if (in) fclose(in);
     CHECK(strstr(line, "rows.csv, 'contact_fz' over 'time' of plate: "));
-    CHECK(strstr(line, "diagonals explains it"));
+    CHECK(strstr(line, "diagonals explains the measurements"));
     CHECK(strstr(line, "note       the scene's object.pressure=object is ignored"));
     write_text("other.csv", "time_s,probe,force_n\n0,thumb,1\n1,thumb,2\n");
-    REFUSES("other.csv:1:8: 2 rows, all of another probe than 'plate', expected rows of it", SMALL, "--depth",
+    REFUSES("other.csv:1:8: none of the 2 rows has the probe 'plate', expected rows with it", SMALL, "--depth",
             "depth.png", "--force", "other.csv");
 }
 
@@ -610,7 +610,7 @@ TEST("each impossible request is refused in one line")
     REFUSES("--mesh nosuch.msh: no such file", SMALL, "--depth", "depth.png", "--mesh", "nosuch.msh", "--mesh-unit",
             "mm");
     REFUSES("--probe thumb: the scene has no probe of that name", SMALL, "--depth", "depth.png", "--probe", "thumb");
-    REFUSES("depth.png: is being read", SMALL, "--depth", "depth.png", "--out-depth", "depth.png");
+    REFUSES("depth.png: is also the input --depth", SMALL, "--depth", "depth.png", "--out-depth", "depth.png");
     REFUSES("--hold: expected no --log", SMALL, "--depth", "depth.png", "--hold", "3", "--log", "x.lcmlog");
     REFUSES("x.lcmlog: No such file", SMALL, "--depth", "depth.png", "--log", "x.lcmlog");
     REFUSES("nosuch.yaml:1:1: No such file", "nosuch.yaml", "--depth", "depth.png");
@@ -649,16 +649,16 @@ TEST("an output must not replace an input, a file that the scene names, or anoth
     write_text("blk.msh", "$MeshFormat\n");
     write_text("sub.yaml", material);
     write_text("named.yaml", "version: 1\nmaterial: sub.yaml\n");
-    REFUSES("--out blk.msh: is being read, as --mesh ./blk.msh, expected another", SMALL, "--depth", "depth.png",
+    REFUSES("--out blk.msh: is also the input --mesh ./blk.msh, expected another", SMALL, "--depth", "depth.png",
             "--mesh", "./blk.msh", "--mesh-unit", "mm", "--out", "blk.msh");
-    REFUSES("--out ./sub.yaml: is being read, named.yaml names it", "named.yaml", "--depth", "depth.png", "--out",
+    REFUSES("--out ./sub.yaml: is also an input, which named.yaml names", "named.yaml", "--depth", "depth.png", "--out",
             "./sub.yaml");
-    REFUSES("--png sub.yaml: is being read, --set material=sub.yaml names it", SMALL, "--set", "material=sub.yaml",
-            "--depth", "depth.png", "--png", "sub.yaml");
-    REFUSES("--out same, --out-depth ./same: are one file", SMALL, "--depth", "depth.png", "--out", "same",
+    REFUSES("--png sub.yaml: is also an input, which --set material=sub.yaml names", SMALL, "--set",
+            "material=sub.yaml", "--depth", "depth.png", "--png", "sub.yaml");
+    REFUSES("--out same and --out-depth ./same are one file", SMALL, "--depth", "depth.png", "--out", "same",
             "--out-depth", "./same");
-    REFUSES("--out same, --png same: are one file", SMALL, "--depth", "depth.png", "--out", "same", "--png", "same");
-    REFUSES("--out force.csv: is being read, as --force force.csv", SMALL, "--depth", "depth.png", "--force",
+    REFUSES("--out same and --png same are one file", SMALL, "--depth", "depth.png", "--out", "same", "--png", "same");
+    REFUSES("--out force.csv: is also the input --force force.csv", SMALL, "--depth", "depth.png", "--force",
             "force.csv", "--out", "force.csv");
     CHECK(bytes_of("blk.msh") == strlen("$MeshFormat\n"));
     CHECK(bytes_of("sub.yaml") == strlen(material));

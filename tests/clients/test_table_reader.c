@@ -355,7 +355,7 @@ TEST("a file without a table is refused in one line")
     CHECK(read_text("1,2\n3,4\n", 2) == KN_EXIT_USAGE && complained(":1:1: no table", "expected a line of names"));
     CHECK(read_text("time_s,height_mm\n", 2) == KN_EXIT_USAGE && complained(":1:1: names without numbers", ""));
     CHECK(read_text("time_s,height_mm,c\n,,1\n,,2\n", 2) == KN_EXIT_USAGE &&
-          complained(":1:1: no numbers below time", ""));
+          complained(":1:1: no numbers below the name time", ""));
     CHECK(read_text("one\ntwo\n", 2) == KN_EXIT_USAGE && complained(":1:1: no table", ""));
     CHECK(read_bytes("a\0b", 3, NULL, 2) == KN_EXIT_USAGE && complained(":1:1: a byte 0", ""));
     CHECK(read_bytes(large, sizeof large, NULL, 2) == KN_EXIT_USAGE && complained(":1:1: a line of more than", ""));

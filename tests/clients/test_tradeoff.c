@@ -1,5 +1,4 @@
 // gate in release: arithmetic, ten times slower with the sanitizers
-#include "clients/sweep/pareto_chart.h"
 #include "clients/cli/commands.h"
 #include "clients/sweep/pareto_front.h"
 #include "server/log.h"

@@ -31,7 +31,7 @@ circles() {
     [ -z "$found" ] && echo "ok   no include circle in $*" && return
     printf 'FAIL include circles, each module includes the next:%s\n' "$found" && fail=1
 }
-circles core server
+circles core server clients
 
 # core may use C library headers without clocks, threads, sockets or files. Only the scene parser uses YAML.
 system='assert|complex|errno|float|immintrin|inttypes|limits|math|stdalign|stdarg|stdbool|stddef|stdint|stdio|stdlib|string'

@@ -105,7 +105,7 @@ for again in range(40):
         at += 28 + channel + data
     long.write(log)
 END
-refused "more moments than file names" 2 '--every 0.001: expected at most 100000 moments, of long.lcmlog that would be' \
+refused "more moments than file names" 2 '--every 0.001: expected at most 100000 moments, but long.lcmlog would give' \
     long.lcmlog --vtk x --every 0.001
 check "a short part of a long log is exported" knead export long.lcmlog --ply part-ply --top '1 mm' --every 0.001 --from 0.001 --to 0.003
 check "the exported part has three surfaces" [ "$(ls part-ply | wc -l)" = 3 ]
@@ -116,12 +116,12 @@ refused "a part that ends before it begins" 2 '--to 1: expected no less than --f
 refused "a moment together with a part" 2 'expected no --from' press.lcmlog --vtk x --from 1 --at 2
 refused "an unknown colour" 2 '--color heat: expected displacement, stress or residual' press.lcmlog --ply x --at 1 --color heat
 refused "colours without a common scale" 2 'expected --top' press.lcmlog --ply x
-refused "several moments of a scene at rest" 2 'nothing happens to a scene at rest' --scene "$scenes/dough-small.yaml" --vtk x --every 1
+refused "several moments of a scene at rest" 2 'expected a log, because a scene at rest does not change' --scene "$scenes/dough-small.yaml" --vtk x --every 1
 refused "a missing scene" 2 'nosuch.yaml:1:1: ' --scene nosuch.yaml --vtk x
 head -c 300000 press.lcmlog >cut.lcmlog
 knead export cut.lcmlog --vtk cut >out 2>err
 check "a damaged log is exported up to the damage" [ -e cut/object.pvd ]
-check "the export reports the damage: $(cat err)" grep -q "the part before it was used" err
+check "the export reports the damage: $(cat err)" grep -q "only the log before this point was used" err
 (ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv) >out 2>err
 got=$?
 check "a full disk is reported in one line ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'

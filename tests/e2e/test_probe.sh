@@ -39,8 +39,8 @@ expect 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' 2 knead probe --path
 $ahead knead probe --path path.csv --drop-at 0.9:60 >drop.txt 2>drop.err
 cat drop.err
 check "60 ms without a pose latch a fault, and the hand says why" \
-    grep -q 'path, 0\.9[0-9]* s, .*: kneadd latched: pose silence; way back: ' drop.err
-check "lifting clears it" grep -q 'tool lifted, fault cleared; once more' drop.err
+    grep -q 'path, 0\.9[0-9]* s, .*: kneadd latched a fault: pose silence; remedy: ' drop.err
+check "lifting clears it" grep -q 'tool lifted, fault cleared; trying again' drop.err
 check "the path is played again after the fault" grep -q '^  try [23]: ' drop.txt
 
 # A killed server cannot ramp any force down.

@@ -42,14 +42,14 @@ check "$(grep 'settings restored' kneadd.log)" \
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 check "the status lists the settings" \
     [ "$(field '["set"]')" = "['material.k1=600 gf/cm^3', 'device.clamp=2 N']" ]
-expect 'device.clamp: relaxes a limit for the hand' 2 ctl set 'device.clamp=100 N'
+expect 'device.clamp: relaxes a safety limit of the hand' 2 ctl set 'device.clamp=100 N'
 expect 'another lattice' 2 ctl set 'object.spacing=5 mm'
 expect 'another tool' 2 ctl set 'probes.finger.radius=2 cm'
 expect 'a damper where there was none' 2 ctl set material.damper=none
 expect 'set material.c9: unknown key' 2 ctl set material.c9=1
 expect "set 'nonsense': expected KEY=VALUE" 2 ctl set nonsense
 expect 'set: expected KEY=VALUE' 2 ctl set
-expect 'device.zero: relaxes a limit for the hand' 2 ctl set 'device.zero=4 ms'
+expect 'device.zero: relaxes a safety limit of the hand' 2 ctl set 'device.zero=4 ms'
 expect 'another solver.dt' 2 ctl set 'solver.dt=0.01 ms'
 expect 'another mesh.rate' 2 ctl set 'mesh.rate=45 Hz'
 expect 'other mesh.measures' 2 ctl set mesh.measures=stress
@@ -67,7 +67,7 @@ start_kneadd "$PWD/dough-small.yaml" --control control --state-dir state --set '
 check "$(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 stop_kneadd
 start_kneadd dough-small.yaml --control control --state-dir state --set 'device.clamp=1 N'
-check "a setting above a lower limit of the start is left out: $(grep 'left out' kneadd.err)" grep -q "left out: device.clamp relaxes a limit for the hand" kneadd.err
+check "a setting above a lower limit of the start is left out: $(grep 'left out' kneadd.err)" grep -q "left out: device.clamp relaxes a safety limit of the hand" kneadd.err
 check "the object is restored with the lower limit: $(grep restored kneadd.log)" grep -q '^kneadd: restored state/dough-small' kneadd.log
 stop_kneadd
 
@@ -96,7 +96,7 @@ s = socket.socket(socket.AF_UNIX); s.connect("control")
 s.sendall(json.dumps({"command": "load", "scene": "x\nkneadd: control: uid 0 pid 1: forged"}).encode() + b"\n"); s.recv(9999)'
 check "a line break in a path does not forge a log line" [ "$(grep -c '^kneadd: control: uid 0 pid 1: forged' kneadd.err)" = 0 ]
 sed 's/profile: [a-z]*/profile: bench\n    clamp: 90 N/; s/^device: *bench/device: {profile: bench, clamp: 90 N}/' "$KN_SOURCE/core/scenes/dough-small.yaml" >strong.yaml
-expect 'device.clamp: relaxes a limit for the hand beyond the scene at the start' 2 ctl load strong.yaml
+expect 'device.clamp: relaxes a safety limit of the hand beyond the scene of the start' 2 ctl load strong.yaml
 check "after a refused load the old scene is served" grep -q '^scene  *dough-small.yaml' <(ctl status)
 check "another scene is loaded: $(ctl load "$KN_SOURCE/core/scenes/jelly.yaml")" grep -q '^scene  *jelly.yaml' <(ctl status)
 check "the first scene is loaded again: $(ctl load "$KN_SOURCE/core/scenes/dough-small.yaml")" grep -q '^scene  *dough-small.yaml' <(ctl status)

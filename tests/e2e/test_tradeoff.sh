@@ -74,7 +74,7 @@ SSH
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
     check "an unreachable host gives exit code 3" [ $? = 3 ]
-    check "the error reports the missing runs" grep -q 'runs have no result; --resume DIR would keep the others' dead
+    check "the error reports the missing runs" grep -q 'runs have no result; with --resume DIR the finished runs would be kept' dead
 fi
 
 # --write replaces the block, and nothing else.
@@ -101,7 +101,7 @@ scene
 printf 'quality: {chosen: fast, fast: {spacing: 5 mm, precision: f64}, accurate: {spacing: 10 mm}}\n' >>scene.yaml
 knead tradeoff scene.yaml press.lcmlog --quick --solver blend --iterations 2,4 --write >written
 check "quality points with another lattice are written" [ $? = 0 ]
-check "the removal of the old accurate point is reported" grep -q '^removed the old point accurate' written
+check "the removal of the old accurate point is reported" grep -q '^removed the old quality point accurate' written
 for point in fast balanced accurate; do
     knead check scene.yaml --quality $point >checked
     check "$point has that lattice and precision" eval 'grep -q "175 nodes" checked && grep -q "^solver .* f64" checked'

@@ -197,7 +197,7 @@ head -c 2000 kept >cut
 expect "a truncated snapshot is refused" 2 'cut: truncated: 2000 bytes of' knead view cut --scene "$scene" --png x.png
 head -c 2000 /dev/zero >zeros
 expect "a file of an unknown kind is refused" 2 'zeros: expected an LCM event log, a snapshot or a scene$' knead view zeros --png x.png
-expect "a scene together with a log is refused" 2 'expected a snapshot of it, or no other file' knead view press.lcmlog --scene "$scene" --png x.png
+expect "a scene together with a log is refused" 2 'expected a snapshot of this scene, or no other file' knead view press.lcmlog --scene "$scene" --png x.png
 
 video() { knead view press.lcmlog --size 160x90 --from 1.2 --to 1.7 --fps 10 "$@"; }
 if command -v ffmpeg >/dev/null; then
@@ -242,7 +242,7 @@ if command -v ffmpeg >/dev/null; then
     wait $filming
     check "an interrupted film exits with 130" [ $? = 130 ]
     check "an interrupted film leaves no file" [ -z "$(compgen -G 'never*')" ]
-    expect "a film of an object at rest without --orbit is refused" 2 'expected a log among them; an object at rest' knead view kept --scene "$scene" --video x.mp4
+    expect "a film of an object at rest without --orbit is refused" 2 'expected a log among the files; an object at rest' knead view kept --scene "$scene" --video x.mp4
 fi
 bare=$PWD/bare
 mkdir -p bare folder/ffmpeg && ln -s "$(command -v knead)" bare/knead

@@ -345,7 +345,7 @@ TEST("the last eight generations are kept; files of other lattices and scenes in
     CHECK(kn_store_load(&s, r->saved.generation - 6, &r->found, name, NULL, why, sizeof why));
     for (int i = 1; i < KN_STORE_STAY; i++) CHECK(kn_store_save(&s, &r->saved, true, why, sizeof why));
     there = files_in(r->directory);
-    CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 snapshots that stay exist"));
+    CHECK(!kn_store_save(&s, &r->saved, true, why, sizeof why) && strstr(why, "100 read-only snapshots exist"));
     CHECK(kn_store_save(&s, &r->saved, false, why, sizeof why) && files_in(r->directory) == there);
     kn_store_close(&s);
 }

@@ -1,10 +1,12 @@
-#ifndef KN_CLIENTS_IDENTIFY_MEASURED_SERIES_H
-#define KN_CLIENTS_IDENTIFY_MEASURED_SERIES_H
+#ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
+#define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
 // The readings of one curve on their way from the table (table_reader.h), which holds them as written in the file, to
-// the finished curve (measured_curve.h): they are sorted, cleaned and thinned to as many as a fit needs. The arrays of a
-// kn_curve that are NULL are left alone; while a curve is read, weight NULL means that each entry is one reading.
+// the finished curve (measured_curve.h). They are sorted, cleaned and thinned to as many readings as a fit needs.
+// Arrays of a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
 #include "clients/identify/measured_curve.h"
 #include "clients/identify/table_reader.h"
+
+// ---- the arrays of a curve (measured_series.c)
 
 // Remove readings that lack a number. Set *first_line to the line number of the first removed reading. Return the
 // number of removed readings.
@@ -48,7 +50,8 @@ typedef struct kn_curve_file {
     bool constant_area;
 } kn_curve_file;
 
-// The rows begin..end-1 of the table that become a curve, and the columns of its arrays; -1: no column.
+// The rows begin..end-1 of the table, which become a curve, and the columns that fill the curve's arrays; -1: no
+// column.
 typedef struct kn_curve_rows {
     int begin, end, time, value, other, load;
 } kn_curve_rows;
@@ -66,9 +69,9 @@ int kn_curve_read(kn_curve_file *f, int count, const int wanted[]);
 // index of the time column.
 int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
 
-// Append a curve to f->curve, name the curve after the file and `part`, and fill its arrays from the table. The columns
-// are moved into the curve if it takes all rows and is not `shared`; otherwise they are copied. Return 0, or print an
-// error and return an exit code.
+// Append a curve to f->curve, name the curve after the file and `part`, and fill its arrays from the table. If the
+// curve takes all rows and `shared` is false, the table's arrays are moved into the curve. Otherwise they are copied.
+// Return 0, or print an error and return an exit code.
 int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve);
 
 // Remove readings that lack a number, sort the readings by time, and average readings of the same time. Print each
@@ -81,12 +84,12 @@ int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name);
 int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *change_s);
 
 // If nearly all values are below 0, change the sign of all values and report the change on stdout. Compression is
-// positive in a kn_curve, but negative in some files. `name` is the name of the quantity.
+// positive in a kn_curve, but some files write it as negative. `name` is the name of the quantity.
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name);
 
-// Return the time at which the load was applied: the value of the note `begin`, or else 0. Without the note, the first
-// reading may come later than 0 by more than the duration of the whole curve. In that case return the time of the first
-// reading and report the assumption on stdout.
+// Return the time at which the load was applied: the value of the note `begin`, or else 0. If there is no note and the
+// first reading comes later than the duration of the whole curve, time does not count from the load. In that case
+// return the time of the first reading and report this on stdout.
 double kn_curve_begin(const kn_curve_file *f, const kn_curve *c);
 
 // Print an error and return an exit code if neither a note nor an option gives the specimen's height or its area, which
@@ -100,7 +103,7 @@ void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, 
 // Print one line on stdout that begins with the file's name, such as "creep.csv: ...".
 __attribute__((format(printf, 2, 3))) void kn_curve_say(const kn_curve_file *f, const char *format, ...);
 
-// Report on stdout that `count` readings were left out, if there are any; `which` follows their number.
+// Report on stdout that `count` readings were left out, if there are any. The text `which` follows the number.
 void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which);
 
 // Report on stdout that the strain in `column`, which has no unit, is taken as a share of the height. The user may have
@@ -108,7 +111,7 @@ void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which)
 void kn_curve_say_bare(const kn_curve_file *f, int column);
 
 // Print an error at the cell of `column` in a line of the file and return an exit code. line 0: the line of names;
-// column -1: the begin of the line.
+// column -1: the start of the line.
 __attribute__((format(printf, 4, 5))) int kn_curve_refuse(const kn_curve_file *f, int line, int column,
                                                           const char *format, ...);
 
