@@ -70,40 +70,6 @@ static inline size_t kn_sign_datagram(unsigned char *bytes, size_t size, const c
     return head + kn_auth_sign(auth, channel, bytes + head, size - head, stamp);
 }
 
-// Make a well-formed datagram that a server with this key must refuse. `pose` is valid, current and of a session of
-// its own. The variants are: no tag, a random tag, a tag by another key or of another tool; a valid tag with one bit
-// of the message flipped, 0.9 s late, 0.2 s early or of another life; a recorded datagram of the key's holder, as it
-// was or with another session, seq or stamp.
-// recorded: NULL if there is none. stamp: the current stamp.
-static inline size_t kn_forged_datagram(unsigned char bytes[KN_TEST_DATAGRAM], uint64_t *random, const char *channel,
-                                        knead_probe_pose_t pose, const kn_auth *auth, kn_auth_stamp stamp,
-                                        const void *recorded, size_t recorded_size)
-{
-    uint64_t bits = kn_random_bits(random), kind = bits % (recorded ? 11 : 8);
-    kn_auth other = *auth;
-    other.key[bits / 16 % KN_AUTH_KEY] ^= (unsigned char)(1u << bits / 1024 % 8);
-    if (kind == 5) stamp.age_us -= 900000;
-    if (kind == 6) stamp.age_us += 200000;
-    if (kind == 7) stamp.life ^= INT64_C(1) << bits / 16 % 63;
-    size_t head = 8 + strlen(channel) + 1,
-           size = kn_pose_datagram(bytes, KN_TEST_DATAGRAM - KN_AUTH_TRAILER, channel, &pose);
-    if (kind == 0) return size; // no tag
-    if (kind >= 8) {
-        memcpy(bytes, recorded, recorded_size);
-        uint64_t at = kind == 9 ? 8 + bits / 16 % 24 : 0; // utime, session or seq: the payload's second to fourth word
-        if (kind > 8) bytes[head + at] ^= (unsigned char)(1u << bits / 1024 % 8);
-        return recorded_size;
-    }
-    if (kind == 1) {
-        for (int i = 0; i < KN_AUTH_TRAILER; i++) bytes[size++] = (unsigned char)kn_random_bits(random);
-        return size;
-    }
-    if (kind == 3) return head + kn_auth_sign(auth, "KNEAD_POSE_another", bytes + head, size - head, stamp);
-    size = kn_sign_datagram(bytes, size, channel, kind == 2 ? &other : auth, stamp);
-    if (kind == 4) bytes[head + bits / 16 % (size - head)] ^= (unsigned char)(1u << bits / 65536 % 8);
-    return size;
-}
-
 // --- messages in parts ---
 
 static inline void kn_put32(unsigned char *bytes, uint32_t value)

@@ -1,12 +1,10 @@
 #ifndef KN_TESTS_LOOP_FIXTURE_H
 #define KN_TESTS_LOOP_FIXTURE_H
 // A loop with the objects that kneadd gives it: small dough, the processor or a circuit, and a mesh bus that stays in memory.
+#include "proto/knead_event_t.h"
 #include "server/backend/fpga.h"
 #include "server/loop.h"
-#include "tests/built.h"
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "tests/check.h"
 
 typedef struct kn_loop_fixture {
     kn_scene *scene;
@@ -15,6 +13,11 @@ typedef struct kn_loop_fixture {
     kn_skin skin;
     kn_audit *audit;
     kn_loop loop;
+    int64_t tick, took_ns; // number of the next tick; apparent duration of a tick
+    kn_tick_out out;       // of the last tick
+    // events seen so far, and the last event of each kind
+    int kinds[KNEAD_EVENT_T_KIND_OVERLOAD + 1];
+    kn_event last[KNEAD_EVENT_T_KIND_OVERLOAD + 1];
 } kn_loop_fixture;
 
 // uri: address of a circuit, or NULL for the processor. End the program on failure.
@@ -48,6 +51,35 @@ static inline void kn_loop_fixture_close(kn_loop_fixture *f)
     kn_audit_destroy(f->audit);
     kn_model_destroy(f->model);
     kn_scene_destroy(f->scene);
+}
+
+static inline const kn_state *kn_loop_fixture_state(const kn_loop_fixture *f)
+{
+    return f->backend.state(f->backend.self);
+}
+
+static inline uint64_t kn_loop_fixture_hash(const kn_loop_fixture *f)
+{
+    return kn_state_hash(f->model, kn_loop_fixture_state(f));
+}
+
+// Run a tick with this pose of a probe, moved to z_m, and take its record.
+static inline void kn_loop_fixture_tick(kn_loop_fixture *f, int probe, kn_pose *pose, double z_m)
+{
+    pose->seq++;
+    pose->velocity_m_s[2] = (z_m - pose->position_m[2]) / 1e-3;
+    pose->position_m[2] = z_m;
+    kn_loop_post(&f->loop, probe, pose);
+    kn_wake wake = {.tick = f->tick++, .now_ns = kn_now_ns() - f->took_ns};
+    kn_loop_tick(&f->loop, &wake);
+    f->loop.execution_ns = 0; // a slow machine would report an overload
+    for (const kn_tick_record *record; (record = kn_ring_front(&f->loop.records)); kn_ring_pop(&f->loop.records)) {
+        f->out = record->out;
+        for (int i = 0; i < f->out.event_count; i++) {
+            f->kinds[f->out.event[i].kind]++;
+            f->last[f->out.event[i].kind] = f->out.event[i];
+        }
+    }
 }
 
 #endif

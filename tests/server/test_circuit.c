@@ -20,17 +20,8 @@ static kn_board start(const char *baud, const char *fault)
     return b;
 }
 
-// Start a circuit in a card's memory, whose file is at `path`.
-static kn_board start_card(char path[96])
-{
-    snprintf(path, 96, "/dev/shm/knead-circuit-%d", (int)getpid());
-    const char *const all[] = {"--bar", strrchr(path, '/') + 1, NULL};
-    kn_board b = kn_board_start(all);
-    strcat(b.uri, "?miss=500");
-    return b;
-}
-
-typedef struct object {
+typedef struct object { // on a board
+    kn_board board;
     kn_scene *scene;
     kn_model *model;
     kn_backend backend;
@@ -39,35 +30,33 @@ typedef struct object {
     int ticks;
 } object;
 
-static object make(const char *file)
+static object make(const char *file, kn_board board)
 {
     static const char *const set[] = {"solver.kind=fixed", "solver.precision=f64", "solver.passes=1",
                                       "solver.iterations=2"};
-    object o = {.scene = load_scene(file, set, 4)};
+    object o = {.board = board, .scene = load_scene(file, set, 4)};
     o.model = build(&o.scene->model);
     return o;
 }
 
-// Put the object on the circuit at this address. `room`: bytes allowed for the queue. A busy machine may not answer
-// at once, so this function tries up to twenty times. Return the seconds of the successful try, or -1 if refused.
-static double attach_with(object *o, const char *uri, size_t room, char why[KN_LINK_WHY])
+// Put the object on its board's circuit. `room`: bytes allowed for the queue. A busy machine may not answer at once, so
+// this function tries up to twenty times. Return the seconds of the successful try, or -1 if refused.
+static double attach_with(object *o, size_t room, char why[KN_LINK_WHY])
 {
     bool device = true;
     for (int tries = 0; device && tries < 20; tries++) {
         const int64_t began_ns = kn_now_ns();
-        if (kn_backend_fpga(&o->backend, o->model, uri, room, why, &device))
+        if (kn_backend_fpga(&o->backend, o->model, o->board.uri, room, why, &device))
             return 1e-9 * (double)(kn_now_ns() - began_ns);
     }
-    if (device) fprintf(stderr, "%s\n", why), exit(1);
+    if (device || room == SIZE_MAX) fprintf(stderr, "%s\n", why), exit(1);
     return -1;
 }
 
-static double attach(object *o, const char *uri)
+static double attach(object *o)
 {
     char why[KN_LINK_WHY] = "";
-    const double took_s = attach_with(o, uri, SIZE_MAX, why);
-    if (took_s < 0) fprintf(stderr, "%s\n", why), exit(1);
-    return took_s;
+    return attach_with(o, SIZE_MAX, why);
 }
 
 static void unmake(object *o)
@@ -75,6 +64,7 @@ static void unmake(object *o)
     if (o->backend.destroy) o->backend.destroy(o->backend.self);
     kn_model_destroy(o->model);
     kn_scene_destroy(o->scene);
+    kn_board_end(&o->board);
 }
 
 // Sleep until the grid's next tick. Lost time is not made up for.
@@ -132,17 +122,16 @@ static int until_in_step(object *o)
 
 TEST("a lattice that loads longer than a second over its line gets in step, also after each restart of the circuit")
 {
-    kn_board b = start("3000000", NULL);
-    object o = make("dough.yaml");
+    AT_END(unmake) object o = make("dough.yaml", start("3000000", NULL));
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
-    const double load_s = attach(&o, b.uri);
+    const double load_s = attach(&o);
     CHECK(load_s > 1.024); // the smallest queue holds as many ticks as 1.024 s has
     for (int kill = 0; kill < 2; kill++) {
         int first = until_in_step(&o);
         CHECK(first >= 0);
-        kn_board_kill(&b);
-        b = start("3000000", NULL);
+        kn_board_kill(&o.board);
+        o.board = start("3000000", NULL);
         int64_t returned_ns;
         for (int i = 0; i < 20; i++) tick(&o, KN_PERIOD_NS, &returned_ns);
         int again = until_in_step(&o);
@@ -156,33 +145,28 @@ TEST("a lattice that loads longer than a second over its line gets in step, also
     CHECK(n.queue >= n.load_ns * 3 / 2000000);
     kn_device_stats stats;
     CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
-    unmake(&o);
-    kn_board_end(&b);
 }
 
 TEST("the queue is as long as a load takes, and a queue without enough memory is refused with its length")
 {
-    kn_board b = start("1000000", NULL);
-    object o = make("dough.yaml");
+    AT_END(unmake) object o = make("dough.yaml", start("1000000", NULL));
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
-    CHECK(attach_with(&o, b.uri, 1 << 20, why) < 0 && strstr(why, "ticks") && strstr(why, "expected"));
+    CHECK(attach_with(&o, 1 << 20, why) < 0 && strstr(why, "ticks") && strstr(why, "expected"));
     printf("     %s\n", why);
-    attach(&o, b.uri);
+    attach(&o);
     CHECK(kn_backend_fpga_counts(&o.backend, &n));
     CHECK(n.load_ns > 1000000000 && n.queue >= 2048 && n.queue >= n.load_ns * 3 / 2000000);
-    unmake(&o);
-    kn_board_end(&b);
 }
 
 TEST("a tool on more nodes than the circuit can list costs one loss and one load per press")
 {
     enum { PRESSES = 4, TICKS = 400 };
     const char *const few[] = {"--uart", "--caps", "8,11,3", NULL};
-    kn_board b = kn_board_start(few);
-    object o = make("dough-small.yaml");
+    AT_END(unmake) object o = make("dough-small.yaml", kn_board_start(few));
     kn_fpga_counts n;
-    attach(&o, strcat(b.uri, "?miss=500"));
+    strcat(o.board.uri, "?miss=500");
+    attach(&o);
     for (int i = 0; i < PRESSES * TICKS; i++) {
         double deepest_m = 0.003 * (1 + i / TICKS); // deeper than the dent of the press before
         double depth_m = deepest_m * (i % TICKS < TICKS / 2) * fmin(1, 0.02 * (i % TICKS));
@@ -195,38 +179,41 @@ TEST("a tool on more nodes than the circuit can list costs one loss and one load
     CHECK(n.because[KN_LOSS_BOUNDS] == PRESSES && n.losses == PRESSES && n.different == 0);
     CHECK(n.loads == PRESSES + 1 || n.loads == PRESSES); // the load after the last press may be under way
     CHECK(n.on_circuit > TICKS);
-    unmake(&o);
-    kn_board_end(&b);
 }
 
-TEST("a circuit whose object differs from the twin's gets the whole object again")
+TEST("a circuit whose object differs from the twin's, or that cannot accept a state, gets its whole object again")
 {
     char path[96], why[KN_LINK_WHY] = "";
-    kn_board b = start_card(path);
-    object o = make("dough-small.yaml");
-    kn_fpga_counts n;
-    attach(&o, b.uri);
-    int fd = open(path, O_RDWR), ticks = 0;
-    for (n.on_circuit = 0; n.on_circuit < 700 && ticks < 20000; ticks++) {
-        const int i = ticks;
-        press(&o, 0.003);
-        if (i == 400) o.backend.reset(o.backend.self);
-        if (i == 400) // change the material of the circuit's edges; a load of the state alone does not repair that
-            for (uint32_t e = 0; e < 400; e++)
-                CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * ((off_t)KN_WINDOW_EDGES + 8 * e + 1)) == 4);
-        if (i > 400) kn_clock_sleep(kn_now_ns() + 200000); // leave the processor to the other processes
-        kn_backend_fpga_counts(&o.backend, &n);
+    snprintf(path, sizeof path, "/dev/shm/knead-circuit-%d", (int)getpid());
+    const char *const card[] = {"--bar", strrchr(path, '/') + 1, NULL};
+    for (int state = 0; state < 2; state++) {
+        AT_END(unmake) object o = make("dough-small.yaml", kn_board_start(card));
+        kn_fpga_counts n = {0};
+        kn_device_stats stats;
+        strcat(o.board.uri, "?miss=500");
+        attach(&o);
+        int fd = open(path, O_RDWR), ticks = 0;
+        for (; ticks < 20000 && !(state ? n.loads >= 2 && n.in_step : n.on_circuit >= 700); ticks++) {
+            press(&o, 0.003);
+            if (ticks > 400) kn_clock_sleep(kn_now_ns() + 200000); // leave the processor to the other processes
+            kn_backend_fpga_counts(&o.backend, &n);
+            if (ticks != 400) continue;
+            // Change a number that a load of the state alone does not repair: the material of the circuit's edges, or
+            // the number of edges, which the state's checksum notices.
+            for (uint32_t e = 0; e < (state ? 1 : 400); e++) {
+                off_t word = state ? KN_REG_EDGE_COUNT : (off_t)KN_WINDOW_EDGES + 8 * e + 1;
+                CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * word) == 4);
+            }
+            o.backend.reset(o.backend.self);
+        }
+        printf("     %lld other numbers, loaded %lld times; on the circuit %lld ticks of %d\n", (long long)n.different,
+               (long long)n.loads, (long long)n.on_circuit, ticks);
+        if (state) CHECK(n.in_step && n.loads == 2 && n.because[KN_LOSS_LOAD] + n.because[KN_LOSS_BLANK] == 1);
+        else CHECK(n.different >= 1 && n.different <= 3 && n.because[KN_LOSS_TWIN] >= 1 && n.loads <= 5);
+        CHECK(state || n.on_circuit >= 700);
+        CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
+        close(fd);
     }
-    printf("     %lld other numbers, loaded %lld times; on the circuit %lld ticks of %d\n", (long long)n.different,
-           (long long)n.loads, (long long)n.on_circuit, ticks);
-    CHECK(n.different >= 1 && n.because[KN_LOSS_TWIN] >= 1);
-    CHECK(n.different <= 3 && n.loads <= 5);
-    CHECK(n.on_circuit >= 700);
-    kn_device_stats stats;
-    CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
-    close(fd);
-    unmake(&o);
-    kn_board_end(&b);
 }
 
 // Run at 1 kHz until the circuit has come back that often from a loss for this reason. Measure the ms until it was in
@@ -235,13 +222,12 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
 {
     enum { MOST = 1000, PATIENCE = 60000 };
     static double lasted_ms[MOST];
-    kn_board b = kn_board_start(board);
-    object o = make("dough-small.yaml");
+    AT_END(unmake) object o = make("dough-small.yaml", kn_board_start(board));
     kn_fpga_counts n = {0};
     int64_t returned_ns, since_ns = 0, seen = 0, blamed = 0;
-    if (reason != KN_LOSS_TIMEOUT) strcat(b.uri, "?miss=10"); // allows for a busy machine
+    if (reason != KN_LOSS_TIMEOUT) strcat(o.board.uri, "?miss=10"); // allows for a busy machine
     int back = 0;
-    attach(&o, b.uri);
+    attach(&o);
     while (back < times && back < MOST && o.ticks < PATIENCE) {
         tick(&o, KN_PERIOD_NS, &returned_ns);
         kn_backend_fpga_counts(&o.backend, &n);
@@ -259,53 +245,30 @@ static void be_lost(const char *const board[], kn_loss reason, const char *what,
         printf(": in step again after p50 %.0f, p90 %.0f, at most %.0f ms; its state takes %.1f ms",
                lasted_ms[back / 2], lasted_ms[back * 9 / 10], lasted_ms[back - 1], 1e-6 * (double)n.load_ns);
     putchar('\n');
-    unmake(&o);
-    kn_board_end(&b);
 }
 
 TEST("a lost circuit of 144 nodes comes back after being unplugged, hung, or switched off and on")
 {
     const int times = getenv("KN_LOSSES") ? atoi(getenv("KN_LOSSES")) : 5;
-    static const char *const fault[] = {"disconnect=0.003", "hang=0.003", "blank=0.003"};
-    static const kn_loss reason[] = {KN_LOSS_REMOVED, KN_LOSS_TIMEOUT, KN_LOSS_BLANK};
-    char name[64], link[80], what[64];
+    char name[64], link[80];
     snprintf(name, sizeof name, "knead-lost-%d", (int)getpid());
     snprintf(link, sizeof link, "/tmp/%s", name);
-    for (int i = 0; i < 3; i++) {
-        const char *const by_line[] = {"--uart", "--link", link, "--fault", fault[i], NULL};
-        const char *const by_memory[] = {"--bar", name, "--fault", fault[i], NULL};
-        snprintf(what, sizeof what, "pty, %s", fault[i]);
-        be_lost(by_line, reason[i], what, times);
-        snprintf(what, sizeof what, "shm, %s", fault[i]);
-        be_lost(by_memory, reason[i], what, times);
-    }
-    const char *const slowly[] = {"--uart", "--link", link, "--baud", "3000000", "--fault", "hang=0.001", NULL};
-    be_lost(slowly, KN_LOSS_TIMEOUT, "3 Mbaud, hang=0.001", (times + 2) / 3);
-}
-
-TEST("a circuit that cannot accept a state gets its whole object again")
-{
-    char path[96], why[KN_LINK_WHY] = "";
-    kn_board b = start_card(path);
-    object o = make("dough-small.yaml");
-    kn_fpga_counts n = {0};
-    attach(&o, b.uri);
-    for (int i = 0; i < 100; i++) press(&o, 0.003);
-    // change a setting that a load of the state alone does not restore, and that the state's checksum notices
-    int fd = open(path, O_RDWR);
-    CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * (off_t)KN_REG_EDGE_COUNT) == 4);
-    o.backend.reset(o.backend.self);
-    for (int i = 0; i < 20000 && (n.loads < 2 || !n.in_step); i++) {
-        press(&o, 0.003);
-        kn_clock_sleep(kn_now_ns() + 200000);
-        kn_backend_fpga_counts(&o.backend, &n);
-    }
-    CHECK(n.in_step && n.loads == 2 && n.because[KN_LOSS_LOAD] + n.because[KN_LOSS_BLANK] == 1);
-    kn_device_stats stats;
-    CHECK(kn_backend_fpga_agrees(&o.backend, why, &stats));
-    close(fd);
-    unmake(&o);
-    kn_board_end(&b);
+    const struct {
+        const char *what, *board[8];
+        kn_loss reason;
+        int times;
+    } rows[] = {{"pty, unplugged", {"--uart", "--link", link, "--fault", "disconnect=0.003"}, KN_LOSS_REMOVED, times},
+                {"shm, unplugged", {"--bar", name, "--fault", "disconnect=0.003"}, KN_LOSS_REMOVED, times},
+                {"pty, hung", {"--uart", "--link", link, "--fault", "hang=0.003"}, KN_LOSS_TIMEOUT, times},
+                {"shm, hung", {"--bar", name, "--fault", "hang=0.003"}, KN_LOSS_TIMEOUT, times},
+                {"pty, off and on", {"--uart", "--link", link, "--fault", "blank=0.003"}, KN_LOSS_BLANK, times},
+                {"shm, off and on", {"--bar", name, "--fault", "blank=0.003"}, KN_LOSS_BLANK, times},
+                {"3 Mbaud, hung",
+                 {"--uart", "--link", link, "--baud", "3000000", "--fault", "hang=0.001"},
+                 KN_LOSS_TIMEOUT,
+                 (times + 2) / 3}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        be_lost(rows[i].board, rows[i].reason, rows[i].what, rows[i].times);
 }
 
 // Run the next tick on a backend without a circuit, then sleep until the end of the wait for a circuit. The result
@@ -323,11 +286,9 @@ static int64_t step_and_sleep(object *o, kn_backend *plain)
 TEST("a circuit that hangs costs no tick its deadline: the wait ends about when a sleep until then would")
 {
     enum { TICKS = 1000 };
-    kn_board b = start("3000000", "hang=1");
-    object o = make("dough-small.yaml");
-    char uri[160];
-    snprintf(uri, sizeof uri, "%.*s?miss=500", (int)strcspn(b.uri, "?"), b.uri);
-    attach(&o, uri);
+    AT_END(unmake) object o = make("dough-small.yaml", start("3000000", "hang=1"));
+    strcpy(strchr(o.board.uri, '?'), "?miss=500");
+    attach(&o);
     kn_backend plain;
     CHECK(kn_backend_cpu(&plain, o.model));
     int waited = 0, slept = 0, early = 0;
@@ -346,8 +307,6 @@ TEST("a circuit that hangs costs no tick its deadline: the wait ends about when 
     CHECK(n.shadowed > TICKS / 2);
     CHECK(early < TICKS / 10); // the wait lasted as long as it should
     CHECK(waited <= 2 * slept + TICKS / 20);
-    unmake(&o);
-    kn_board_end(&b);
 }
 
 TESTS_MAIN

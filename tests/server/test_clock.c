@@ -29,45 +29,28 @@ TEST("setting the wall clock back or ahead changes no time stamp")
     step_s = 0;
 }
 
-TEST("ticks on time are consecutive and miss no cycle")
+TEST(
+    "ticks on time are consecutive; missed cycles are counted and skipped, a thread that was busy past its deadline is "
+    "an overrun, and the next deadline is the next point of the grid")
 {
+    static const struct {
+        int64_t asleep_ns, woke_ns; // since the start: the thread goes to sleep, and wakes
+        int64_t tick, missed, late_ns;
+        bool overrun;
+    } wakes[] = {{-800000, 999999, 0, 0, 999999, false},
+                 {200000, MS + 999999, 1, 0, 999999, false},
+                 {MS + 200000, 2 * MS + 10, 2, 0, 10, false},
+                 {2 * MS + 200000, 39 * MS + 5, 39, 36, 36 * MS + 5, false}, // slept 36 ms too long
+                 {39 * MS + 300000, 40 * MS + 5, 40, 0, 5, false},
+                 {42 * MS + 400000, 42 * MS + 400030, 42, 1, 30, true}, // tick 40 took 2.4 ms
+                 {42 * MS + 500000, 43 * MS + 999999, 43, 0, 999999, false}};
     kn_clock clock;
     kn_clock_start(&clock, START);
-    for (int n = 0; n < 5; n++) {
-        kn_wake wake = kn_clock_wake(&clock, START + (n - 1) * MS + 200000, START + n * MS + 999999);
-        CHECK(wake.tick == n && wake.missed == 0 && !wake.overrun && wake.due_ns == START + n * MS &&
-              wake.late_ns == 999999);
-    }
-}
-
-TEST("missed cycles are counted and skipped, and the next deadline is in the future")
-{
-    kn_clock clock;
-    kn_clock_start(&clock, START);
-    kn_wake wake = kn_clock_wake(&clock, START - 1, START + 10);
-    wake = kn_clock_wake(&clock, START + 200000, START + 37 * MS + 5); // slept 36 ms too long
-    CHECK(wake.tick == 37 && wake.missed == 36 && !wake.overrun && wake.late_ns == 36 * MS + 5);
-    wake = kn_clock_wake(&clock, START + 37 * MS + 300000, START + 38 * MS + 5);
-    CHECK(wake.tick == 38 && wake.missed == 0 && wake.due_ns == START + 38 * MS);
-}
-
-TEST("a thread that was busy past its deadline is reported as an overrun")
-{
-    kn_clock clock;
-    kn_clock_start(&clock, START);
-    kn_wake wake = kn_clock_wake(&clock, START - 1, START);
-    wake = kn_clock_wake(&clock, START + 2 * MS + 400000, START + 2 * MS + 400030); // tick 0 took 2.4 ms
-    CHECK(wake.tick == 2 && wake.missed == 1 && wake.overrun && wake.late_ns == 30);
-}
-
-TEST("the deadline of a tick is the next point of the grid, however late the tick woke")
-{
-    kn_clock clock;
-    const int64_t late_ns[] = {0, 400000, 999999, 36 * MS + 5, 10};
-    kn_clock_start(&clock, START);
-    for (int i = 0; i < 5; i++) {
-        const int64_t due_ns = START + (clock.tick + 1) * MS;
-        const kn_wake wake = kn_clock_wake(&clock, due_ns - 1, due_ns + late_ns[i]);
+    for (size_t i = 0; i < sizeof wakes / sizeof *wakes; i++) {
+        kn_wake wake = kn_clock_wake(&clock, START + wakes[i].asleep_ns, START + wakes[i].woke_ns);
+        CHECK(wake.tick == wakes[i].tick && wake.missed == wakes[i].missed && wake.overrun == wakes[i].overrun);
+        CHECK(wake.late_ns == wakes[i].late_ns);
+        CHECK(wake.missed || wake.due_ns == START + wake.tick * MS);
         CHECK(kn_wake_deadline(&wake) == START + (wake.tick + 1) * MS && kn_wake_deadline(&wake) > wake.now_ns);
     }
 }

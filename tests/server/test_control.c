@@ -17,36 +17,25 @@
 
 OWNS(kn_control, kn_control_close)
 
+#define OK(request) "{\"ok\":true,\"request\":" request "}\n" // the answer to a request
+
 static char path[64];
 static sem_t hurry; // a slow answer waits for this semaphore
 static _Atomic int answered;
 static int silent[2]; // the real stderr, and the pipe that replaces it
 
+static bool has(const json_t *request, const char *key) { return json_object_get(request, key) != NULL; }
 static json_t *answer(void *self, const json_t *request)
 {
     (void)self;
     answered++;
-    if (json_object_get(request, "slow")) sem_wait(&hurry);
+    if (has(request, "slow")) sem_wait(&hurry);
     return json_pack("{s:b, s:O}", "ok", 1, "request", request);
 }
 
-static bool audits(void *self, const json_t *request)
-{
-    (void)self;
-    return json_object_get(request, "audit") != NULL;
-}
-
-static bool slow(void *self, const json_t *request)
-{
-    (void)self;
-    return json_object_get(request, "slow") != NULL;
-}
-
-static bool urgent(void *self, const json_t *request)
-{
-    (void)self;
-    return json_object_get(request, "urgent") != NULL;
-}
+static bool audits(void *self, const json_t *request) { return (void)self, has(request, "audit"); }
+static bool slow(void *self, const json_t *request) { return (void)self, has(request, "slow"); }
+static bool urgent(void *self, const json_t *request) { return (void)self, has(request, "urgent"); }
 
 static const kn_control_def def = {NULL, answer, audits, slow, urgent};
 
@@ -60,12 +49,18 @@ static kn_control *start(void)
     return c;
 }
 
-static int dial(void)
+static int connection(void) // -1: refused
 {
     struct sockaddr_un at = {.sun_family = AF_UNIX};
     strcpy(at.sun_path, path);
     int fd = socket(AF_UNIX, SOCK_STREAM, 0);
-    CHECK(connect(fd, (struct sockaddr *)&at, sizeof at) == 0);
+    return connect(fd, (struct sockaddr *)&at, sizeof at) == 0 ? fd : -1;
+}
+
+static int dial(void)
+{
+    int fd = connection();
+    CHECK(fd >= 0);
     return fd;
 }
 
@@ -115,9 +110,9 @@ TEST("a line is a request in any number of pieces, and each request gets one lin
     kn_control *c = start();
     int fd = dial();
     CHECK_STR(say(c, fd, "{\"a\":"), "");
-    CHECK_STR(say(c, fd, "1}\n"), "{\"ok\":true,\"request\":{\"a\":1}}\n");
-    CHECK_STR(say(c, fd, "{}\n{}\n{"), "{\"ok\":true,\"request\":{}}\n{\"ok\":true,\"request\":{}}\n");
-    CHECK_STR(say(c, fd, "}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, fd, "1}\n"), OK("{\"a\":1}"));
+    CHECK_STR(say(c, fd, "{}\n{}\n{"), OK("{}") OK("{}"));
+    CHECK_STR(say(c, fd, "}\n"), OK("{}"));
     close(fd);
     fd = dial(); // the sender does not wait for the answer
     CHECK(send(fd, "{\"b\":2}\n", 8, 0) == 8);
@@ -127,7 +122,7 @@ TEST("a line is a request in any number of pieces, and each request gets one lin
     CHECK(answered == 1);
     fd = dial(); // a request without a newline, then half a request
     CHECK(send(fd, "{\"c\":3}\n{\"d\":4}", 15, 0) == 15 && shutdown(fd, SHUT_WR) == 0);
-    CHECK_STR(hear(c, fd), "{\"ok\":true,\"request\":{\"c\":3}}\n{\"ok\":true,\"request\":{\"d\":4}}\n");
+    CHECK_STR(hear(c, fd), OK("{\"c\":3}") OK("{\"d\":4}"));
     close(fd);
     fd = dial();
     CHECK(send(fd, "{\"e\":", 5, 0) == 5 && shutdown(fd, SHUT_WR) == 0);
@@ -145,13 +140,9 @@ static const char *ask_as(kn_control *c, uid_t uid, gid_t gid)
     CHECK(pipe(ends) == 0);
     pid_t child = fork();
     if (child == 0) {
-        struct sockaddr_un at = {.sun_family = AF_UNIX};
-        strcpy(at.sun_path, path);
-        int fd = socket(AF_UNIX, SOCK_STREAM, 0);
-        bool there = setgroups(0, NULL) == 0 && setgid(gid) == 0 && setuid(uid) == 0 &&
-                     connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
-        if (there) send(fd, "{}\n", 3, MSG_NOSIGNAL); // a refusal may come before the request
-        ssize_t size = there ? recv(fd, told, sizeof told, 0) : -1;
+        int fd = setgroups(0, NULL) == 0 && setgid(gid) == 0 && setuid(uid) == 0 ? connection() : -1;
+        if (fd >= 0) send(fd, "{}\n", 3, MSG_NOSIGNAL); // a refusal may come before the request
+        ssize_t size = fd >= 0 ? recv(fd, told, sizeof told, 0) : -1;
         if (size < 0) size = snprintf(told, sizeof told, "%s", errno == EACCES ? "refused" : strerror(errno));
         _exit(write(ends[1], told, (size_t)size) == size ? 0 : 1);
     }
@@ -175,7 +166,7 @@ TEST("only root, the server's own user and its group may send commands; others a
         CHECK_STR(ask_as(c, NOBODY, NOBODY), "{\"ok\":false,\"error\":\"uid 65534 may not command this server\"}\n");
     const char *told = unhush();
     CHECK(answered == 0 && strstr(told, "kneadd: control: uid 65534 pid ") && strstr(told, ": refused\n"));
-    CHECK_STR(ask_as(c, NOBODY, getegid()), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(ask_as(c, NOBODY, getegid()), OK("{}"));
 }
 
 TEST("a line that is not a JSON object is refused with the place of the error and not executed")
@@ -198,7 +189,7 @@ TEST("a line that is not a JSON object is refused with the place of the error an
             KN_TEST_FAIL("%s is answered %s", bad[i].line, told);
     }
     CHECK(answered == 0);
-    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n"); // the next request is still answered
+    CHECK_STR(say(c, fd, "{}\n"), OK("{}")); // the next request is still answered
     close(fd);
 }
 
@@ -223,7 +214,7 @@ TEST("a line of a megabyte gets one error, deep nesting another, and random byte
     }
     CHECK(answered == 0);
     say(c, fd, "\n");
-    CHECK_STR(say(c, fd, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, fd, "{}\n"), OK("{}"));
     close(fd);
 }
 
@@ -236,13 +227,13 @@ TEST("after a hundred commands at once a peer may send a hundred a second, and o
     for (int i = 0; i < 300; i++) refused += strstr(say(c, fd, "{}\n"), "commands a second") != NULL;
     int64_t paid = (kn_now_ns() - start_ns) / 10000000; // commands allowed by the time passed
     CHECK(answered >= 100 && answered <= 101 + paid && refused == 300 - answered);
-    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     close(fd), close(other);
 }
 
 TEST("an urgent command is answered despite the rate limit, and a flood of urgent commands is executed once per turn")
 {
-    static const char line[] = "{\"urgent\":1}\n", ok[] = "{\"ok\":true,\"request\":{\"urgent\":1}}\n";
+    static const char line[] = "{\"urgent\":1}\n", ok[] = OK("{\"urgent\":1}");
     OWN(kn_control) *c = start();
     int fd = dial(), size = 0;
     bool refused = false;
@@ -268,8 +259,7 @@ TEST("an urgent command done early is repeated in its turn if a command before i
     int fd = dial();
     hush();
     CHECK_STR(say(c, fd, "{\"urgent\":1}\n{\"audit\":1}\n{\"urgent\":2}\n"),
-              "{\"ok\":true,\"request\":{\"urgent\":2}}\n{\"ok\":true,\"request\":{\"audit\":1}}\n"
-              "{\"ok\":true,\"request\":{\"urgent\":2}}\n");
+              OK("{\"urgent\":2}") OK("{\"audit\":1}") OK("{\"urgent\":2}"));
     unhush();
     CHECK(answered == 3);
     close(fd);
@@ -284,10 +274,10 @@ TEST("a ninth peer replaces the peer that was silent the longest")
         kn_control_turn(c, 0);
     }
     for (int i = 0; i < KN_CONTROL_PEERS; i++)
-        if (i != 3) CHECK_STR(say(c, fd[i], "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+        if (i != 3) CHECK_STR(say(c, fd[i], "{}\n"), OK("{}"));
     CHECK_STR(say(c, fd[3], "{\"command\":"), ""); // begins a request and does not finish it
     int late = dial();
-    CHECK_STR(say(c, late, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, late, "{}\n"), OK("{}"));
     CHECK(strstr(hear(c, fd[3]), "yours was silent the longest"));
     CHECK_STR(hear(c, fd[3]), "closed");
     close(fd[3]);
@@ -311,7 +301,7 @@ TEST("a peer that does not read its answers is disconnected when they no longer 
         kn_control_turn(c, 0);
     }
     CHECK(gone);
-    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     close(fd), close(other);
 }
 
@@ -398,16 +388,16 @@ TEST("peers are served in turn, one line each, and no peer waits for another's s
     int fd = dial(), second = dial(), other = dial();
     CHECK_STR(say(c, fd, "{\"slow\":1}\n{\"slow\":2}\n{}\n"), "");
     CHECK_STR(say(c, second, "{\"slow\":3}\n"), "");
-    for (int i = 0; i < 10; i++) CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    for (int i = 0; i < 10; i++) CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     sem_post(&hurry);
-    CHECK_STR(await(c, fd, 1), "{\"ok\":true,\"request\":{\"slow\":1}}\n");
+    CHECK_STR(await(c, fd, 1), OK("{\"slow\":1}"));
     sem_post(&hurry); // next is the request of the other peer, who has waited longer
-    CHECK_STR(await(c, second, 1), "{\"ok\":true,\"request\":{\"slow\":3}}\n");
+    CHECK_STR(await(c, second, 1), OK("{\"slow\":3}"));
     for (int i = 0; i < 5000 && answered < 13; i++) usleep(1000);
     close(fd); // while one of its requests is at work
     sem_post(&hurry);
     for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
-    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     CHECK(answered == 10 + 3 + 1);
     fd = dial();
     CHECK_STR(say(c, fd, "{\"slow\":4}\n{}\n"), "");
@@ -416,16 +406,15 @@ TEST("peers are served in turn, one line each, and no peer waits for another's s
     for (int i = 0; i < 5000 && answered < 16; i++) usleep(1000);
     CHECK(answered == 16);
     sem_post(&hurry);
-    CHECK_STR(await(c, fd, 3), "{\"ok\":true,\"request\":{\"slow\":4}}\n{\"ok\":true,\"request\":{}}\n"
-                               "{\"ok\":true,\"request\":{\"urgent\":1}}\n");
+    CHECK_STR(await(c, fd, 3), OK("{\"slow\":4}") OK("{}") OK("{\"urgent\":1}"));
     CHECK(answered == 17);
     CHECK_STR(say(c, fd, "{\"slow\":5}\n{}\n"), "");
-    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     close(fd); // with an answer unread and a request at work
     for (int i = 0; i < 5; i++) kn_control_turn(c, 0);
     sem_post(&hurry);
     for (int i = 0; i < 20; i++) hear(c, other), usleep(1000);
-    CHECK_STR(say(c, other, "{}\n"), "{\"ok\":true,\"request\":{}}\n");
+    CHECK_STR(say(c, other, "{}\n"), OK("{}"));
     kn_control_end(c);
     pthread_join(worker, NULL);
     close(second), close(other);
@@ -439,29 +428,25 @@ static const char *heard(int fd) // without a turn of the server
     return text;
 }
 
+#define REFUSED "{\"ok\":false,\"error\":\"the server is stopping: the command is not carried out\"}\n"
+
 TEST("at the end pending commands are answered in order; slow ones are refused unless their answer is ready")
 {
-    static const char refused[] =
-        "{\"ok\":false,\"error\":\"the server is stopping: the command is not carried out\"}\n";
     kn_control *c = start();
     sem_init(&hurry, 0, 1);
     int fd = dial(), second = dial(), third = dial();
     CHECK_STR(say(c, fd, "{\"slow\":1}\n{\"stop\":1}\n{\"slow\":2}\n"), "");
     CHECK_STR(say(c, second, "{\"slow\":3}\n{\"stop\":2}\n{\"half\":"), "");
     CHECK(send(third, "{\"stop\":3}\n", 11, MSG_NOSIGNAL) == 11); // the server has not read from this peer yet
-    int fourth = dial();
+    int fourth = dial();                                          // nor accepted this one
     CHECK(send(fourth, "{\"stop\":4}\n", 11, MSG_NOSIGNAL) == 11);
     kn_control_end(c);
     kn_control_work(c); // finish the last slow request
     kn_control_drain(c);
-    char both[300];
-    snprintf(both, sizeof both, "{\"ok\":true,\"request\":{\"slow\":1}}\n{\"ok\":true,\"request\":{\"stop\":1}}\n%s",
-             refused);
-    CHECK_STR(heard(fd), both);
-    snprintf(both, sizeof both, "%s{\"ok\":true,\"request\":{\"stop\":2}}\n", refused);
-    CHECK_STR(heard(second), both);
-    CHECK_STR(heard(third), "{\"ok\":true,\"request\":{\"stop\":3}}\n");
-    CHECK_STR(heard(fourth), "{\"ok\":true,\"request\":{\"stop\":4}}\n");
+    CHECK_STR(heard(fd), OK("{\"slow\":1}") OK("{\"stop\":1}") REFUSED);
+    CHECK_STR(heard(second), REFUSED OK("{\"stop\":2}"));
+    CHECK_STR(heard(third), OK("{\"stop\":3}"));
+    CHECK_STR(heard(fourth), OK("{\"stop\":4}"));
     kn_control_close(c);
     close(fd), close(second), close(third), close(fourth);
     sem_destroy(&hurry);

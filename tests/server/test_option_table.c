@@ -62,7 +62,7 @@ TEST("values go where the rows say, and options may be shortened")
     CHECK(optind == 15 && !*said); // the argument "one" is left
 }
 
-TEST("a bad value is one line, and says what was expected")
+TEST("a bad value is one line, and says what was expected; an option of another experiment is unknown")
 {
     static const char *const bad[][2] = {{"--number 11", "program: --number 11: expected 0 to 10\n"},
                                          {"--depth 5", "program: --depth 5: expected a depth\n"},
@@ -80,12 +80,6 @@ TEST("a bad value is one line, and says what was expected")
         CHECK(read_line(&o, 'a', bad[i][0], said) == 2);
         CHECK(!strcmp(said, bad[i][1]));
     }
-}
-
-TEST("an option of another experiment is unknown")
-{
-    options o;
-    char said[200];
     CHECK(read_line(&o, 'c', "--number 2", said) == 2 && !strcmp(said, "program: --number: unknown option\n"));
     CHECK(read_line(&o, 'b', "--number 2", said) == KN_OPTIONS_READ);
 }

@@ -8,7 +8,7 @@
 #include "clients/hand/tool_path.h"
 #include "server/keeper.h"
 #include "tests/allocations.h"
-#include "tests/check.h"
+#include "tests/cleared.h"
 #include "tests/server/board.h"
 #include "tests/server/loop_fixture.h"
 #include <dlfcn.h>
@@ -69,24 +69,6 @@ static void rig_open(rig *r, const char *const *how)
         fprintf(stderr, "%s\n", error), exit(1);
     r->fixture.loop.keeper = &r->keeper;
     kn_keeper_start(&r->keeper, &r->fixture.loop.servo, &r->fixture.loop.orders);
-}
-
-static void remove_saved(const rig *r)
-{
-    char name[256];
-    for (int64_t g = 0; g <= r->keeper.store.generation; g++) {
-        snprintf(name, sizeof name, "%s/%s.%08lld.knead", r->directory, r->keeper.store.series, (long long)g);
-        unlink(name);
-    }
-    rmdir(r->directory);
-}
-
-static void rig_close(rig *r)
-{
-    kn_tool_path_destroy(r->path);
-    remove_saved(r);
-    kn_keeper_close(&r->keeper);
-    kn_loop_fixture_close(&r->fixture);
 }
 
 static void rig_drain(rig *r)
@@ -167,7 +149,10 @@ TEST("ticks with contact, faults, recoveries, sessions, resets, undos and copies
     CHECK(r.contacts > most / 10);
     CHECK(r.keeper.saves > 20 && r.keeper.errors == 0 && r.fixture.loop.servo.generation > most / ROUND);
     CHECK(r.fixture.loop.account.faults >= most / ROUND); // and faults
-    rig_close(&r);
+    kn_tool_path_destroy(r.path);
+    clear_directory(r.directory, true);
+    kn_keeper_close(&r.keeper);
+    kn_loop_fixture_close(&r.fixture);
 }
 
 // Test the trap itself. Otherwise the counts above would prove nothing.
@@ -309,7 +294,7 @@ static void run_live(rig *r, const char *const *how)
     munlockall();
     rig_drain(r);
     if (how) kn_board_end(&r->board);
-    remove_saved(r);
+    clear_directory(r->directory, true);
     if (finished < 0) SKIP("no seccomp here: %s", strerror(errno));
     if (calls != 0)
         KN_TEST_FAIL("%ld system calls that the tick must not make, the last one number %ld", (long)calls,
@@ -329,35 +314,24 @@ TEST("a live servo thread calls the kernel only to sleep and to wake the main th
     run_live(&r, NULL);
 }
 
-// Run with a circuit that is lost and comes back. The number of ticks on the circuit in between depends on the
-// machine.
-static void run_on_circuit(rig *r, const char *const *how)
+TEST("with a circuit in memory or behind a serial line, killed and restarted, the servo thread makes no other system "
+     "calls, but that it reads, writes and waits for the line")
 {
-    kn_fpga_counts n;
-    run_live(r, how);
-    CHECK(kn_backend_fpga_counts(&r->fixture.backend, &n));
-    printf("%lld ticks on the circuit, lost %lld times, loaded %lld\n", (long long)n.on_circuit, (long long)n.losses,
-           (long long)n.loads);
-    CHECK(n.on_circuit > live_ticks / 20 && n.losses >= r->kills && n.different == 0);
-    CHECK(r->kills > 0 && r->kills == live_ticks / 1500);
-}
-
-TEST("with a circuit in memory, killed and restarted, the servo thread makes no other system calls")
-{
-    static rig r;
-    static char name[32];
+    static rig r[2];
+    static char name[32], link[64];
     snprintf(name, sizeof name, "knead-trap-%d", (int)getpid());
-    const char *const how[] = {"--bar", name, NULL};
-    run_on_circuit(&r, how);
-}
-
-TEST("with a circuit behind a serial line the servo thread also reads, writes and waits for the line, and nothing else")
-{
-    static rig r;
-    static char name[64];
-    snprintf(name, sizeof name, "/tmp/knead-trap-%d", (int)getpid());
-    const char *const how[] = {"--uart", "--link", name, NULL};
-    run_on_circuit(&r, how);
+    snprintf(link, sizeof link, "/tmp/%s", name);
+    static const char *const how[][4] = {{"--bar", name, NULL}, {"--uart", "--link", link, NULL}};
+    for (int i = 0; i < 2; i++) {
+        kn_fpga_counts n;
+        run_live(&r[i], how[i]);
+        CHECK(kn_backend_fpga_counts(&r[i].fixture.backend, &n));
+        printf("%lld ticks on the circuit, lost %lld times, loaded %lld\n", (long long)n.on_circuit,
+               (long long)n.losses, (long long)n.loads);
+        // The number of ticks on the circuit depends on the machine.
+        CHECK(n.on_circuit > live_ticks / 20 && n.losses >= r[i].kills && n.different == 0);
+        CHECK(r[i].kills > 0 && r[i].kills == live_ticks / 1500);
+    }
 }
 
 TESTS_MAIN

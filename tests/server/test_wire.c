@@ -13,34 +13,24 @@ static size_t encode(void)
     return (size_t)knead_scene_t_encode(bytes, 0, sizeof bytes, &scene);
 }
 
-TEST("a well-formed scene message is accepted with and without an authentication trailer")
-{
-    size_t size = encode();
-    CHECK(kn_wire_scene_fits(bytes, size));
-    CHECK(kn_wire_scene_fits(bytes, size + KN_AUTH_TRAILER));
-    CHECK(!kn_wire_scene_fits(bytes, size + 1));
-}
-
-TEST("a truncated scene message or one of another type is refused")
-{
-    size_t size = encode();
-    for (size_t cut = 0; cut < size; cut++) CHECK(!kn_wire_scene_fits(bytes, cut));
-    bytes[7] ^= 1;
-    CHECK(!kn_wire_scene_fits(bytes, size));
-}
-
-TEST("a scene message with a wrong string length or a missing terminator is refused")
+TEST(
+    "a scene message is accepted with and without an authentication trailer; with another size, type, string length or "
+    "terminator it is refused")
 {
     static const uint32_t lies[] = {0, 1, 5, 7, 0x7fffffff, 0x80000000, 0xffffffff, 0xfffffff0};
-    const size_t at = 8 + 3 * 8 + 4; // offset of the first string's length, which is 6
+    const size_t at = 8 + 3 * 8 + 4, size = encode(); // offset of the first string's length, which is 6
+    for (size_t n = 0; n <= size + KN_AUTH_TRAILER; n++)
+        CHECK(kn_wire_scene_fits(bytes, n) == (n == size || n == size + KN_AUTH_TAG || n == size + KN_AUTH_TRAILER));
     for (size_t i = 0; i < sizeof lies / sizeof *lies; i++) {
-        size_t size = encode();
+        encode();
         for (int b = 0; b < 4; b++) bytes[at + (size_t)b] = (unsigned char)(lies[i] >> (24 - 8 * b));
         CHECK(!kn_wire_scene_fits(bytes, size));
     }
-    size_t size = encode();
-    bytes[size - 1] = 'x'; // was the text's NUL
-    CHECK(!kn_wire_scene_fits(bytes, size));
+    for (int type = 0; type < 2; type++) { // the text's NUL, or the type
+        encode();
+        bytes[type ? 7 : size - 1] ^= 1;
+        CHECK(!kn_wire_scene_fits(bytes, size));
+    }
 }
 
 TEST("a contact unit is decoded exactly as it was encoded")

@@ -3,6 +3,7 @@
 // One direction of a bad link. Messages come out after delay_ns, and some of them lost or changed. The same seed
 // gives the same faults. The clock is server/clock.h's, real or virtual.
 #include "server/clock.h"
+#include "tests/dice.h"
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -41,13 +42,7 @@ typedef struct kn_way {
     } list[KN_WAY]; // unordered
 } kn_way;
 
-static inline double kn_way_throw(kn_way *w) // uniform in [0, 1), Marsaglia's xorshift
-{
-    w->dice ^= w->dice << 13;
-    w->dice ^= w->dice >> 7;
-    w->dice ^= w->dice << 17;
-    return (double)(w->dice >> 11) * 0x1p-53;
-}
+static inline double kn_way_throw(kn_way *w) { return kn_dice(&w->dice); }
 
 static inline void kn_way_init(kn_way *w, const kn_link_fault *fault, double delay_ms, uint64_t salt)
 {
@@ -55,8 +50,7 @@ static inline void kn_way_init(kn_way *w, const kn_link_fault *fault, double del
     w->fault = *fault;
     w->fault.burst = fault->burst >= 1 ? fault->burst : 1;
     w->delay_ns = (int64_t)(1e6 * delay_ms);
-    w->dice = ((uint64_t)fault->seed + salt) * 0x9e3779b97f4a7c15u | 1;
-    for (int i = 0; i < 10; i++) kn_way_throw(w);
+    w->dice = ((uint64_t)fault->seed + salt) * 0x9e3779b97f4a7c15u;
 }
 
 static inline bool kn_way_loses(kn_way *w)

@@ -1,5 +1,6 @@
 #include "clients/tactile/haply.h"
 #include "tests/check.h"
+#include "tests/words.h"
 #include <jansson.h>
 
 static kn_haply_state state;
@@ -60,27 +61,16 @@ TEST("a grip of either kind sets the orientation and the buttons of the tool")
 
 TEST("a malformed state is refused with a message in printable ASCII")
 {
-    const char *wrong[] = {"",
-                           "[",
-                           "{",
-                           "null",
-                           "[]",
-                           "7",
-                           "{\"inverse3\":7}",
-                           "{\"inverse3\":[",
-                           "{\"inverse3\":[]}}",
-                           "\xff\xfe",
-                           "{\"inverse3\":[" ARM("A", "\"0\"", "true") "]}",
-                           "{\"inverse3\":[" ARM("A", "1.5", "true") "]}",
-                           "{\"inverse3\":[" ARM("A", "1e999", "true") "]}",
-                           "{\"inverse3\":[" ARM("A", "null", "true") "]}",
-                           "{\"inverse3\":[{\"device_id\":\"A\"}]}",
-                           "{\"inverse3\":[{\"device_id\":\"A\",\"state\":{\"cursor_position\":"
-                           "{\"x\":0,\"y\":0,\"z\":0},\"cursor_velocity\":{\"x\":0,\"y\":0,\"z\":1e6}}}]}",
-                           "{\"inverse3\":[" ARM("A", "NaN", "true") "]}",
-                           "{\"inverse3\":[" ARM("A", "0", "true") "],\"inverse3\":[]}"};
-    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        if (hear(wrong[i], "") != KN_HAPLY_MALFORMED) KN_TEST_FAIL("taken: %s", wrong[i]);
+    const char *wrong = "|[|{|null|[]|7|{\"inverse3\":7}|{\"inverse3\":[|{\"inverse3\":[]}}|\xff\xfe|"
+                        "{\"inverse3\":[{\"device_id\":\"A\"}]}|{\"inverse3\":[{\"device_id\":\"A\",\"state\":"
+                        "{\"cursor_position\":{\"x\":0,\"y\":0,\"z\":0},\"cursor_velocity\":"
+                        "{\"x\":0,\"y\":0,\"z\":1e6}}}]}|{\"inverse3\":[" ARM("A", "0", "true") "],\"inverse3\":[]}";
+    const char *arms[] = {ARM("A", "\"0\"", "true"), ARM("A", "1.5", "true"), ARM("A", "1e999", "true"),
+                          ARM("A", "null", "true"), ARM("A", "NaN", "true")};
+    for (int i = 0; i < 5 || word_of(wrong, i - 5); i++) {
+        char text[1000];
+        snprintf(text, sizeof text, i < 5 ? "{\"inverse3\":[%s]}" : "%s", i < 5 ? arms[i] : word_of(wrong, i - 5));
+        if (hear(text, "") != KN_HAPLY_MALFORMED) KN_TEST_FAIL("taken: %s", text);
         CHECK(*error);
         for (const char *c = error; *c; c++) CHECK(*c >= ' ' && *c <= '~');
     }
@@ -125,18 +115,10 @@ TEST("only an address of the form ws://HOST:PORT is accepted")
     int port = 0;
     CHECK(kn_haply_url("ws://localhost:10001", host, &port) && !strcmp(host, "localhost") && port == 10001);
     CHECK(kn_haply_url("ws://127.0.0.1:10001/", host, &port) && !strcmp(host, "127.0.0.1"));
-    const char *wrong[] = {"",
-                           "localhost:10001",
-                           "http://localhost:10001",
-                           "ws://localhost",
-                           "ws://localhost:0",
-                           "ws://:10001",
-                           "ws://localhost:65536",
-                           "ws://localhost:10001/x",
-                           "ws://localhost:10001x",
-                           "wss://localhost:1"};
-    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
-        if (kn_haply_url(wrong[i], host, &port)) KN_TEST_FAIL("taken: %s", wrong[i]);
+    const char *wrong = "|localhost:10001|http://localhost:10001|ws://localhost|ws://localhost:0|ws://:10001|"
+                        "ws://localhost:65536|ws://localhost:10001/x|ws://localhost:10001x|wss://localhost:1";
+    for (int i = 0; word_of(wrong, i); i++)
+        if (kn_haply_url(word_of(wrong, i), host, &port)) KN_TEST_FAIL("taken: %s", word_of(wrong, i));
 }
 
 TESTS_MAIN

@@ -1,4 +1,5 @@
 #include "clients/tactile/bridge.h"
+#include "core/algebra/algebra.h"
 #include "tests/check.h"
 
 static kn_device_def mount(const char *basis)
@@ -13,11 +14,9 @@ static kn_device_def mount(const char *basis)
 // Rotate v by the unit quaternion q.
 static void rotate(const double q[4], const double v[3], double out[3])
 {
-    const double *u = q + 1, c[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    for (int i = 0; i < 3; i++) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = v[i] + 2.0 * (q[0] * c[i] + u[j] * c[k] - u[k] * c[j]);
-    }
+    double r[3][3];
+    kn_turn_matrix(q, r);
+    for (int i = 0; i < 3; i++) out[i] = r[i][0] * v[0] + r[i][1] * v[1] + r[i][2] * v[2];
 }
 
 TEST("the n-th letter of a basis names the device axis along the n-th axis of the scene")
