@@ -4,6 +4,9 @@ program=knead # the program that refuses() calls
 python3() { /usr/bin/python3 "$@"; } # Debian's python3, independent of PATH
 ok() { echo "ok   $1"; }
 fail() { echo "FAIL $*"; failed=1; }
+# json FILE EXPRESSION: return whether a Python expression about the JSON object `o` in FILE is true.
+json() { python3 -c "import json, sys; o = json.load(open('$1')); sys.exit(not ($2))"; }
+png() { head -c 8 "$1" | od -An -c | grep -q 'P   N   G'; } # png FILE: return whether FILE is a PNG
 
 # refuses CODE EXPECTED-LINE ARGUMENT...: expect exactly that line on stderr and nothing on stdout.
 # begun=yes refuses ...: expect some output on stdout before the refusal.

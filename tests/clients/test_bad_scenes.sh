@@ -110,22 +110,19 @@ made_count=$((count - kept))
 # Values beyond either end of each key's range.
 knead check --keys | awk -v folder="$made" '
     function value(v, times, unit,    text, i) {
-        text = v (unit == "number" ? "" : " " unit)
-        if (times == 0) return text
-        for (i = 2; i <= times; i++) text = text ", " v (unit == "number" ? "" : " " unit)
-        return "[" text "]"
+        if (unit != "number") v = v " " unit
+        for (i = 1; i <= times; i++) text = text (i > 1 ? ", " : "") v
+        return times ? "[" text "]" : v
     }
-    function scene(name, key, v,    path, n, i, text, pad, list) {
+    function scene(name, key, v,    path, n, i, text, tail) { # write a file, with braces and lists in one line
         n = split(key, path, ".")
-        text = "version: 1\n"
-        for (i = 1; i <= n; i++) {
-            if (path[i] == "NAME" || path[i] == "N") { list = 1; continue }
-            text = text pad (list ? "- " : "") path[i] ":" (i == n ? " " v "\n" : "\n")
-            pad = pad (list ? "    " : "  ")
-            list = 0
+        text = "version: 1\n" path[1] ": "
+        for (i = 2; i <= n; i++) {
+            if (path[i] == "NAME" || path[i] == "N") { text = text "["; tail = "]" tail }
+            else { text = text "{" path[i] ": "; tail = "}" tail }
         }
-        if (key == "version") text = "version: " v "\n"
-        printf "%s", text > (folder "/" name ".yaml")
+        if (key == "version") text = "version: "
+        print text v tail > (folder "/" name ".yaml")
         close(folder "/" name ".yaml")
         print name
     }

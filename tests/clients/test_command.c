@@ -22,33 +22,23 @@ TEST("the bar shows the share that is done, and the remaining time appears once 
     CHECK_STR(line(1e9, 10), "film  [####################] 100 %  0 s left");
 }
 
-// Read until nothing arrives for half a second. The kernel delivers output to a terminal with a delay.
-static size_t hear(int from, char *text, size_t size)
+// Show a thousand steps on this file, and return what can be read at its other end. The kernel delivers output to a
+// terminal with a delay: read until nothing arrives for half a second.
+static size_t shown(int to, int from, char *text, size_t size)
 {
-    size_t n = 0;
     struct pollfd wait = {.fd = from, .events = POLLIN};
-    while (n + 1 < size && poll(&wait, 1, 500) > 0 && (wait.revents & POLLIN)) {
-        const ssize_t got = read(from, text + n, size - 1 - n);
-        if (got <= 0) break;
-        n += (size_t)got;
-    }
-    text[n] = '\0';
-    return n;
-}
-
-// Return the output of a thousand steps, written to a terminal or a file.
-static size_t shown(int fd, int from, char *text, size_t size)
-{
-    fflush(stderr);
+    size_t n = 0;
     int kept = dup(STDERR_FILENO);
-    dup2(fd, STDERR_FILENO);
+    dup2(to, STDERR_FILENO);
     kn_progress p = kn_progress_open("work", 1000);
     for (int i = 0; i <= 1000; i++) kn_progress_step(&p, i);
     kn_progress_close(&p);
     fflush(stderr);
     dup2(kept, STDERR_FILENO);
     close(kept);
-    return hear(from, text, size);
+    while (n + 1 < size && poll(&wait, 1, 500) > 0) n += (size_t)fmax(0, (double)read(from, text + n, size - 1 - n));
+    text[n] = '\0';
+    return n;
 }
 
 TEST("a terminal shows a few of a thousand steps and a cleared line at the end, and a pipe shows nothing")

@@ -7,14 +7,9 @@ source "$KN_SOURCE/tests/clients/refuses.sh"
 value() { awk -v row="$1" -v column="$2" '$1 == row && $2 == "element" { print $column }' out; }
 
 knead creep dough --load 10gf,30gf,50gf,70gf,90gf --csv creep.csv --png creep.png >out || fail "creep dough: exit $?"
-[ "$(value 50 4)" = 26.33 ] || fail "50 gf end at $(value 50 4) gf/cm^2"
-[ "$(value 50 5)" = 0.5266 ] || fail "after 50 gf the height is $(value 50 5) cm"
-for row in "10 9.64 0.0363 0.0205 0.0158" "30 23.70 0.2099 0.0511 0.1588" "70 24.64 0.6480 0.0541 0.5938" \
-    "90 22.82 0.7464 0.0502 0.6962"; do # an integration by hand, to its digits: 0.0363 0.210 0.648 0.746 ...
-    set -- $row
-    [ "$(value "$1" 4) $(value "$1" 6) $(value "$1" 7) $(value "$1" 8)" = "$2 $3 $4 $5" ] || fail "$1 gf: $(grep "^ *$1 " out)"
-done
-head -c 8 creep.png | od -An -c | grep -q 'P   N   G' || fail "no PNG"
+# core.network has all five loads
+[ "$(value 50 4) $(value 50 5) $(value 90 6) $(value 90 7) $(value 90 8)" = "26.33 0.5266 0.7464 0.0502 0.6962" ] || fail "creep dough: $(cat out)"
+png creep.png || fail "no PNG"
 [ "$(head -n 1 creep.csv)" = load_n,time_s,strain,height_m,stress_pa ] || fail "columns: $(head -n 1 creep.csv)"
 [ "$(wc -l <creep.csv)" = $((1 + 5 * 602)) ] || fail "rows: $(wc -l <creep.csv)"
 
@@ -49,10 +44,8 @@ refuses 2 "knead creep: --strain: unknown option; --help lists them" creep dough
 refuses 2 "knead creep: --lattice 3x3: expected cells along x, y, z like 4x4x4, at most 64 each" creep dough --lattice 3x3
 refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s|d, s-d, d or (s|d)-d, force-dependent only in series; without --lattice any element runs" \
     creep zener --param s1=1kPa --param d1='1 kPa*s' --param s2=1kPa --lattice 2x2x2
-refuses 2 "missing.yaml:1:1: No such file or directory, expected a scene file" creep missing.yaml
 refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help" creep
 begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"
-begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --png folder
 mkdir bare && ln -s "$(command -v sh)" bare/sh
 knead=$(command -v knead)
 PATH=$PWD/bare "$knead" creep dough --png none.png >out 2>err

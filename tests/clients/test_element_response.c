@@ -1,9 +1,8 @@
 // clients/identify/element_response.h compared with core/network.h, which steps through time. The two share only the
 // equations and the coefficients of the time integration (kn_sdirk_row).
 #include "clients/identify/element_response.h"
-#include "core/network.h"
 #include "tests/check.h"
-#include "tests/dough.h"
+#include "tests/clients/made.h"
 
 enum { READINGS = 433 };
 
@@ -25,32 +24,18 @@ static kn_network network_of(const kn_voigt_chain *c, const char *expression)
     return net;
 }
 
-static void oracle(const kn_network *net, int steps, const kn_voigt_chain_step *step, kn_drive_kind kind,
-                   const double *time_s, double *strain)
-{
-    kn_network_state s = {0};
-    int next = 0;
-    kn_drive d = {0};
-    for (int i = 0; i < READINGS; i++) {
-        // a reading at the time of a step belongs before the step
-        for (; next < steps && step[next].time_s < time_s[i]; next++) {
-            if (next > 0) CHECK(kn_network_advance(net, &s, &d, step[next].time_s, 1e-11));
-            d = (kn_drive){.kind = kind, .value = step[next].value};
-            CHECK(kn_network_jump(net, &s, &d));
-        }
-        CHECK(kn_network_advance(net, &s, &d, time_s[i], 1e-11));
-        strain[i] = s.strain;
-    }
-}
-
 static double furthest(const kn_voigt_chain *c, const char *expression, int steps, const kn_voigt_chain_step *step,
                        bool constant)
 {
     static double time_s[READINGS], mine[READINGS], theirs[READINGS];
     kn_network net = network_of(c, expression);
+    kn_drive drive[4];
     double worst = 0, largest = 0;
+    for (int i = 0; i < steps; i++)
+        drive[i] = (kn_drive){
+            .kind = constant ? KN_DRIVE_STRESS : KN_DRIVE_LOAD, .value = step[i].value, .start_s = step[i].time_s};
     for (int i = 0; i < READINGS; i++) time_s[i] = 0.3 * (i + 1);
-    oracle(&net, steps, step, constant ? KN_DRIVE_STRESS : KN_DRIVE_LOAD, time_s, theirs);
+    respond(&net, steps, drive, 1e-11, READINGS, time_s, NULL, theirs);
     CHECK(kn_voigt_chain_creep(c, constant, steps, step, READINGS, time_s, mine));
     for (int i = 0; i < READINGS; i++) {
         worst = fmax(worst, fabs(mine[i] - theirs[i]));
@@ -87,25 +72,16 @@ TEST("a Burgers chain and a spring with two Voigt elements, one of them fast, cr
 
 TEST("the stress of the chain in a ramp and a hold is the stress of the network")
 {
+    static const kn_drive drive[] = {{.kind = KN_DRIVE_STRAIN, .rate_per_s = 0.02},
+                                     {.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = 15}};
+    static double time_s[600], mine[600], theirs[600];
     const kn_voigt_chain chain = kn_voigt_chain_of(&dough);
-    static double time_s[600], stress[600];
-    kn_network net = network_of(&chain, "d-(s|d)");
-    kn_network_state s = {0};
-    kn_drive d = {.kind = KN_DRIVE_STRAIN, .rate_per_s = 0.02};
-    kn_voigt_chain_step step[2] = {{0, 0}, {15, 0.3}};
+    const kn_network net = network_of(&chain, "d-(s|d)");
+    const kn_voigt_chain_step step[2] = {{0, 0}, {15, 0.3}};
     for (int i = 0; i < 600; i++) time_s[i] = 0.5 * (i + 1) + 0.1;
-    CHECK(kn_voigt_chain_stress(&chain, 2, step, 600, time_s, stress));
-    CHECK(kn_network_jump(&net, &s, &d));
-    bool held = false;
-    for (int i = 0; i < 600; i++) {
-        if (!held && time_s[i] > 15) {
-            CHECK(kn_network_advance(&net, &s, &d, 15, 1e-11));
-            d = (kn_drive){.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = 15};
-            held = kn_network_jump(&net, &s, &d);
-        }
-        CHECK(kn_network_advance(&net, &s, &d, time_s[i], 1e-11));
-        CHECK_NEAR(stress[i] / s.stress_pa, 1, 5e-5);
-    }
+    CHECK(kn_voigt_chain_stress(&chain, 2, step, 600, time_s, mine));
+    respond(&net, 2, drive, 1e-11, 600, time_s, theirs, NULL);
+    for (int i = 0; i < 600; i++) CHECK_NEAR(mine[i] / theirs[i], 1, 5e-5);
 }
 
 TEST("after a strain jump a Maxwell chain's stress decays exponentially; a chain without a series spring is refused")
@@ -127,28 +103,29 @@ static double apart_held(const kn_material *m, double rate, double *begin_pa)
 {
     enum { TIMES = 61 };
     const double rise_s = 0.3 / rate;
-    kn_network net = kn_network_of(m);
+    const kn_network net = kn_network_of(m);
+    kn_drive drive[4] = {{.kind = KN_DRIVE_STRAIN, .rate_per_s = rate},
+                         {.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = rise_s}};
+    double time_s[TIMES], theirs[TIMES], mine[TIMES], worst = 0;
     kn_network_state at = {0};
-    kn_drive ramp = {.kind = KN_DRIVE_STRAIN, .rate_per_s = rate};
-    kn_drive held = {.kind = KN_DRIVE_STRAIN, .value = 0.3, .start_s = rise_s};
-    double time_s[TIMES], stress_pa[TIMES], worst = 0;
-    CHECK(kn_network_jump(&net, &at, &ramp) && kn_network_advance(&net, &at, &ramp, rise_s, 1e-12));
-    CHECK(kn_network_jump(&net, &at, &held));
+    CHECK(kn_network_jump(&net, &at, &drive[0]) && kn_network_advance(&net, &at, &drive[0], rise_s, 1e-12) &&
+          kn_network_jump(&net, &at, &drive[1]));
     *begin_pa = at.stress_pa;
-    const kn_held_element hold = kn_held_element_of(m, at.stress_pa);
-    for (int i = 0; i < TIMES; i++) time_s[i] = 0.001 * pow(10, 0.1 * i);
-    kn_held_element_stress(&hold, TIMES, time_s, stress_pa);
-    for (int i = 0; i < TIMES; i++) {
-        // stop at each kink of the damper: a step across a kink is only first-order accurate
-        for (int k = 0; k < 2; k++) {
-            const double kink = k ? m->p0_pa : m->p1_pa,
-                         when = kink < *begin_pa ? kn_held_element_until(&hold, kink) : INFINITY;
-            if (when < time_s[i] && rise_s + when > at.time_s)
-                CHECK(kn_network_advance(&net, &at, &held, rise_s + when, 1e-13));
-        }
-        CHECK(kn_network_advance(&net, &at, &held, rise_s + time_s[i], 1e-13));
-        if (at.stress_pa > 1e-3 * *begin_pa) worst = fmax(worst, fabs(stress_pa[i] / at.stress_pa - 1));
+    const kn_held_element hold = kn_held_element_of(m, *begin_pa);
+    // stop at each kink of the damper: a step across a kink is only first-order accurate
+    int drives = 2;
+    for (int k = 0; k < 2; k++) {
+        const double kink = k ? m->p0_pa : m->p1_pa;
+        if (kink >= *begin_pa) continue;
+        drive[drives] = drive[1];
+        drive[drives++].start_s += kn_held_element_until(&hold, kink);
     }
+    for (int i = 0; i < TIMES; i++) time_s[i] = 0.001 * pow(10, 0.1 * i);
+    kn_held_element_stress(&hold, TIMES, time_s, mine);
+    for (int i = 0; i < TIMES; i++) time_s[i] += rise_s;
+    respond(&net, drives, drive, 1e-13, TIMES, time_s, theirs, NULL);
+    for (int i = 0; i < TIMES; i++)
+        if (theirs[i] > 1e-3 * *begin_pa) worst = fmax(worst, fabs(mine[i] / theirs[i] - 1));
     return worst;
 }
 

@@ -5,10 +5,8 @@ static kn_haptic_render render;
 static const double still[3];
 static int64_t seq;
 
-static void begin(const kn_haptic_render_def *more)
+static void begin(kn_haptic_render_def def)
 {
-    kn_haptic_render_def def = {0};
-    if (more) def = *more;
     def.device.force_limit_n = 8.0;
     def.device.force_scale = def.device.scale = 1.0;
     memcpy(def.device.basis, (double[]){1, 2, 3}, sizeof def.device.basis);
@@ -18,13 +16,14 @@ static void begin(const kn_haptic_render_def *more)
     seq = 0;
 }
 
-// Run one ms with a force upwards. Return the force given to the motors.
-static double ms(double force_n)
+// Run for a time with a force upwards. Return the force given to the motors.
+static double after_ms(double ms, double force_n)
 {
     kn_haptic_render_force(&render, (double[]){0, 0, force_n}, 1e-3);
-    kn_haptic_render_give(&render, 1e-3, still, still, 1.0);
+    kn_haptic_render_give(&render, 1e-3 * ms, still, still, 1.0);
     return render.given_n[2];
 }
+static double ms(double force_n) { return after_ms(1, force_n); }
 
 static void rest(int count, double force_n)
 {
@@ -33,7 +32,7 @@ static void rest(int count, double force_n)
 
 TEST("a force with ordinary changes is given unchanged, up to the force limit of the device")
 {
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     for (int i = 0; i <= 100; i++) CHECK(ms(3.9 * (i % 2)) == 3.9 * (i % 2));
     CHECK(ms(3.9) == 3.9 && ms(7.5) == 7.5 && ms(11.0) == 8.0 && render.clamped == 1);
     CHECK(render.guards == 0 && !render.stop);
@@ -41,7 +40,7 @@ TEST("a force with ordinary changes is given unchanged, up to the force limit of
 
 TEST("a single wild force moves the output by 4 N and is counted, and the next good force is given")
 {
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 1.0);
     CHECK_NEAR(ms(8.0), 5.0, 1e-12);
     CHECK_NEAR(ms(1.1), 1.1, 1e-12);
@@ -52,7 +51,7 @@ TEST("a jump above 8 N, two opposite jumps or three in 20 ms trip the reflex gua
 {
     static const double wild[3][8] = {{50}, {7, -4}, {7, 7, 11, 11, 15.5}};
     for (int kind = 0; kind < 3; kind++) {
-        begin(NULL);
+        begin((kn_haptic_render_def){0});
         rest(50, 2.0);
         double last_n = 2.0, largest_step_n = 0.0;
         for (int i = 0; i < 8 && !render.stop; i++) {
@@ -75,16 +74,9 @@ TEST("a jump above 8 N, two opposite jumps or three in 20 ms trip the reflex gua
     }
 }
 
-static double after_ms(double ms_, double force_n)
-{
-    kn_haptic_render_force(&render, (double[]){0, 0, force_n}, 1e-3);
-    kn_haptic_render_give(&render, 1e-3 * ms_, still, still, 1.0);
-    return render.given_n[2];
-}
-
 TEST("at any call rate the guard allows 4 N per ms and a proportional part in between")
 {
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 0.0);
     CHECK_NEAR(after_ms(1.0, 7.9), 4.0, 1e-12);
     CHECK_NEAR(after_ms(0.05, 7.9), 4.2, 1e-12);
@@ -92,27 +84,24 @@ TEST("at any call rate the guard allows 4 N per ms and a proportional part in be
     CHECK(render.guards == 1 && !render.stop);
     CHECK_NEAR(after_ms(0.875, 7.9), 7.9, 1e-12); // the ms is over then
     CHECK(!render.stop);
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 0.0);
     double most_n = 0.0;
     for (int i = 1; i <= 10; i++) most_n = fmax(most_n, after_ms(0.1, 3.9 * i)); // 39 N in a ms
     CHECK(render.stop == KN_HAPTIC_RENDER_REFLEX && most_n < 4.0 + 0.4 * 3);
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 0.0);
     for (int i = 1; i <= 8; i++) CHECK_NEAR(after_ms(0.25, 0.95 * i), 0.95 * i, 1e-12); // 3.8 N in a ms
     CHECK(render.guards == 0);
 }
 
-TEST("the guard uses the limit of the device definition instead of 4 N per ms")
+TEST("the guard uses the limit of the device definition instead of 4 N per ms, and allows a larger step after a gap of "
+     "3 ms without messages")
 {
-    begin(&(kn_haptic_render_def){.guard_n_per_ms = 2.0});
+    begin((kn_haptic_render_def){.guard_n_per_ms = 2.0});
     rest(50, 1.0);
     CHECK_NEAR(ms(4.0), 3.0, 1e-12);
-}
-
-TEST("a larger step is allowed after a gap of 3 ms without messages")
-{
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 1.0);
     for (int i = 0; i < 2; i++) kn_haptic_render_give(&render, 1e-3, still, still, 1.0);
     CHECK(ms(8.0) == 8.0 && render.guards == 0);
@@ -120,7 +109,7 @@ TEST("a larger step is allowed after a gap of 3 ms without messages")
 
 TEST("a NaN force is refused and the last force stays")
 {
-    begin(NULL);
+    begin((kn_haptic_render_def){0});
     rest(50, 1.0);
     CHECK(!kn_haptic_render_force(&render, (double[]){0, NAN, 1}, 1e-3));
     kn_haptic_render_give(&render, 1e-3, still, still, 1.0);
@@ -130,7 +119,7 @@ TEST("a NaN force is refused and the last force stays")
 TEST("forces that answer poses older than 5 ms fade to 0, unless the device holds old forces")
 {
     for (int held = 0; held < 2; held++) {
-        begin(&(kn_haptic_render_def){.held = held});
+        begin((kn_haptic_render_def){.held = held});
         rest(50, 2.0);
         for (int i = 0; i < 400; i++) {
             kn_haptic_render_force(&render, (double[]){0, 0, 2}, 6e-3);
@@ -167,9 +156,11 @@ static void press(double turned_z, int count)
     }
 }
 
-TEST("with the local model kneadd's forces are ignored, and contacts are rendered and clamped")
+static const kn_haptic_render_def local = {.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5};
+
+TEST("with the local model kneadd's forces are ignored, and contacts are rendered in the device's axes and clamped")
 {
-    begin(&(kn_haptic_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    begin(local);
     rest(50, 2.0);
     CHECK(render.given_n[2] == 0.0);
     press(1.0, 400);
@@ -177,11 +168,7 @@ TEST("with the local model kneadd's forces are ignored, and contacts are rendere
     render.def.device.force_limit_n = 0.3;
     press(1.0, 1);
     CHECK_NEAR(render.given_n[2], 0.3, 1e-12);
-}
-
-TEST("a device with an inverted basis receives the contact force in its own axes")
-{
-    begin(&(kn_haptic_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    begin(local);
     render.def.device.basis[1] = -2, render.def.device.basis[2] = -3; // upside down
     press(-1.0, 400);
     CHECK_NEAR(render.given_n[2], -0.5, 0.05);
@@ -189,7 +176,7 @@ TEST("a device with an inverted basis receives the contact force in its own axes
 
 TEST("a wild contact stops the device by the reflex guard")
 {
-    begin(&(kn_haptic_render_def){.local = true, .coupling_n_m = 500.0, .coupling_n_s_m = 1.5});
+    begin(local);
     press(1.0, 400);
     kn_contact_unit unit = wall;
     unit.utime = unit.pose_seq = 401;

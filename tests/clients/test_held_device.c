@@ -3,19 +3,24 @@
 
 static const double origin[3] = {0.0, 0.0, 0.0};
 
-static kn_held_device_def plain(void) { return (kn_held_device_def){.mass_kg = 0.1, .grip = KN_GRIP_NONE}; }
+static kn_held_device arm;
 
-static void run(kn_held_device *arm, int ticks, const double force_n[3], const double path_m[3])
+// Begin with an arm of 0.1 kg, which nobody holds unless `def` says so.
+static void begin(kn_held_device_def def)
 {
-    for (int i = 0; i < ticks; i++) kn_held_device_tick(arm, force_n, path_m, origin);
+    def.mass_kg = 0.1;
+    kn_held_device_init(&arm, &def, origin);
+}
+
+static void run(int ticks, const double force_n[3], const double path_m[3])
+{
+    for (int i = 0; i < ticks; i++) kn_held_device_tick(&arm, force_n, path_m, origin);
 }
 
 TEST("a free mass under a constant force moves by F t^2 / (2 m)")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    kn_held_device_init(&arm, &def, origin);
-    run(&arm, 100, (double[3]){0.0, 0.3, -0.4}, origin);
+    begin((kn_held_device_def){0});
+    run(100, (double[3]){0.0, 0.3, -0.4}, origin);
     CHECK_NEAR(arm.x_m[1], 0.3 * 0.01 / 0.2, 1e-5);
     CHECK_NEAR(arm.x_m[2], -0.4 * 0.01 / 0.2, 1e-5);
     CHECK_NEAR(arm.v_m_s[2], -0.4, 1e-12);
@@ -23,47 +28,35 @@ TEST("a free mass under a constant force moves by F t^2 / (2 m)")
 
 TEST("under viscous friction a constant force brings the arm to the speed F / b")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.damping_n_s_m = 2.0;
-    kn_held_device_init(&arm, &def, origin);
-    run(&arm, 1000, (double[3]){0.5, 0.0, 0.0}, origin);
+    begin((kn_held_device_def){.damping_n_s_m = 2.0});
+    run(1000, (double[3]){0.5, 0.0, 0.0}, origin);
     CHECK_NEAR(arm.v_m_s[0], 0.25, 1e-6);
 }
 
 TEST("dry friction holds the arm against a weaker force and subtracts its limit from a stronger one, in any direction")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.coulomb_n = 0.5;
-    kn_held_device_init(&arm, &def, origin);
-    run(&arm, 500, (double[3]){0.3, 0.3, 0.0}, origin); // 0.42 N
+    begin((kn_held_device_def){.coulomb_n = 0.5});
+    run(500, (double[3]){0.3, 0.3, 0.0}, origin); // 0.42 N
     CHECK(arm.x_m[0] == 0.0 && arm.x_m[1] == 0.0);
-    run(&arm, 100, (double[3]){0.6, 0.8, 0.0}, origin);
+    run(100, (double[3]){0.6, 0.8, 0.0}, origin);
     CHECK_NEAR(arm.v_m_s[0], 0.6 * 0.5 / 0.1 * 0.1, 1e-9);
     CHECK_NEAR(arm.v_m_s[1], 0.8 * 0.5 / 0.1 * 0.1, 1e-9);
 }
 
 TEST("a force above the limit is cut to the limit and keeps its direction")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.force_limit_n = 3.3;
-    kn_held_device_init(&arm, &def, origin);
-    run(&arm, 1, (double[3]){6.0, 0.0, -8.0}, origin);
+    begin((kn_held_device_def){.force_limit_n = 3.3});
+    run(1, (double[3]){6.0, 0.0, -8.0}, origin);
     CHECK_NEAR(arm.force_n[0], 0.6 * 3.3, 1e-12);
     CHECK_NEAR(arm.force_n[2], -0.8 * 3.3, 1e-12);
 }
 
 TEST("measured positions are whole encoder steps and at most half a step from the true position")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.encoder_m = 40e-6;
-    kn_held_device_init(&arm, &def, (double[3]){0.0, 0.0, 1e-3 + 13e-6});
     double worst = 0.0;
+    begin((kn_held_device_def){.encoder_m = 40e-6});
     for (int i = 0; i < 200; i++) {
-        kn_held_device_tick(&arm, (double[3]){0.01, 0.02, 0.03}, origin, origin);
+        run(1, (double[3]){0.01, 0.02, 0.03}, origin);
         for (int k = 0; k < 3; k++) {
             double steps = arm.position_m[k] / 40e-6;
             CHECK_NEAR(steps, round(steps), 1e-9);
@@ -76,14 +69,11 @@ TEST("measured positions are whole encoder steps and at most half a step from th
 
 TEST("the measured velocity reaches 63 % of a step after one time constant of its filter")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.velocity_hz = 80.0; // time constant 2 ms
-    kn_held_device_init(&arm, &def, origin);
+    begin((kn_held_device_def){.velocity_hz = 80.0}); // time constant 2 ms
     arm.v_m_s[0] = 1.0;
-    run(&arm, 2, origin, origin);
+    run(2, origin, origin);
     CHECK_NEAR(arm.velocity_m_s[0], 1.0 - exp(-1.0), 0.01);
-    run(&arm, 20, origin, origin);
+    run(20, origin, origin);
     CHECK_NEAR(arm.velocity_m_s[0], 1.0, 1e-4);
 }
 
@@ -92,22 +82,15 @@ TEST("a hand moves the device along its path, and its springs in series yield to
     const double stiffness[KN_GRIPS] = {0, 1 / (1 / 300.0 + 1 / 100.0), 1 / (1 / 800.0 + 1 / 300.0),
                                         1 / (1 / 2500.0 + 1 / 800.0)};
     for (int g = KN_GRIP_LIGHT; g <= KN_GRIP_FIRM; g++) {
-        kn_held_device arm;
-        kn_held_device_def def = plain();
-        def.damping_n_s_m = 0.2;
-        def.grip = (kn_grip)g;
-        kn_held_device_init(&arm, &def, origin);
-        run(&arm, 3000, (double[3]){0.0, 0.0, 1.0}, (double[3]){0.0, 0.0, -0.02});
+        begin((kn_held_device_def){.damping_n_s_m = 0.2, .grip = (kn_grip)g});
+        run(3000, (double[3]){0.0, 0.0, 1.0}, (double[3]){0.0, 0.0, -0.02});
         CHECK_NEAR(arm.x_m[2], -0.02 + 1.0 / stiffness[g], 1e-6);
     }
 }
 
 TEST("a device of one axis moves freely along z and follows the path exactly along x and y")
 {
-    kn_held_device arm;
-    kn_held_device_def def = plain();
-    def.axes = 1;
-    kn_held_device_init(&arm, &def, origin);
+    begin((kn_held_device_def){.axes = 1});
     for (int i = 0; i < 100; i++)
         kn_held_device_tick(&arm, (double[3]){5.0, 5.0, 0.1}, (double[3]){i * 1e-4, 0.0, 0.0},
                             (double[3]){0.1, 0.0, 0.0});

@@ -81,41 +81,29 @@ knead identify sweep stiff.csv --out stiff.yaml >out 2>err
 [ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q '^note: no scene accepts this material: material.k1 is 1e+10 Pa, out of range' out &&
     grep -q '^knead identify sweep: --out stiff.yaml: not written, no scene accepts it: material.k1' err && ok "a material outside the range of a scene is not written" ||
     fail "a material outside the range of a scene is not refused: $(cat out err)"
-swept 0.01 burgers --param s1='20 kPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' $range
-knead identify sweep sweep.csv --out absurd.yaml >out 2>err
-[ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q 'a scene cannot have this element; the nearest' out || fail "absurd, too: $(cat err)"
 if command -v gnuplot >/dev/null; then
     knead identify sweep sweep.csv --png fit.png --report report >out 2>err || fail "--png, --report: $(cat err)"
-    head -c 8 fit.png | od -An -c | grep -q 'P   N   G' && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || fail "--png, --report"
+    png fit.png && [ -s report/index.html ] && [ -s report/moduli.csv ] && ok "--png, --report" || fail "--png, --report"
 fi
 
 refuses 2 "knead identify sweep: expected a file of readings, CSV; --help lists its columns" identify sweep
 refuses 2 "knead identify sweep: --strain: unknown option; --help lists them" identify sweep sweep.csv --strain 5%
 refuses 2 "knead identify relax: --shear: unknown option; --help lists them" identify relax sweep.csv --shear
-sed 's/^\(5;[^;]*\);.*/\1;-3/' sweep.csv >minus.csv
-knead identify sweep minus.csv >out 2>err
-[ $? = 2 ] && grep -q '^minus.csv:32:[0-9]*: .*expected both above 0$' err && ok "a modulus below 0 is refused with its line" || fail "minus: $(cat err)"
 awk 'BEGIN { print "frequency [Hz],|G*| [Pa],phase angle [deg]"; for (i = 0; i < 12; i++) printf "%g,20909,%d\n", 0.1 + i, i == 3 ? 100 : 30 + i }' >angle.csv
 knead identify sweep angle.csv >out 2>err
 [ $? = 2 ] && [ "$(cat err)" = "angle.csv:5:1: phase angle of 100 deg, expected one between 0 and 90" ] && ok "a phase angle above 90 degrees is refused with its line" || fail "angle: $(cat err)"
-awk 'NR == 3 || NR == 1 { print } { if (NR > 1) print }' all.csv | cut -d, -f1-3 >twice.csv
-knead identify sweep twice.csv >out 2>err
-grep -q '^twice.csv: 1 reading has the frequency of another: averaged$' out && ok "readings of a repeated frequency are averaged" || fail "twice: $(cat out err)"
 sed -n 1,9p sweep.csv >few.csv
 knead identify sweep few.csv >out 2>err && ! grep -q nan out && grep -q ' - ' out && ok "the runs statistic of few readings is shown as -" || fail "few: $(cat out err)"
 sed '4s/;[^;]*;/;1e40;/' sweep.csv >beyond.csv
 knead identify sweep beyond.csv >out 2>err
 [ $? = 2 ] && grep -Eq '^beyond.csv:4:[0-9]*[2-9]: .* in SI units, expected at most 1e\+30$' err && ok "a number above 1e30 is refused with line and column" || fail "beyond: $(cat err)"
-refuses 2 "knead identify sweep: -xy: unknown option; --help lists them" identify sweep -xy sweep.csv
 refuses 2 "knead identify sweep: -dash.csv: unknown option; --help lists them" identify sweep sweep.csv -dash.csv
-refuses 2 "knead identify sweep: -x: unknown option; --help lists them" identify sweep sweep.csv -x
 refuses 2 "knead identify sweep: --strain=5%: unknown option; --help lists them" identify sweep sweep.csv --strain=5%
 if command -v gnuplot >/dev/null && [ -c /dev/full ]; then
     knead identify sweep sweep.csv --png /dev/full >out 2>err
     [ $? = 3 ] && [ "$(cat err)" = "knead identify sweep: /dev/full: No space left on device, nothing drawn" ] && ok "a picture that cannot be written is reported" || fail "/dev/full: $(cat err)"
 fi
-knead identify sweep nowhere.csv >out 2>err
-[ $? != 0 ] && [ "$(wc -l <err)" = 1 ] && ok "a missing file is reported in one line" || fail "nowhere: $(cat err)"
+refuses 2 "knead identify sweep: nowhere.csv: No such file or directory" identify sweep nowhere.csv
 mkdir full && : >full/mine && printf 'mine\n' >early.csv
 refuses 2 "knead identify sweep: full: is not empty, expected a new folder" identify sweep sweep.csv --csv early.csv --out early.yaml --report full
 [ "$(cat early.csv)" = mine ] && [ ! -e early.yaml ] && ok "a report in a folder that is not empty is refused before any file is written" || fail "refused late"

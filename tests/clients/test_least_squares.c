@@ -6,6 +6,7 @@
 enum { READINGS = 60 };
 
 static uint64_t seed = 1;
+static const double truth[3] = {2, 1.3, 0.5};
 
 // a exp(-b t) + c, and a fourth unknown without any effect.
 typedef struct decay {
@@ -21,41 +22,34 @@ static bool misfit(void *of, const double *v, double *residual)
     return true;
 }
 
-static kn_fit fit_of(decay *d, int unknowns)
-{
-    return (kn_fit){.unknowns = unknowns,
-                    .readings = READINGS,
-                    .misfit = misfit,
-                    .of = d,
-                    .unknown = {{.name = "a", .value = 1, .low = 1e-3, .high = 1e3},
-                                {.name = "b", .value = 0.1, .low = 1e-3, .high = 1e3},
-                                {.name = "c", .value = 0.1, .low = 1e-6, .high = 1e3},
-                                {.name = "idle", .value = 3, .low = 1, .high = 10}}};
-}
+static decay d; // the data of the last fit
 
-static void fill(decay *d, double noise)
+// Fit new data of 2 exp(-1.3 t) + 0.5 with noise. b_high: upper bound of b.
+static kn_fit fit_of(double noise, int unknowns, double b_high)
 {
-    for (int i = 0; i < READINGS; i++) d->y[i] = 2 * exp(-1.3 * at(i)) + 0.5 + noise * kn_dice_normal(&seed);
+    for (int i = 0; i < READINGS; i++) d.y[i] = 2 * exp(-1.3 * at(i)) + 0.5 + noise * kn_dice_normal(&seed);
+    kn_fit fit = {.unknowns = unknowns,
+                  .readings = READINGS,
+                  .misfit = misfit,
+                  .of = &d,
+                  .unknown = {{.name = "a", .value = 1, .low = 1e-3, .high = 1e3},
+                              {.name = "b", .value = 0.1, .low = 1e-3, .high = b_high},
+                              {.name = "c", .value = 0.1, .low = 1e-6, .high = 1e3},
+                              {.name = "idle", .value = 3, .low = 1, .high = 10}}};
+    CHECK(kn_fit_run(&fit));
+    return fit;
 }
 
 TEST("without noise the fit returns the true parameters")
 {
-    decay d;
-    fill(&d, 0);
-    kn_fit fit = fit_of(&d, 3);
-    CHECK(kn_fit_run(&fit));
-    CHECK_NEAR(fit.unknown[0].value, 2, 1e-8);
-    CHECK_NEAR(fit.unknown[1].value, 1.3, 1e-8);
-    CHECK_NEAR(fit.unknown[2].value, 0.5, 1e-8);
+    kn_fit fit = fit_of(0, 3, 1e3);
+    for (int i = 0; i < 3; i++) CHECK_NEAR(fit.unknown[i].value, truth[i], 1e-8);
     CHECK(!fit.singular);
 }
 
 TEST("intervals by curvature and by profile agree if the curve determines the parameters well")
 {
-    decay d;
-    fill(&d, 0.01);
-    kn_fit fit = fit_of(&d, 3);
-    CHECK(kn_fit_run(&fit));
+    kn_fit fit = fit_of(0.01, 3, 1e3);
     for (int i = 0; i < 3; i++) {
         kn_fit_interval c = kn_fit_interval_by(&fit, i, 0.95, KN_FIT_CURVATURE);
         kn_fit_interval p = kn_fit_interval_by(&fit, i, 0.95, KN_FIT_PROFILE);
@@ -68,10 +62,9 @@ TEST("intervals by curvature and by profile agree if the curve determines the pa
 
 TEST("a parameter without effect has an interval open at both ends, and the others keep their covariance")
 {
-    decay d;
-    fill(&d, 0.01);
-    kn_fit with = fit_of(&d, 4), without = fit_of(&d, 3);
-    CHECK(kn_fit_run(&with) && kn_fit_run(&without));
+    kn_fit with = fit_of(0.01, 4, 1e3), without = with;
+    without.unknowns = 3;
+    CHECK(kn_fit_run(&without));
     kn_fit_interval idle = kn_fit_interval_of(&with, 3, 0.95);
     CHECK(with.singular);
     CHECK(idle.open_low && idle.open_high);
@@ -81,12 +74,8 @@ TEST("a parameter without effect has an interval open at both ends, and the othe
 TEST("95 % intervals contain the true value in 95 % of the data sets, within the tolerance for their number")
 {
     int held[3] = {0}, runs = 400;
-    static const double truth[3] = {2, 1.3, 0.5};
-    decay d;
     for (int k = 0; k < runs; k++) {
-        fill(&d, 0.02); // not the 0.01 told to the residuals: the fit estimates the scale itself
-        kn_fit fit = fit_of(&d, 3);
-        CHECK(kn_fit_run(&fit));
+        kn_fit fit = fit_of(0.02, 3, 1e3); // not the 0.01 told to the residuals: the fit estimates the scale itself
         for (int i = 0; i < 3; i++) {
             kn_fit_interval c = kn_fit_interval_of(&fit, i, 0.95);
             held[i] += c.low <= truth[i] && truth[i] <= c.high;
@@ -97,13 +86,8 @@ TEST("95 % intervals contain the true value in 95 % of the data sets, within the
 
 TEST("a parameter stays within its bound and is flagged at the bound")
 {
-    decay d;
-    fill(&d, 0.01);
-    kn_fit fit = fit_of(&d, 3);
-    fit.unknown[1].high = 0.7;
-    CHECK(kn_fit_run(&fit));
-    CHECK(fit.unknown[1].at_bound);
-    CHECK(fit.unknown[1].value <= 0.7);
+    kn_fit fit = fit_of(0.01, 3, 0.7);
+    CHECK(fit.unknown[1].at_bound && fit.unknown[1].value <= 0.7);
 }
 
 static bool two_valleys(void *of, const double *v, double *residual)

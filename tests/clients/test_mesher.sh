@@ -14,13 +14,8 @@ grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3$" out || fail "size and volume o
 grep -q "^warning" out && fail "block.msh gives a warning"
 knead mesh "$meshes/block.msh" --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit"
 knead mesh "$meshes/disc.msh" | grep -q "Gmsh 2.2 ASCII, 175 nodes, 308 triangles" || fail "disc.msh"
-count=0
-bad=$KN_SOURCE/tests/core/meshes_bad
-while read -r line; do
-    refuses 2 "$bad/$line" "$bad/${line%%:*}"
-    count=$((count + 1))
-done <"$bad/expected"
-[ $count -ge 70 ] || fail "only $count bad meshes"
+bad=$KN_SOURCE/tests/core/meshes_bad # core.msh reads all of them
+refuses 2 "$bad/$(grep '^inverted.msh' "$bad/expected")" "$bad/inverted.msh"
 
 # ---- wrong arguments
 surface=$KN_SOURCE/tests/clients/surfaces/block.obj
@@ -70,12 +65,10 @@ refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for
 [ -e x.msh ] && fail "a refused surface left a mesh"
 
 # ---- without the programs
-mkdir empty
-PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: gmsh is not installed: apt-get install gmsh" "$surface" --size 1cm -o x.msh
-PATH=$(dirname "$(command -v knead)") refuses 3 \
-    "knead mesh: $surface: tetgen is not installed: apt-get install tetgen" "$surface" --size 1cm -o x.msh \
-    --tool tetgen
+for tool in gmsh tetgen; do
+    PATH=$(dirname "$(command -v knead)") refuses 3 "knead mesh: $surface: $tool is not installed: apt-get install $tool" \
+        "$surface" --size 1cm -o x.msh --tool $tool
+done
 [ $failed = 0 ] || exit 1
 for tool in gmsh tetgen; do
     command -v $tool >/dev/null || { echo "skipped: $tool is not installed"; exit 77; }

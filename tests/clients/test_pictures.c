@@ -35,7 +35,6 @@ static const look looks[] = {
 };
 enum { LOOKS = sizeof looks / sizeof *looks };
 
-static block the_block;
 static kn_renderer *renderer;
 static const kn_probe_def tools[] = {
     [KN_PROBE_PLATE] = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}},
@@ -43,39 +42,28 @@ static const kn_probe_def tools[] = {
     [KN_PROBE_CAPSULE] = {.shape = KN_PROBE_CAPSULE, .radius_m = 0.004, .length_m = 0.01},
 };
 
-static void open_all(void)
+static const uint8_t *drawn(const look *l)
 {
-    char error[300];
-    if (renderer) return;
-    the_block = block_create();
-    renderer = kn_renderer_open(W, H, 4, error, sizeof error);
-    if (!renderer) SKIP("%s", error);
-    CHECK(kn_renderer_mesh(renderer, the_block.surface->vertex_count, (const float(*)[3])the_block.rest,
-                           the_block.surface->triangle_count, triangles(&the_block)));
-}
-
-static uint8_t *drawn(const look *l)
-{
-    static float value[10000];
-    kn_view_scene scene = kn_view_scene_default();
-    uint8_t *rgba = malloc((size_t)W * H * 4);
+    static float value[1000];
+    static uint8_t rgba[W * H * 4];
+    begin_block();
+    if (!renderer) renderer = open_sized(W, H, 4);
+    scene = kn_view_scene_default();
     if (l->clay) memcpy(scene.color, (float[]){0.74f, 0.47f, 0.36f}, sizeof scene.color);
-    for (int v = 0; v < the_block.surface->vertex_count; v++)
-        value[v] = (the_block.rest[v][2] - the_block.dented[v][2]) / 0.01f / l->top;
+    for (int v = 0; v < surface->vertex_count; v++) value[v] = (rest[v][2] - dented[v][2]) / 0.01f / l->top;
     scene.azimuth_deg = l->azimuth_deg;
     scene.elevation_deg = l->elevation_deg;
     scene.zoom = l->zoom;
     scene.style = l->style;
     scene.hands = true;
-    scene.xyz = (const float(*)[3])(l->dented ? the_block.dented : the_block.rest);
+    scene.xyz = l->dented ? dented : rest;
     if (l->colored) scene.value = value;
-    scene.probe_count = l->tool != NO_TOOL;
     if (l->tool != NO_TOOL)
-        scene.probe[0] = (kn_view_probe){.def = tools[l->tool],
-                                         .position_m = {0, 0, l->tool == KN_PROBE_PLATE ? 0.02 : 0.034},
-                                         .force_n = {0, 0, l->force_n},
-                                         .held = l->hand_z_m > 0,
-                                         .hand_position_m = {0, 0, l->hand_z_m}};
+        show_tool((kn_view_probe){.def = tools[l->tool],
+                                  .position_m = {0, 0, l->tool == KN_PROBE_PLATE ? 0.02 : 0.034},
+                                  .force_n = {0, 0, l->force_n},
+                                  .held = l->hand_z_m > 0,
+                                  .hand_position_m = {0, 0, l->hand_z_m}});
     kn_renderer_draw(renderer, &scene, rgba);
     return rgba;
 }
@@ -123,51 +111,41 @@ static const char *path_of(const look *l)
     return path;
 }
 
-static uint8_t *reference(const look *l)
+static const uint8_t *reference(const look *l)
 {
+    static uint8_t rgba[W * H * 4];
     AT_END(png_image_free) png_image image = {.version = PNG_IMAGE_VERSION};
-    uint8_t *rgba = NULL;
-    if (!png_image_begin_read_from_file(&image, path_of(l)) || image.width != W || image.height != H)
-        KN_TEST_FAIL("%s: %s", path_of(l), image.message);
-    else {
-        image.format = PNG_FORMAT_RGBA;
-        rgba = malloc(PNG_IMAGE_SIZE(image));
-        if (!png_image_finish_read(&image, NULL, rgba, 0, NULL)) KN_TEST_FAIL("%s: %s", path_of(l), image.message);
-    }
+    bool good = png_image_begin_read_from_file(&image, path_of(l)) && image.width == W && image.height == H;
+    image.format = PNG_FORMAT_RGBA;
+    if (!good || !png_image_finish_read(&image, NULL, rgba, 0, NULL)) KN_TEST_FAIL("%s: %s", path_of(l), image.message);
     return rgba;
 }
 
 TEST("pictures match the reference pictures that were inspected by eye")
 {
     const char *write = getenv("KN_PICTURES");
-    open_all();
     for (int i = 0; i < LOOKS; i++) {
         char error[300];
-        uint8_t *now = drawn(&looks[i]);
+        const uint8_t *now = drawn(&looks[i]);
         if (write && strcmp(write, "write") == 0)
             CHECK(kn_image_write_png(path_of(&looks[i]), W, H, now, error, sizeof error));
-        uint8_t *was = reference(&looks[i]);
-        if (was && !same(was, now))
+        const uint8_t *was = reference(&looks[i]);
+        if (!same(was, now))
             KN_TEST_FAIL("%s: %.2f %% of the pixels are wrong, %.2f apart", looks[i].name, 100 * wrong_share(was, now),
                          apart(was, now));
-        free(was);
-        free(now);
     }
 }
 
 static void differs(const look *l, const look *mutated, const char *what)
 {
-    uint8_t *was = reference(l), *now = drawn(mutated);
-    if (was && same(was, now))
+    const uint8_t *was = reference(l), *now = drawn(mutated);
+    if (same(was, now))
         KN_TEST_FAIL("%s %s: is not told, %.3f %% of the pixels are wrong, %.2f apart", l->name, what,
                      100 * wrong_share(was, now), apart(was, now));
-    free(was);
-    free(now);
 }
 
 TEST("the comparison detects a missing arrow, tool, hand or dent, a mirrored view, and other colours or styles")
 {
-    open_all();
     for (int i = 0; i < LOOKS; i++) {
         const look *l = &looks[i];
         look m = *l;
@@ -187,8 +165,6 @@ TEST("the comparison detects a missing arrow, tool, hand or dent, a mirrored vie
         if (l->colored) differs(l, &m, "on another scale");
         m = *l, m.colored = !l->colored, differs(l, &m, "with or without colours");
     }
-    kn_renderer_close(renderer);
-    block_destroy(&the_block);
 }
 
 TESTS_MAIN

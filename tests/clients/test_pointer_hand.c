@@ -9,7 +9,7 @@
 
 enum { PLATE, FINGER };
 
-typedef struct bench {
+static struct {
     kn_scene *scene;
     kn_model *model;
     kn_backend backend;
@@ -18,6 +18,8 @@ typedef struct bench {
     kn_mesh mesh;
     uint8_t *top;
     int probe;
+    const kn_probe_def *tool;
+    double height_m; // of the object at rest
     kn_pointer_hand pointer;
     kn_pointer_hand_wish wish;
     kn_hand_force force;
@@ -26,181 +28,169 @@ typedef struct bench {
     int64_t tick;
     double peak_n, lowest_m, slip_m, fastest_m_s;
     int sent, faults, contact_ms;
-} bench;
+} b;
 
-static void look(bench *b)
+static void look(void)
 {
-    kn_surface_positions(b->surface, b->model, b->backend.state(b->backend.self), b->mesh.positions_m);
+    kn_surface_positions(b.surface, b.model, b.backend.state(b.backend.self), b.mesh.positions_m);
 }
 
-static void setup(bench *b, const char *scene, int probe)
-{
-    int vertices;
-    memset(b, 0, sizeof *b);
-    b->scene = load_scene(scene, NULL, 0);
-    b->model = build(&b->scene->model);
-    kn_backend_cpu(&b->backend, b->model);
-    kn_servo_init(&b->servo, b->scene, b->model, &b->backend);
-    b->surface = kn_surface_create(b->model);
-    b->top = kn_tool_height_top(&b->scene->model, &vertices);
-    b->mesh = (kn_mesh){.whole = true,
-                        .vertex_count = vertices,
-                        .triangle_count = b->surface->triangle_count,
-                        .triangles = b->surface->triangle,
-                        .positions_m = calloc((size_t)vertices, 3 * sizeof(float))};
-    look(b);
-    b->probe = probe;
-    const kn_probe_def *tool = &b->model->def.probe[probe];
-    kn_pointer_hand_init(&b->pointer, tool->shape, 7);
-    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1);
-    b->wish = (kn_pointer_hand_wish){.held = true, .hover_z_m = height_m + tool->radius_m + 0.004};
-    b->lowest_m = 1;
-}
-
-static void teardown(bench *b)
-{
-    free(b->mesh.positions_m);
-    free(b->top);
-    kn_surface_destroy(b->surface);
-    b->backend.destroy(b->backend.self);
-    kn_model_destroy(b->model);
-    kn_scene_destroy(b->scene);
-}
-
-static void run(bench *b, int ms)
+static void run(int ms)
 {
     static kn_pose pose; // the last pose of the session
     for (int i = 0; i < ms; i++) {
-        kn_tool_path_point before = b->pointer.point;
-        bool moved = b->sent > 0;
-        kn_hand_out hand = kn_pointer_hand_tick(&b->pointer, &b->wish, b->answered ? &b->force : NULL, 1);
+        kn_tool_path_point before = b.pointer.point;
+        bool moved = b.sent > 0;
+        kn_hand_out hand = kn_pointer_hand_tick(&b.pointer, &b.wish, b.answered ? &b.force : NULL, 1);
         const double *x = hand.point.position_m, *v = hand.point.velocity_m_s;
         for (int k = 0; hand.send && moved && k < 3; k++) {
-            b->slip_m = fmax(b->slip_m, fabs(x[k] - before.position_m[k] - 1e-3 * v[k]));
-            b->fastest_m_s = fmax(b->fastest_m_s, fabs(v[k]));
+            b.slip_m = fmax(b.slip_m, fabs(x[k] - before.position_m[k] - 1e-3 * v[k]));
+            b.fastest_m_s = fmax(b.fastest_m_s, fabs(v[k]));
         }
         if (hand.send) {
-            b->sent++;
-            b->lowest_m = fmin(b->lowest_m, x[2]);
+            b.sent++;
+            b.lowest_m = fmin(b.lowest_m, x[2]);
             pose = (kn_pose){.session = hand.session, .seq = hand.seq, .orientation_wxyz = {1, 0, 0, 0}};
             memcpy(pose.position_m, x, sizeof pose.position_m);
             memcpy(pose.velocity_m_s, v, sizeof pose.velocity_m_s);
         }
-        kn_tick_in in = {.tick = b->tick++};
-        bool fresh = hand.send && !b->deaf;
-        if (b->sent > 0 && !b->deaf) in.pose[b->probe] = &pose;
-        in.fresh[b->probe] = fresh;
-        kn_servo_tick(&b->servo, &in, &b->out);
-        const kn_force *f = &b->out.force[b->probe];
-        b->answered = f->live;
-        b->force = (kn_hand_force){.session = f->session,
-                                   .seq = f->seq,
-                                   .tick = b->out.tick,
-                                   .flags = f->flags,
-                                   .fault = f->fault,
-                                   .contacts = f->contacts};
-        memcpy(b->force.force_n, f->force_n, sizeof b->force.force_n);
-        b->peak_n = fmax(b->peak_n, fabs(f->force_n[2]));
-        b->faults += f->fault != 0;
-        b->contact_ms += f->contacts > 0;
+        kn_tick_in in = {.tick = b.tick++};
+        bool fresh = hand.send && !b.deaf;
+        if (b.sent > 0 && !b.deaf) in.pose[b.probe] = &pose;
+        in.fresh[b.probe] = fresh;
+        kn_servo_tick(&b.servo, &in, &b.out);
+        const kn_force *f = &b.out.force[b.probe];
+        b.answered = f->live;
+        b.force = (kn_hand_force){.session = f->session,
+                                  .seq = f->seq,
+                                  .tick = b.out.tick,
+                                  .flags = f->flags,
+                                  .fault = f->fault,
+                                  .contacts = f->contacts};
+        memcpy(b.force.force_n, f->force_n, sizeof b.force.force_n);
+        b.peak_n = fmax(b.peak_n, fabs(f->force_n[2]));
+        b.faults += f->fault != 0;
+        b.contact_ms += f->contacts > 0;
     }
 }
 
-static void press(bench *b, double x_m, double y_m, double depth_m, int ms)
+// Serve a scene to the pointer of this probe, and let it hover for so many ms.
+static void begin(const char *scene, int probe, int ms)
 {
-    look(b);
-    b->wish.at_m[0] = x_m;
-    b->wish.at_m[1] = y_m;
-    CHECK(kn_tool_height_touch(&b->mesh, b->top, b->model->def.spacing_m, &b->model->def.probe[b->probe], x_m, y_m,
-                               &b->wish.touch_z_m, &b->wish.flush_z_m));
-    double height_m = b->model->def.spacing_m * (b->model->def.nodes[2] - 1),
-           radius_m = b->model->def.probe[b->probe].radius_m;
-    b->wish.depth_m = fmin(depth_m, fmax(0, b->wish.touch_z_m - radius_m - 0.5 * height_m));
-    b->wish.pressed = true;
-    run(b, ms);
+    int vertices;
+    if (b.scene) {
+        free(b.mesh.positions_m);
+        free(b.top);
+        kn_surface_destroy(b.surface);
+        b.backend.destroy(b.backend.self);
+        kn_model_destroy(b.model);
+        kn_scene_destroy(b.scene);
+    }
+    memset(&b, 0, sizeof b);
+    b.scene = load_scene(scene, NULL, 0);
+    b.model = build(&b.scene->model);
+    kn_backend_cpu(&b.backend, b.model);
+    kn_servo_init(&b.servo, b.scene, b.model, &b.backend);
+    b.surface = kn_surface_create(b.model);
+    b.top = kn_tool_height_top(&b.scene->model, &vertices);
+    b.mesh = (kn_mesh){.whole = true,
+                       .vertex_count = vertices,
+                       .triangle_count = b.surface->triangle_count,
+                       .triangles = b.surface->triangle,
+                       .positions_m = calloc((size_t)vertices, 3 * sizeof(float))};
+    look();
+    b.probe = probe;
+    b.tool = &b.model->def.probe[probe];
+    kn_pointer_hand_init(&b.pointer, b.tool->shape, 7);
+    b.height_m = b.model->def.spacing_m * (b.model->def.nodes[2] - 1);
+    b.wish = (kn_pointer_hand_wish){.held = true, .hover_z_m = b.height_m + b.tool->radius_m + 0.004};
+    b.lowest_m = 1;
+    run(ms);
 }
 
-static void stroke(bench *b, double x_m, double y_m, int ms) // as a page does, only after the object was met
+static void press(double x_m, double y_m, double depth_m, int ms)
 {
-    if (!(b->pointer.news.depth_m > 0)) return;
-    b->wish.at_m[0] = x_m;
-    b->wish.at_m[1] = y_m;
-    run(b, ms);
+    look();
+    b.wish.at_m[0] = x_m;
+    b.wish.at_m[1] = y_m;
+    CHECK(kn_tool_height_touch(&b.mesh, b.top, b.model->def.spacing_m, b.tool, x_m, y_m, &b.wish.touch_z_m,
+                               &b.wish.flush_z_m));
+    b.wish.depth_m = fmin(depth_m, fmax(0, b.wish.touch_z_m - b.tool->radius_m - 0.5 * b.height_m));
+    b.wish.pressed = true;
+    run(ms);
 }
 
-static void let_go(bench *b, int ms)
+static void stroke(double x_m, double y_m, int ms) // as a page does, only after the object was met
 {
-    b->wish.pressed = false;
-    run(b, ms);
+    if (!(b.pointer.news.depth_m > 0)) return;
+    b.wish.at_m[0] = x_m;
+    b.wish.at_m[1] = y_m;
+    run(ms);
 }
 
-static double dent(const bench *b) // depth in the middle below the rest height, m
+static void let_go(int ms)
+{
+    b.wish.pressed = false;
+    run(ms);
+}
+
+static double dent(void) // depth in the middle below the rest height, m
 {
     double z_m = NAN;
-    kn_tool_height_object(&b->mesh, 0, 0, &z_m);
-    return b->model->def.spacing_m * (b->model->def.nodes[2] - 1) - z_m;
+    look();
+    kn_tool_height_object(&b.mesh, 0, 0, &z_m);
+    return b.height_m - z_m;
 }
 
 TEST("a press reaches the requested depth, gives a force, and leaves a dent after release")
 {
-    bench b;
-    setup(&b, "dough.yaml", FINGER);
-    run(&b, 600);
+    begin("dough.yaml", FINGER, 600);
     CHECK(b.pointer.news.flags & KN_FLAG_ENGAGED);
     CHECK(b.peak_n == 0);
-    press(&b, 0, 0, 0.006, 1200);
+    press(0, 0, 0.006, 1200);
     CHECK_NEAR(b.pointer.news.depth_m, 0.006, 1e-6);
     CHECK(b.pointer.news.contact && b.peak_n > 1);
     CHECK_NEAR(b.lowest_m, b.wish.touch_z_m - 0.006, 1e-6);
-    let_go(&b, 600);
+    let_go(600);
     CHECK(!b.pointer.news.contact && b.pointer.news.force_n == 0);
     CHECK_NEAR(b.pointer.point.position_m[2], b.wish.hover_z_m, 1e-4);
-    look(&b);
-    CHECK(dent(&b) > 0.003);
+    CHECK(dent() > 0.003);
     CHECK(b.faults == 0);
-    teardown(&b);
 }
 
 TEST("a tool dragged during a press keeps its depth, moves at press speed and leaves a furrow")
 {
-    bench b;
-    setup(&b, "dough.yaml", FINGER);
-    run(&b, 600);
-    press(&b, -0.01, 0, 0.004, 1000);
+    begin("dough.yaml", FINGER, 600);
+    press(-0.01, 0, 0.004, 1000);
     double z_m = b.pointer.point.position_m[2];
     b.fastest_m_s = 0;
-    stroke(&b, 0.01, 0, 1500);
+    stroke(0.01, 0, 1500);
     CHECK_NEAR(b.pointer.point.position_m[0], 0.01, 1e-5);
     CHECK_NEAR(b.pointer.point.position_m[2], z_m, 1e-6);
     CHECK(b.fastest_m_s > 0.02 && b.fastest_m_s < 0.031);
     CHECK(b.pointer.news.contact && b.pointer.news.depth_m > 0.0039);
-    let_go(&b, 600);
+    let_go(600);
     CHECK(!b.pointer.news.contact);
-    look(&b);
-    CHECK(dent(&b) > 0.002); // half the way remains
+    CHECK(dent() > 0.002); // half the way remains
     CHECK(b.faults == 0);
     CHECK(b.servo.safety[FINGER].guards == 0);
-    teardown(&b);
 }
 
 TEST("a button released and pressed again between two ticks lifts the tool before it presses elsewhere")
 {
-    bench b;
-    setup(&b, "dough.yaml", FINGER);
-    run(&b, 600);
-    press(&b, -0.01, 0, 0.005, 600);
+    begin("dough.yaml", FINGER, 600);
+    press(-0.01, 0, 0.005, 600);
     CHECK(b.pointer.news.contact);
     const double there_m = b.pointer.point.position_m[0];
     b.wish.press++;
-    press(&b, 0.01, 0, 0.005, 1);
+    press(0.01, 0, 0.005, 1);
     for (int i = 0; i < 2000 && b.pointer.point.position_m[2] < b.wish.hover_z_m - 0.001; i++) {
         CHECK(fabs(b.pointer.point.position_m[0] - there_m) < 1e-4); // the tool draws no furrow on its way
-        run(&b, 1);
+        run(1);
     }
-    run(&b, 1200);
+    run(1200);
     CHECK(b.pointer.news.contact && fabs(b.pointer.point.position_m[0] - 0.01) < 1e-4);
     CHECK(b.faults == 0);
-    teardown(&b);
 }
 
 TEST("random mouse input with any tool on dough, jelly and clay makes no pose jump and trips no guard")
@@ -209,31 +199,24 @@ TEST("random mouse input with any tool on dough, jelly and clay makes no pose ju
     const int presses = KN_LENGTH(8, 8, 16);
     for (int s = 0; s < 3; s++)
         for (int probe = 0; probe < 2; probe++) {
-            bench b;
-            setup(&b, scenes[s], 0);
-            if (probe >= b.model->def.probe_count) {
-                teardown(&b);
-                continue;
-            }
-            teardown(&b);
-            setup(&b, scenes[s], probe);
-            double radius_m = b.model->def.probe[probe].radius_m;
+            begin(scenes[s], 0, 0);
+            if (probe >= b.model->def.probe_count) continue;
+            begin(scenes[s], probe, 0);
             uint32_t random = 1;
             for (int i = 0; i < presses; i++) {
                 random = random * 1664525 + 1013904223;
                 double x_m = 0.02 * ((random >> 8 & 255) / 127.5 - 1), y_m = 0.02 * ((random >> 16 & 255) / 127.5 - 1);
                 if (i % 3 == 0) x_m = y_m = 0; // again and again into the same dent
-                press(&b, x_m, y_m, 0.001 + 0.00003 * (random >> 24),
-                      i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
-                if (i % 2) b.wish.depth_m *= 0.5, run(&b, 100); // the wheel turns back and forth
-                if (i % 2) b.wish.depth_m *= 2, run(&b, 100);
-                stroke(&b, 0.02 * ((random >> 4 & 255) / 127.5 - 1), y_m, (int)(random >> 14) % 700);
-                let_go(&b, (int)(random >> 12) % 400);
+                press(x_m, y_m, 0.001 + 0.00003 * (random >> 24), i % 6 == 3 ? 2500 : 60 + (int)(random >> 20) % 500);
+                if (i % 2) b.wish.depth_m *= 0.5, run(100); // the wheel turns back and forth
+                if (i % 2) b.wish.depth_m *= 2, run(100);
+                stroke(0.02 * ((random >> 4 & 255) / 127.5 - 1), y_m, (int)(random >> 14) % 700);
+                let_go((int)(random >> 12) % 400);
                 double highest_m = 0;
-                look(&b);
+                look();
                 for (int v = 0; v < b.mesh.vertex_count; v++)
                     highest_m = fmax(highest_m, b.mesh.positions_m[3 * v + 2]);
-                b.wish.hover_z_m = highest_m + radius_m + 0.004;
+                b.wish.hover_z_m = highest_m + b.tool->radius_m + 0.004;
             }
             CHECK(b.faults == 0);
             CHECK(b.servo.safety[probe].guards == 0);
@@ -241,37 +224,31 @@ TEST("random mouse input with any tool on dough, jelly and clay makes no pose ju
             CHECK(b.fastest_m_s < 0.5);
             CHECK(b.peak_n > 0.1);
             CHECK(16 * b.contact_ms > 1000 * presses);
-            teardown(&b);
         }
 }
 
 TEST("when the page closes the tool lifts and stops sending poses, and the next page starts a new session")
 {
-    bench b;
-    setup(&b, "dough-small.yaml", 0);
-    run(&b, 600);
-    press(&b, 0, 0, 0.003, 2500);
+    begin("dough-small.yaml", 0, 600);
+    press(0, 0, 0.003, 2500);
     CHECK(b.pointer.news.contact);
     b.wish.held = false; // the tab was closed while the button was down
-    run(&b, 800);
+    run(800);
     CHECK(b.pointer.mode == KN_POINTER_HAND_ABSENT && b.pointer.news.force_n == 0);
     int sent = b.sent;
-    run(&b, 100);
+    run(100);
     CHECK(b.sent == sent && kn_pointer_hand_tick(&b.pointer, &b.wish, NULL, 1).leaves);
     int64_t session = b.pointer.session;
     b.wish.pressed = false, b.wish.held = true;
-    run(&b, 1);
+    run(1);
     CHECK(b.pointer.mode == KN_POINTER_HAND_FOLLOW && b.sent > sent && b.pointer.session == session + 1);
     CHECK(!kn_pointer_hand_tick(&b.pointer, &b.wish, NULL, 1).leaves);
-    teardown(&b);
 }
 
 TEST("if kneadd falls silent the force is 0 N within 21 ms, and the next press needs a button release")
 {
-    bench b;
-    setup(&b, "dough.yaml", FINGER);
-    run(&b, 600);
-    press(&b, 0, 0, 0.005, 600);
+    begin("dough.yaml", FINGER, 600);
+    press(0, 0, 0.005, 600);
     int64_t session = b.pointer.session;
     CHECK(b.pointer.news.force_n > 0);
     b.deaf = true;
@@ -279,60 +256,50 @@ TEST("if kneadd falls silent the force is 0 N within 21 ms, and the next press n
     for (int i = 0; i < 21; i++) kn_pointer_hand_tick(&b.pointer, &b.wish, NULL, 1);
     CHECK(b.pointer.news.force_n == 0);
     CHECK(b.pointer.mode == KN_POINTER_HAND_LET_GO && !b.pointer.news.released);
-    run(&b, 1000);
+    run(1000);
     b.deaf = false;
-    run(&b, 2500);
+    run(2500);
     CHECK(b.pointer.session > session);
     CHECK(b.pointer.mode == KN_POINTER_HAND_FOLLOW && (b.pointer.news.flags & KN_FLAG_ENGAGED));
     CHECK(!b.pointer.news.contact); // the button is still down, so the tool keeps clear
-    let_go(&b, 50);
-    press(&b, 0, 0, 0.005, 600);
+    let_go(50);
+    press(0, 0, 0.005, 600);
     CHECK(b.pointer.news.contact);
-    teardown(&b);
 }
 
 TEST("a stale wish releases the tool, and it presses again only after the button is released")
 {
-    bench b;
-    setup(&b, "dough.yaml", FINGER);
-    run(&b, 600);
-    press(&b, 0, 0, 0.005, 600);
+    begin("dough.yaml", FINGER, 600);
+    press(0, 0, 0.005, 600);
     CHECK(b.pointer.news.contact);
     b.wish.stale = true;
-    run(&b, 500);
+    run(500);
     CHECK(!b.pointer.news.contact && b.pointer.news.force_n == 0);
     b.wish.stale = false;
-    run(&b, 500);
+    run(500);
     CHECK(!b.pointer.news.contact && !b.pointer.news.released);
-    let_go(&b, 50);
-    press(&b, 0, 0, 0.005, 600);
+    let_go(50);
+    press(0, 0, 0.005, 600);
     CHECK(b.pointer.news.contact);
-    teardown(&b);
 }
 
 TEST("a NaN force counts as 0 N, and repeated NaN forces release the tool")
 {
-    bench b;
-    setup(&b, "dough-small.yaml", 0);
-    run(&b, 600);
+    begin("dough-small.yaml", 0, 600);
     b.force.force_n[2] = NAN;
     kn_pointer_hand_tick(&b.pointer, &b.wish, &b.force, 1);
     CHECK(b.pointer.news.force_n == 0);
     for (int i = 0; i < 25; i++) kn_pointer_hand_tick(&b.pointer, &b.wish, &b.force, 1);
     CHECK(b.pointer.mode == KN_POINTER_HAND_LET_GO);
-    teardown(&b);
 }
 
 TEST("the newest answered event is reported with the tick that answered it")
 {
-    bench b;
-    setup(&b, "dough-small.yaml", 0);
-    run(&b, 500);
+    begin("dough-small.yaml", 0, 500);
     b.wish.event = 5;
     int64_t tick = b.tick;
-    run(&b, 3);
+    run(3);
     CHECK(b.pointer.news.event == 5 && b.pointer.news.tick == tick);
-    teardown(&b);
 }
 
 TESTS_MAIN

@@ -1,102 +1,63 @@
 // Range images of a block of 5 x 5 x 3 cm in cells of 5 mm, at rest and with a dent of 1 cm across its top.
 #include "clients/viewer/image.h"
 #include "clients/viewer/range.h"
-#include "core/surface.h"
-#include "tests/check.h"
+#include "tests/clients/heard.h"
+#include "tests/clients/pictured.h"
 #include <png.h>
-#include <unistd.h>
 
-enum { WIDTH = 320, HEIGHT = 300, PIXELS = WIDTH * HEIGHT };
+enum { W = 320, H = 300 };
 
-typedef struct block {
-    kn_model *model;
-    kn_surface *surface;
-    float (*rest)[3], (*dented)[3];
-    uint16_t level[PIXELS];
-} block;
+static uint16_t level[W * H];
+static char error[300];
 
 static double dent_m(double x_m) { return 0.01 * exp(-fmax(0, fabs(x_m) - 0.005) / 0.003); }
 
-static block *block_create(void)
+static kn_range draw_range(const float (*now)[3])
 {
-    kn_model_def def = kn_model_def_default();
-    memcpy(def.nodes, (int[]){11, 11, 7}, sizeof def.nodes);
-    def.spacing_m = 0.005;
-    block *b = calloc(1, sizeof *b);
-    b->model = build(&def);
-    b->surface = kn_surface_create(b->model);
-    size_t n = (size_t)b->surface->vertex_count;
-    b->rest = calloc(n, sizeof *b->rest);
-    b->dented = calloc(n, sizeof *b->dented);
-    for (size_t i = 0; i < n; i++) {
-        double x_m[3];
-        kn_surface_rest(b->surface, b->model, (int)i, x_m);
-        for (int k = 0; k < 3; k++) b->rest[i][k] = b->dented[i][k] = (float)x_m[k];
-        if (x_m[2] > 0.0299) b->dented[i][2] -= (float)dent_m(x_m[0]);
-    }
-    return b;
-}
-
-static void block_destroy(block *b)
-{
-    kn_surface_destroy(b->surface);
-    kn_model_destroy(b->model);
-    free(b->rest);
-    free(b->dented);
-    free(b);
-}
-
-OWNS(block, block_destroy)
-
-static kn_range draw(block *b, const float (*now)[3])
-{
-    kn_range r = kn_range_frame(WIDTH, HEIGHT, b->surface->vertex_count, (const float(*)[3])b->rest, now);
-    kn_range_draw(&r, now, b->surface->triangle_count, (const int(*)[3])b->surface->triangle, b->level);
+    begin_block();
+    kn_range r = kn_range_frame(W, H, surface->vertex_count, rest, now);
+    kn_range_draw(&r, now, surface->triangle_count, triangles, level);
     return r;
 }
 
-static double height_m(const block *b, const kn_range *r, double x_m, double y_m) // -1: no surface there
+static double height_m(const kn_range *r, double x_m, double y_m) // -1: no surface there
 {
     const int x = (int)lround((x_m - r->left_m) / r->pixel_m), y = (int)lround((r->top_m - y_m) / r->pixel_m);
-    const uint16_t level = b->level[y * WIDTH + x];
-    return level > 0 ? (level - 1) * r->step_m : -1;
+    return level[y * W + x] > 0 ? (level[y * W + x] - 1) * r->step_m : -1;
 }
 
 TEST("a range image of a block shows its height over its whole footprint and nothing beside it")
 {
-    OWN(block) *b = block_create();
-    const kn_range r = draw(b, (const float(*)[3])b->rest);
+    const kn_range r = draw_range(rest);
     int over = 0;
-    for (int i = 0; i < PIXELS; i++) {
-        if (b->level[i] == 0) continue;
+    for (int i = 0; i < W * H; i++) {
+        if (level[i] == 0) continue;
         over++;
-        if (fabs((b->level[i] - 1) * r.step_m - 0.03) > r.step_m)
-            KN_TEST_FAIL("pixel %d stands at level %d", i, b->level[i]);
+        if (fabs((level[i] - 1) * r.step_m - 0.03) > r.step_m) KN_TEST_FAIL("pixel %d stands at level %d", i, level[i]);
     }
     CHECK_NEAR(over * r.pixel_m * r.pixel_m, 0.05 * 0.05, 0.01 * 0.05 * 0.05);
     CHECK_NEAR(r.pixel_m, 0.0002, 1e-12);
     CHECK_NEAR(r.step_m, 1e-6, 1e-15);
     CHECK_NEAR(r.lowest_m, 0.03, r.step_m);
     CHECK_NEAR(r.highest_m, 0.03, r.step_m);
-    CHECK(height_m(b, &r, 0.0255, 0) < 0 && height_m(b, &r, 0, -0.0255) < 0);
-    CHECK(height_m(b, &r, 0.0245, 0.0245) > 0 && height_m(b, &r, -0.0245, -0.0245) > 0);
+    CHECK(height_m(&r, 0.0255, 0) < 0 && height_m(&r, 0, -0.0255) < 0);
+    CHECK(height_m(&r, 0.0245, 0.0245) > 0 && height_m(&r, -0.0245, -0.0245) > 0);
 }
 
 TEST("a range image of a dent has the depth of the mesh at its vertices and halfway between them")
 {
-    OWN(block) *b = block_create();
-    const kn_range r = draw(b, (const float(*)[3])b->dented);
-    for (int v = 0; v < b->surface->vertex_count; v++) {
-        const float *x = b->rest[v];
+    const kn_range r = draw_range(dented);
+    for (int v = 0; v < surface->vertex_count; v++) {
+        const float *x = rest[v];
         if (x[2] < 0.0299f || fabsf(x[0]) > 0.0249f || fabsf(x[1]) > 0.0249f) continue; // an outline may be a pixel off
         const double slope = fabs(dent_m(x[0] + 0.005) - dent_m(x[0] - 0.005)) / 0.005; // largest slope on either side
-        CHECK_NEAR(height_m(b, &r, x[0], x[1]), b->dented[v][2], 0.5 * r.pixel_m * slope + r.step_m);
+        CHECK_NEAR(height_m(&r, x[0], x[1]), dented[v][2], 0.5 * r.pixel_m * slope + r.step_m);
     }
-    CHECK_NEAR(height_m(b, &r, 0, 0.011), 0.02, r.step_m);
+    CHECK_NEAR(height_m(&r, 0, 0.011), 0.02, r.step_m);
     CHECK_NEAR(r.lowest_m, 0.02, r.step_m);
     const double half_m = 0.03 - 0.5 * (dent_m(0.01) + dent_m(0.015));
-    CHECK_NEAR(height_m(b, &r, 0.0125, 0), half_m, 0.5 * r.pixel_m * 0.4 + r.step_m);
-    CHECK_NEAR(height_m(b, &r, 0.0125, 0), height_m(b, &r, -0.0125, 0), 0.4 * r.pixel_m + r.step_m);
+    CHECK_NEAR(height_m(&r, 0.0125, 0), half_m, 0.5 * r.pixel_m * 0.4 + r.step_m);
+    CHECK_NEAR(height_m(&r, 0.0125, 0), height_m(&r, -0.0125, 0), 0.4 * r.pixel_m + r.step_m);
 }
 
 TEST("x points right and y up, the highest surface hides those below, and NaN positions are left out")
@@ -104,7 +65,6 @@ TEST("x points right and y up, the highest surface hides those below, and NaN po
     const float now[7][3] = {{0, 0, 0.001f},     {0.01f, 0, 0.001f}, {0, 0.01f, 0.001f}, {0, 0, 0.002f},
                              {0.01f, 0, 0.002f}, {0, 0.01f, 0.002f}, {NAN, 0.05f, 0.1f}};
     const int triangle[3][3] = {{3, 4, 5}, {0, 1, 2}, {4, 5, 6}};
-    static uint16_t level[100 * 100];
     kn_range r = kn_range_frame(100, 100, 6, now, now);
     kn_range_draw(&r, now, 3, triangle, level);
     CHECK(level[70 * 100 + 30] > 0 && level[30 * 100 + 70] == 0); // below left, above right
@@ -115,8 +75,7 @@ TEST("x points right and y up, the highest surface hides those below, and NaN po
 TEST("a PNG keeps 16-bit levels, the pixel size and the text fields exactly")
 {
     static const char path[] = "test_range.png";
-    static uint16_t level[7 * 5], back[7 * 5];
-    char error[300];
+    static uint16_t back[7 * 5];
     for (int i = 0; i < 35; i++) level[i] = (uint16_t)(i * 1871 + 3);
     const kn_image_text text[] = {{"step_mm", "0.001"}, {"Title", "dough"}};
     CHECK(kn_image_write_gray16(path, 7, 5, level, 0.0001, 2, text, error, sizeof error));
@@ -133,7 +92,7 @@ TEST("a PNG keeps 16-bit levels, the pixel size and the text fields exactly")
         png_read_row(png, row, NULL);
         for (int x = 0; x < 7; x++) back[7 * y + x] = (uint16_t)(row[2 * x] << 8 | row[2 * x + 1]); // big-endian
     }
-    CHECK(memcmp(level, back, sizeof level) == 0);
+    CHECK(memcmp(level, back, sizeof back) == 0);
     png_textp words;
     CHECK(png_get_text(png, info, &words, NULL) == 2);
     CHECK_STR(words[0].key, "step_mm");
@@ -141,7 +100,6 @@ TEST("a PNG keeps 16-bit levels, the pixel size and the text fields exactly")
     CHECK_STR(words[1].text, "dough");
     png_destroy_read_struct(&png, &info, NULL);
     fclose(f);
-    unlink(path);
     CHECK(!kn_image_write_gray16("nosuch/x.png", 7, 5, level, 0.0001, 2, text, error, sizeof error));
     CHECK_STR(error, "nosuch/x.png: No such file or directory");
 }
@@ -151,13 +109,11 @@ TEST("a range image is read back as written, and values given beside the file ov
     static const char path[] = "test_range_file.png";
     const kn_range_given none = {NAN, NAN, NAN, NAN}, other = {1e-4, NAN, NAN, -0.5};
     kn_range r = {.width = 7, .height = 5, .pixel_m = 2e-4, .left_m = -0.0006, .top_m = 4e-4, .step_m = 1e-6}, back;
-    static uint16_t level[7 * 5];
     uint16_t *read = NULL;
-    char error[300];
     for (int i = 0; i < 35; i++) level[i] = (uint16_t)(i % 3 ? i * 1871 + 3 : 0);
     CHECK(kn_range_save(path, &r, "dough", level, error, sizeof error));
     CHECK(kn_range_load(path, &none, &back, &read, error, sizeof error));
-    CHECK(back.width == 7 && back.height == 5 && read && memcmp(level, read, sizeof level) == 0);
+    CHECK(back.width == 7 && back.height == 5 && read && memcmp(level, read, 35 * sizeof *level) == 0);
     CHECK_NEAR(back.pixel_m, 2e-4, 1e-12);
     CHECK_NEAR(back.left_m, -0.0006, 1e-12);
     CHECK_NEAR(back.top_m, 4e-4, 1e-12);

@@ -10,7 +10,6 @@ maxwell=(maxwell --param s1='10 kPa' --param d1='20 kPa*s')
 knead relax "${maxwell[@]}" --strain 10% --hold 20 --csv relax.csv --png relax.png >out || fail "relax maxwell: exit $?"
 read -r _ peak held last half e tenth < <(grep '^element' out)
 near "$peak" 1000 && near "$held" 1000 && near "$half" 1.386 1e-3 && near "$e" 2 1e-3 && near "$tenth" 4.605 1e-3 || fail "maxwell: $(grep '^element' out)"
-near "$last" "$(awk 'BEGIN { print 1000 * exp(-10) }')" || fail "maxwell ends at $last"
 awk -F, 'NR > 1 { e = 1000 * exp(-$2 / 2); if ($4 < e * (1 - 2e-6) || $4 > e * (1 + 2e-6)) exit 1 }' relax.csv || fail "the CSV curve of maxwell differs from the closed form"
 knead sweep "${maxwell[@]}" --freq 0.01:1:3 --csv sweep.csv --png sweep.png >out || fail "sweep maxwell: exit $?"
 knead sweep "${maxwell[@]}" --freq 0.01:1:3 --amplitude 1% --csv swung.csv >out || fail "swung maxwell: exit $?"
@@ -18,7 +17,7 @@ for file in sweep.csv swung.csv; do
     awk -F, -v pi=3.14159265358979 'NR > 1 { x = 4 * pi * $1; s = 1e4 * x * x / (1 + x * x); l = 1e4 * x / (1 + x * x)
         if ($2 < s * 0.9999 || $2 > s * 1.0001 || $3 < l * 0.9999 || $3 > l * 1.0001) exit 1 }' $file || fail "$file: $(cat $file)"
 done
-for png in relax.png sweep.png; do head -c 8 $png | od -An -c | grep -q 'P   N   G' || fail "$png"; done
+png relax.png && png sweep.png || fail "no PNG"
 
 # Dough: small oscillations are linear, larger ones thin the dough.
 knead sweep dough --freq 0.01:1:3 --amplitude 1e-4 >small && knead sweep dough --freq 0.01:1:3 >linear || fail "sweep dough"
@@ -37,18 +36,12 @@ knead relax dough --strain 5% --ramp 5%/s --hold 5 --lattice 2x2x2 >out || fail 
 near "$(awk '$1 == "lattice" { print $3 }' out)" "$(awk '$1 == "element" { print $3 }' out)" 0.06 || fail "lattice: $(cat out)"
 
 # Texture: a spring returns all energy, clay none, dough a little.
-says() { grep -q "^$1 *$2" out || fail "$3: $1 is not $2: $(grep "^$1" out)"; }
+says() { grep -q "^${1/ / *}" out || fail "$2: not $1: $(cat out)"; }
 knead tpa s --param s1='10 kPa' --area constant >out || fail "tpa of a spring"
-says hardness '0.5 N' spring
-says cohesiveness 1.0000 spring
-says springiness 1.0000 spring
-says resilience 1.0000 spring
-says adhesiveness 'not modelled' spring
+for line in "hardness 0.5 N" "cohesiveness 1.0000" "springiness 1.0000" "resilience 1.0000" "adhesiveness not modelled"; do says "$line" spring; done
 knead tpa clay --png tpa.png --csv tpa.csv >out || fail "tpa of clay"
-says cohesiveness 0.0000 clay
-says springiness 0.0000 clay
-says resilience 0.0000 clay
-says hardness '0.3 N' clay # 15 kPa s at 0.1 /s, on 1 cm^2 that has become 2 cm^2
+# 15 kPa s at 0.1 /s, on 1 cm^2 that has become 2 cm^2
+for line in "cohesiveness 0.0000" "springiness 0.0000" "resilience 0.0000" "hardness 0.3 N"; do says "$line" clay; done
 knead tpa dough --strain 50% --speed 1mm/s --wait 5 >out || fail "tpa of dough"
 awk '/^cohesiveness/ { c = $2 + 0 } /^springiness/ { s = $2 + 0 } END { exit !(c > 0.1 && c < 0.3 && s > 0.1 && s < 0.2) }' out || fail "dough: $(cat out)"
 [ "$(head -n 1 tpa.csv)" = bite,time_s,plate_m,strain,force_n,stress_pa ] || fail "columns of tpa"

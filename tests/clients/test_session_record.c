@@ -9,6 +9,9 @@ static kn_tool_path *path;
 // Make a press with 100 poses before the path, the whole path, and one force for each pose, as a server sends them.
 static void play(void)
 {
+    free(record.force);
+    free(record.pose);
+    kn_tool_path_destroy(path);
     memset(&record, 0, sizeof record);
     path = kn_tool_path_press(&(kn_tool_path_def){.touch_z_m = 0.03, .hold_s = 0.5});
     kn_hand_init(&hand, &(kn_hand_def){.path = path, .session = 40});
@@ -33,24 +36,17 @@ static void play(void)
     }
 }
 
-static void forget(void)
+static kn_session_report report(void)
 {
-    free(record.force);
-    free(record.pose);
-    kn_tool_path_destroy(path);
-}
-
-static void drop(int index)
-{
-    record.force_count--;
-    for (int i = index; i < record.force_count; i++) record.force[i] = record.force[i + 1];
+    kn_session_report r;
+    kn_session_report_make(&r, &hand, &record);
+    return r;
 }
 
 TEST("the report of a press has contact time, peak, force at the end of the hold and force given to the hand")
 {
-    kn_session_report r;
     play();
-    kn_session_report_make(&r, &hand, &record);
+    const kn_session_report r = report();
     CHECK_NEAR(r.peak_n, 10, 1e-9);
     CHECK_NEAR(r.hold_end_n, 10, 1e-9);
     CHECK_NEAR(r.given_peak_n, 3.3, 1e-9);
@@ -58,34 +54,31 @@ TEST("the report of a press has contact time, peak, force at the end of the hold
     CHECK_NEAR(r.contact_s, 2.575, 0.005);
     CHECK(r.peak_s > r.contact_from_s && r.peak_s < r.contact_from_s + r.contact_s);
     CHECK(r.gain_min == 1);
-    forget();
 }
 
 TEST("each force that echoes a pose is matched, and lost, foreign and stale forces are counted separately")
 {
-    kn_session_report r;
     play();
-    kn_session_report_make(&r, &hand, &record);
-    int64_t all = hand.attempt[0].sent;
+    const kn_session_report r = report();
+    const int64_t all = hand.attempt[0].sent;
     CHECK(r.sent == all && r.forces == all && r.matched == all && r.strange == 0 && r.stale == 0 && r.lost == 0);
     CHECK_NEAR(r.round_trip_p50_ms, 0.5, 1e-9);
     CHECK_NEAR(r.round_trip_p99_ms, 0.5, 1e-9); // only one of thousands was late
 
-    drop(50);
-    record.force[60].force.session = 39;
-    record.force[70].force.seq--;
-    record.force[70].force.flags = KN_FLAG_STALE;
-    record.force[80].force.missed_cycles = 2; // two cycles skipped: their tick numbers are missing, but no record is
-    for (int i = 80; i < record.force_count; i++) record.force[i].force.tick += 2;
-    kn_session_report_make(&r, &hand, &record);
-    CHECK(r.forces == all - 1 && r.matched == all - 2 && r.strange == 1 && r.stale == 1 && r.missed == 2);
-    CHECK(r.lost == 1);
-    forget();
+    kn_heard_force *f = record.force;
+    memmove(f + 50, f + 51, (size_t)(--record.force_count - 50) * sizeof *f); // one is lost
+    f[60].force.session = 39;
+    f[70].force.seq--;
+    f[70].force.flags = KN_FLAG_STALE;
+    f[80].force.missed_cycles = 2; // two cycles skipped: their tick numbers are missing, but no record is
+    for (int i = 80; i < record.force_count; i++) f[i].force.tick += 2;
+    const kn_session_report spoilt = report();
+    CHECK(spoilt.forces == all - 1 && spoilt.matched == all - 2 && spoilt.strange == 1 && spoilt.stale == 1);
+    CHECK(spoilt.missed == 2 && spoilt.lost == 1);
 }
 
 TEST("forces after the last pose are not counted")
 {
-    kn_session_report r;
     play();
     record.force = realloc(record.force, sizeof *record.force * (size_t)(record.force_count + 20));
     for (int i = 0; i < 20; i++) { // the server fades because no pose comes any more
@@ -96,52 +89,43 @@ TEST("forces after the last pose are not counted")
         f->force.gain = 1 - 0.05 * i;
         record.force_count++;
     }
-    kn_session_report_make(&r, &hand, &record);
+    const kn_session_report r = report();
     CHECK(r.gain_min == 1 && r.stale == 0 && r.lost == 0);
-    forget();
 }
 
 TEST("a session without contact has peak 0, and a session without forces has no round trip")
 {
-    kn_session_report r;
     play();
     for (int i = 0; i < record.force_count; i++) record.force[i].force.contacts = 0;
-    kn_session_report_make(&r, &hand, &record);
-    CHECK(r.contact_s == 0 && r.peak_n == 0);
+    const kn_session_report air = report();
+    CHECK(air.contact_s == 0 && air.peak_n == 0);
     record.force_count = 0;
-    kn_session_report_make(&r, &hand, &record);
-    CHECK(isnan(r.round_trip_p50_ms) && r.forces == 0);
-    forget();
+    const kn_session_report none = report();
+    CHECK(isnan(none.round_trip_p50_ms) && none.forces == 0);
 }
 
 TEST("the CSV has one row per force with the pose it echoes, in any order of the poses")
 {
-    char *text = NULL, line[512];
-    size_t size = 0;
+    char line[512];
     play();
     knead_probe_pose_t swap = record.pose[3];
     record.pose[3] = record.pose[4], record.pose[4] = swap;
-    FILE *out = open_memstream(&text, &size);
-    kn_session_report_csv(out, &hand, &record, "plate");
-    fclose(out);
-    FILE *in = fmemopen(text, size, "r");
-    CHECK(fgets(line, sizeof line, in) != NULL);
+    FILE *csv = tmpfile();
+    kn_session_report_csv(csv, &hand, &record, "plate");
+    rewind(csv);
+    CHECK(fgets(line, sizeof line, csv) != NULL);
     CHECK_STR(line, "tick,time_s,probe,x_m,y_m,z_m,contact_fx_n,contact_fy_n,contact_fz_n,fx_n,fy_n,fz_n,"
                     "tx_n_m,ty_n_m,tz_n_m,contacts,residual,execution_ns,proxy_x_m,proxy_y_m,proxy_z_m\n");
     int rows = 0;
-    double lowest = 1, force_there = 0;
-    while (fgets(line, sizeof line, in)) {
-        double z, fz;
+    double lowest = 1, force_there = 0, z, fz;
+    for (; fgets(line, sizeof line, csv); rows++) {
         CHECK(sscanf(line, "%*d,%*f,plate,%*f,%*f,%lf,%*f,%*f,%lf", &z, &fz) == 2);
         if (z < lowest) lowest = z, force_there = fz;
-        rows++;
     }
     CHECK(rows == record.force_count);
     CHECK_NEAR(lowest, 0.02, 1e-8);
     CHECK_NEAR(force_there, 10, 1e-6);
-    fclose(in);
-    free(text);
-    forget();
+    fclose(csv);
 }
 
 TESTS_MAIN

@@ -18,22 +18,20 @@
 #include "tests/clients/heard.h"
 #include "tests/clients/recorded_press.h"
 #include "tests/dice.h"
-#include <fcntl.h>
 #include <jansson.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 enum { PIXELS = 320 };
 
 static uint64_t seed = 20261123; // seed of the blind cases
+static char error[600];
 
-typedef struct lump { // construction and measurement of an object
-    const char *scene, *structure, *set;
-    double pressure_pa, area_factor, noise, shift_m[2];
+typedef struct lump {                                           // construction and measurement of an object
+    const char *scene, *structure, *set;                        // scene NULL: the small block of dough
+    double pressure_pa, area_factor, noise, hold_s, shift_m[2]; // area_factor, noise, hold_s 0: 1, 0.01, 1 s
     // share of the pixels without a reading; a twentieth of that share are stray readings beside the object
     double lost;
-    const char *hold; // hold time, "30" or less
-    bool at_end;      // the image is taken after the withdrawal
+    bool at_end; // the image is taken after the withdrawal
 } lump;
 
 static void write_force(const kn_press *press, const kn_pressed *pressed, double noise)
@@ -51,7 +49,6 @@ static void write_force(const kn_press *press, const kn_pressed *pressed, double
 static void write_image(const kn_surface *s, const float (*rest_m)[3], const float (*now_m)[3], const lump *l)
 {
     static uint16_t level[PIXELS * PIXELS];
-    char error[300];
     double tall_m = 0;
     for (int v = 0; v < s->vertex_count; v++) tall_m = fmax(tall_m, rest_m[v][2]);
     kn_range r = kn_range_frame(PIXELS, PIXELS, s->vertex_count, rest_m, now_m);
@@ -73,68 +70,53 @@ static void write_points(const kn_surface *s, const float (*now_m)[3])
     FILE *f = fopen("points.csv", "w");
     must(f, "points.csv cannot be written");
     fputs("x [mm];y [mm];z [mm]\n", f);
-    for (int v = 0; v < s->vertex_count; v++)
-        fprintf(f, "%.4f;%.4f;%.4f\n", 1e3 * now_m[v][0] + 0.1 * kn_dice_normal(&seed),
-                1e3 * now_m[v][1] + 0.1 * kn_dice_normal(&seed), 1e3 * now_m[v][2] + 0.1 * kn_dice_normal(&seed));
+    for (int i = 0; i < 3 * s->vertex_count; i++)
+        fprintf(f, "%.4f%c", 1e3 * now_m[i / 3][i % 3] + 0.1 * kn_dice_normal(&seed), ";;\n"[i % 3]);
     fclose(f);
 }
 
-// Press the object and write depth.png, points.csv and force.csv.
-static void measure(const lump *l)
+static void open_candidate(kn_candidate *c, const char *scene, const char *structure, const char *const *set)
 {
-    char error[600];
+    const kn_candidate_def def = {.scene_path = scene, .sets = set, .set_count = set && *set};
+    must(kn_candidates_open(c, &def, structure, error, sizeof error) == 1, error);
+}
+
+// Press the object and write depth.png, points.csv and force.csv.
+static void measure(lump l)
+{
     kn_candidate c[KN_CANDIDATES];
     AT_END(kn_press_free) kn_press press = {0};
     AT_END(kn_pressed_free) kn_pressed pressed = {0};
-    const kn_candidate_def def = {l->scene, &l->set, l->set != NULL, NULL, NULL};
-    must(kn_candidates_open(c, &def, l->structure, error, sizeof error) == 1, error);
-    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = atof(l->hold)}, error, sizeof error), error);
-    const kn_model_def object = kn_candidate_model(c, l->pressure_pa, l->area_factor);
-    kn_model *model = kn_model_build(&object, error, sizeof error);
+    if (l.noise == 0) l.noise = 0.01;
+    open_candidate(c, l.scene ? l.scene : SMALL, l.structure, &l.set);
+    must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = l.hold_s > 0 ? l.hold_s : 1}, error, sizeof error),
+         error);
+    const kn_model_def object = kn_candidate_model(c, l.pressure_pa, l.area_factor > 0 ? l.area_factor : 1);
+    OWN(kn_model) *model = kn_model_build(&object, error, sizeof error);
     must(model, error);
-    const double at_s = l->at_end ? press.end_s : press.hold_end_s;
+    const double at_s = l.at_end ? press.end_s : press.hold_end_s;
     const kn_press_play play = {
         .model = model, .surface = c->surface.mesh, .moments = 1, .moment_s = &at_s, .until_s = at_s};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
-    write_force(&press, &pressed, l->noise);
-    write_image(c->surface.mesh, (const float(*)[3])c->surface.rest_m, (const float(*)[3])pressed.shape_m[0], l);
+    write_force(&press, &pressed, l.noise);
+    write_image(c->surface.mesh, (const float(*)[3])c->surface.rest_m, (const float(*)[3])pressed.shape_m[0], &l);
     write_points(c->surface.mesh, (const float(*)[3])pressed.shape_m[0]);
-    kn_model_destroy(model);
     kn_candidate_free(c);
 }
 
-// Run the command in a process of its own. Return its exit code.
-static int command(int count, const char *const *argument, const char *out, const char *err)
-{
-    char *argv[40] = {(char *)(uintptr_t) "knead identify shape"};
-    for (int i = 0; i < count; i++) argv[i + 1] = (char *)(uintptr_t)argument[i];
-    fflush(NULL);
-    const pid_t child = fork();
-    if (child == 0) {
-        const int o = open(out, O_WRONLY | O_CREAT | O_TRUNC, 0666), e = open(err, O_WRONLY | O_CREAT | O_TRUNC, 0666);
-        dup2(o, STDOUT_FILENO);
-        dup2(e, STDERR_FILENO);
-        const int code = kn_identify_shape_main(count + 1, argv);
-        fflush(NULL);
-        _exit(code);
-    }
-    int status = 0;
-    waitpid(child, &status, 0);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
+#define IDENTIFY(...) kn_call(kn_identify_shape_main, "knead identify shape", __VA_ARGS__)
 
-#define COMMAND(out, err, ...)                                                                                         \
-    command((int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__}, out, err)
+static json_t *root; // the results of the last find
 
-static json_t *found(void)
-{
-    json_error_t why;
-    json_t *root = json_load_file("found.json", 0, &why);
-    if (!root) KN_TEST_FAIL("no JSON: %s", why.text);
-    return root;
-}
+// Check that the command ends with 0, and load its results.
+#define FIND(...)                                                                                                      \
+    do {                                                                                                               \
+        KN_CALLS(0, "", kn_identify_shape_main, "knead identify shape", "--json --force force.csv " __VA_ARGS__);      \
+        json_decref(root);                                                                                             \
+        root = json_loads(kn_out, 0, NULL);                                                                            \
+    } while (0)
 
-static json_t *structure(json_t *root, const char *name)
+static json_t *structure(const char *name)
 {
     size_t i;
     json_t *one;
@@ -143,80 +125,59 @@ static json_t *structure(json_t *root, const char *name)
     return NULL;
 }
 
-static double pressure_of(json_t *one)
+static double number_of(const json_t *one, const char *key) { return json_number_value(json_object_get(one, key)); }
+
+static double pressure_of(const char *name)
 {
-    return json_number_value(json_object_get(json_object_get(one, "inside_pressure"), "value"));
+    return number_of(json_object_get(structure(name), "inside_pressure"), "value");
 }
 
-static const char *text_of(json_t *root, const char *key)
+static const char *text_of(const char *key)
 {
     const char *text = json_string_value(json_object_get(root, key));
     return text ? text : "";
 }
 
-static void write_text(const char *path, const char *text)
-{
-    FILE *f = fopen(path, "w");
-    must(f && fputs(text, f) >= 0 && fclose(f) == 0, path);
-}
+static void write_text(const char *path, const char *text) { kn_write(path, text, strlen(text)); }
 
-static void refuses(const char *expected, int count, const char *const *argument)
+// Check that these arguments are refused in one line that contains the words.
+static void refuses(const char *words, const char *arguments)
 {
-    char line[1200] = "";
-    const int code = command(count, argument, "out", "err");
-    FILE *f = fopen("err", "r");
-    const size_t n = f ? fread(line, 1, sizeof line - 1, f) : 0;
-    if (f) fclose(f);
-    line[n] = '\0';
-    const char *end = strchr(line, '\n');
-    if (code != 2 || !strstr(line, expected) || !end || end[1])
-        KN_TEST_FAIL("exit %d, expected 2 and one line with: %s\n%s", code, expected, line);
+    const int code = IDENTIFY("%s", arguments);
+    if (code != KN_EXIT_USAGE || !kn_refused(words))
+        KN_TEST_FAIL("%s: exit %d, expected 2 and one line with: %s\n%s%s", arguments, code, words, kn_out, kn_err);
 }
-
-#define REFUSES(expected, ...)                                                                                         \
-    refuses(expected, (int)(sizeof((const char *[]){__VA_ARGS__}) / sizeof(char *)), (const char *[]){__VA_ARGS__})
 
 // ---- tests
 
-typedef struct blind {
-    const char *scene, *hold;
-    double noise;
-} blind;
-
-static bool blind_case(int number, const blind *b)
+static bool blind_case(int number, const char *scene, double hold_s, double noise)
 {
     static const char *const names[] = {"diagonals", "pressure", "both"};
-    const lump l = {.scene = b->scene,
+    const lump l = {.scene = scene,
                     .structure = names[(int)(3 * kn_dice(&seed))],
-                    .noise = b->noise,
-                    .hold = b->hold,
+                    .noise = noise,
+                    .hold_s = hold_s,
                     .pressure_pa = 101325 * 0.2 * pow(15, kn_dice(&seed)),
                     .area_factor = 0.7 * pow(2, kn_dice(&seed))};
-    measure(&l);
-    const int code = COMMAND("found.json", "err", b->scene, "--depth", "depth.png", "--force", "force.csv", "--hold",
-                             b->hold, "--json");
-    json_t *root = found(), *best = structure(root, text_of(root, "best"));
-    const bool gas = strcmp(l.structure, "diagonals") != 0;
-    const double off = gas ? pressure_of(best) / l.pressure_pa - 1 : 0;
-    const double area = json_number_value(json_object_get(best, "gamma_factor")) / l.area_factor - 1;
-    const bool good = code == 0 && !strcmp(text_of(root, "best"), l.structure) && fabs(off) < 0.1;
-    double seconds = 0;
-    int presses = 0;
+    measure(l);
+    FIND("%s --depth depth.png --hold %g", scene, hold_s);
+    const char *name = text_of("best");
+    const double off = strcmp(l.structure, "diagonals") != 0 ? pressure_of(name) / l.pressure_pa - 1 : 0;
+    double seconds = 0, presses = 0;
     size_t i;
     json_t *one;
     json_array_foreach(json_object_get(root, "structures"), i, one)
     {
-        seconds += json_number_value(json_object_get(one, "seconds"));
-        presses += (int)json_integer_value(json_object_get(one, "presses"));
+        seconds += number_of(one, "seconds");
+        presses += number_of(one, "presses");
     }
-    printf("  case %d: %s, P0 %.3f atm, gamma x %.3f -> %s, P0 %+.2f %%, gamma %+.2f %%; %.2f noises off; %d presses, "
-           "%.1f s%s%s\n",
-           number, l.structure, l.pressure_pa / 101325, l.area_factor, text_of(root, "best"), 100 * off, 100 * area,
-           json_number_value(json_object_get(best, "off")), presses, seconds, *text_of(root, "rival") ? "; rival " : "",
-           text_of(root, "rival"));
+    printf("  case %d: %s, P0 %.3f atm, gamma x %.3f -> %s, P0 %+.2f %%, gamma %+.2f %%; %.2f noises off; %g presses, "
+           "%.1f s; rival '%s'\n",
+           number, l.structure, l.pressure_pa / 101325, l.area_factor, name, 100 * off,
+           100 * (number_of(structure(name), "gamma_factor") / l.area_factor - 1), number_of(structure(name), "off"),
+           presses, seconds, text_of("rival"));
     fflush(stdout);
-    json_decref(root);
-    return good;
+    return !strcmp(name, l.structure) && fabs(off) < 0.1;
 }
 
 TEST("nine of ten blind cases give the structure, and P0 within 10 %, from image and force with 1 % noise")
@@ -224,9 +185,13 @@ TEST("nine of ten blind cases give the structure, and P0 within 10 %, from image
     const char *cases = getenv("KN_CASES"), *scene = getenv("KN_SCENE"), *noise = getenv("KN_PARETO_NOISE"),
                *hold = getenv("KN_HOLD");
     const int count = cases ? atoi(cases) : KN_LENGTH(1, 1, 2);
-    const blind b = {scene ? scene : SMALL, hold ? hold : cases ? "30" : "1", noise ? atof(noise) : 0.01};
     int good = 0;
-    for (int i = 0; i < count; i++) good += blind_case(i + 1, &b);
+    for (int i = 0; i < count; i++)
+        good += blind_case(i + 1, scene ? scene : SMALL,
+                           hold    ? atof(hold)
+                           : cases ? 30
+                                   : 1,
+                           noise ? atof(noise) : 0.01);
     printf("  %d of %d\n", good, count);
     CHECK(good * 10 >= count * 9);
 }
@@ -235,47 +200,36 @@ NIGHT_TEST(
     "an object of finer cells than the model is reported as unexplained, and is explained by a model of these cells")
 {
     seed = 20261123; // the same object after any number of blind cases
-    const lump l = {.scene = SMALL,
-                    .structure = "both",
-                    .set = "object.spacing=5 mm",
-                    .noise = 0.01,
-                    .hold = "1",
-                    .pressure_pa = 101325,
-                    .area_factor = 1};
-    measure(&l);
-    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "1", "--finer",
-                  "--json") == 0);
-    json_t *root = found(), *best = structure(root, text_of(root, "best"));
-    printf("  in cells of 1 cm: %s, P0 %.3f atm; %.1f noises off, halved cells %.1f\n", text_of(root, "best"),
-           pressure_of(best) / 101325, json_number_value(json_object_get(best, "off")),
-           json_number_value(json_object_get(json_object_get(root, "halved_cells"), "off")));
-    CHECK(json_number_value(json_object_get(json_object_get(root, "halved_cells"), "moved")) >
-          0.5 * json_number_value(json_object_get(best, "off")));
+    measure((lump){.structure = "both", .set = "object.spacing=5 mm", .pressure_pa = 101325});
+    FIND(SMALL " --depth depth.png --hold 1 --finer");
+    const json_t *best = structure(text_of("best")), *halved = json_object_get(root, "halved_cells");
+    printf("  in cells of 1 cm: %s, P0 %.3f atm; %.1f noises off, halved cells %.1f\n", text_of("best"),
+           pressure_of(text_of("best")) / 101325, number_of(best, "off"), number_of(halved, "off"));
+    CHECK(number_of(halved, "moved") > 0.5 * number_of(best, "off"));
     CHECK(json_is_false(json_object_get(root, "explained")));
-    CHECK(json_is_true(json_object_get(structure(root, "diagonals"), "stopped_early")));
-    CHECK(strstr(text_of(root, "words"), "None of the structures explains the measurements"));
-    json_decref(root);
-    CHECK(COMMAND("found.json", "err", SMALL, "--set", "object.spacing=5 mm", "--only", "both", "--depth", "depth.png",
-                  "--force", "force.csv", "--hold", "1", "--json") == 0);
-    root = found();
+    CHECK(json_is_true(json_object_get(structure("diagonals"), "stopped_early")));
+    CHECK(strstr(text_of("words"), "None of the structures explains the measurements"));
+    FIND(SMALL " --set 'object.spacing=5 mm' --only both --depth depth.png --hold 1");
     CHECK(json_is_true(json_object_get(root, "explained")));
-    CHECK_NEAR(pressure_of(structure(root, "both")), 101325, 0.02 * 101325);
-    json_decref(root);
+    CHECK_NEAR(pressure_of("both"), 101325, 0.02 * 101325);
+}
+
+static kn_range load_range(const char *path, uint16_t **level)
+{
+    kn_range r = {0};
+    must(kn_range_load(path, &(kn_range_given){NAN, NAN, NAN, NAN}, &r, level, error, sizeof error), error);
+    return r;
 }
 
 // Return the rms difference of the heights where both range images have a reading.
 static double apart_m(const char *one, const char *other, int *both)
 {
-    char error[300];
-    kn_range a = {0}, b = {0};
-    uint16_t *was = NULL, *is = NULL;
     double squares = 0;
-    const kn_range_given none = {NAN, NAN, NAN, NAN};
-    CHECK(kn_range_load(one, &none, &a, &was, error, sizeof error));
-    CHECK(kn_range_load(other, &none, &b, &is, error, sizeof error));
+    uint16_t *was = NULL, *is = NULL;
+    const kn_range a = load_range(one, &was), b = load_range(other, &is);
     CHECK(a.left_m == b.left_m && a.top_m == b.top_m && a.pixel_m == b.pixel_m);
     *both = 0;
-    for (int i = 0; was && is && i < PIXELS * PIXELS; i++)
+    for (int i = 0; i < PIXELS * PIXELS; i++)
         if (was[i] > 0 && is[i] > 0) squares += pow(was[i] * a.step_m - is[i] * b.step_m, 2), ++*both;
     free(was);
     free(is);
@@ -285,13 +239,11 @@ static double apart_m(const char *one, const char *other, int *both)
 // Return the mean position of the readings in a range image.
 static void middle_of(const char *path, double middle_m[2])
 {
-    char error[300];
-    kn_range r = {0};
     uint16_t *level = NULL;
+    const kn_range r = load_range(path, &level);
     int seen = 0;
-    CHECK(kn_range_load(path, &(kn_range_given){NAN, NAN, NAN, NAN}, &r, &level, error, sizeof error));
     middle_m[0] = middle_m[1] = 0;
-    for (int i = 0; level && i < r.width * r.height; i++) {
+    for (int i = 0; i < r.width * r.height; i++) {
         if (level[i] == 0) continue;
         middle_m[0] += r.left_m + i % r.width * r.pixel_m;
         middle_m[1] += r.top_m - i / r.width * r.pixel_m;
@@ -303,77 +255,44 @@ static void middle_of(const char *path, double middle_m[2])
 
 TEST("a shifted image with lost and stray pixels is aligned within a fifth of a pixel")
 {
-    const lump l = {.scene = SMALL,
-                    .structure = "both",
-                    .noise = 0.01,
-                    .hold = "1",
-                    .pressure_pa = 5e4,
-                    .area_factor = 1,
-                    .shift_m = {0.00013, -0.00031},
-                    .lost = 0.05};
-    measure(&l);
-    CHECK(COMMAND("found.json", "err", SMALL, "--depth", "depth.png", "--force", "force.csv", "--hold", "1", "--only",
-                  "both", "--align", "--out-depth", "model.png", "--json") == 0);
-    json_t *root = found(), *best = structure(root, "both");
+    const double shift_m[2] = {0.00013, -0.00031};
+    measure((lump){.structure = "both", .pressure_pa = 5e4, .shift_m = {shift_m[0], shift_m[1]}, .lost = 0.05});
+    FIND(SMALL " --depth depth.png --hold 1 --only both --align --out-depth model.png");
     double measured_m[2], model_m[2];
     middle_of("depth.png", measured_m);
     middle_of("model.png", model_m);
-    for (int k = 0; k < 2; k++) CHECK_NEAR(model_m[k], measured_m[k], 6e-5); // pixel on pixel, as in the measured image
-    CHECK_NEAR(json_number_value(json_object_get(best, "shift_x_m")), 0.00013, 4e-5);
-    CHECK_NEAR(json_number_value(json_object_get(best, "shift_y_m")), -0.00031, 4e-5);
-    CHECK_NEAR(pressure_of(best), 5e4, 2.5e3);
-    json_decref(root);
+    for (int k = 0; k < 2; k++) {
+        CHECK_NEAR(model_m[k], measured_m[k], 6e-5); // pixel on pixel, as in the measured image
+        CHECK_NEAR(number_of(structure("both"), k ? "shift_y_m" : "shift_x_m"), shift_m[k], 4e-5);
+    }
+    CHECK_NEAR(pressure_of("both"), 5e4, 2.5e3);
 }
 
 TEST("points of a scanned surface, sides included, give the structure, and P0 within 10 %")
 {
-    const lump l = {.scene = SMALL,
-                    .structure = "pressure",
-                    .noise = 0.01,
-                    .hold = "1",
-                    .pressure_pa = 1.5e5,
-                    .area_factor = 0.9,
-                    .at_end = true};
-    measure(&l);
-    CHECK(COMMAND("found.json", "err", SMALL, "--points", "points.csv", "--at", "end", "--force", "force.csv", "--hold",
-                  "1", "--json") == 0);
-    json_t *root = found();
-    CHECK_STR(text_of(root, "best"), "pressure");
-    CHECK_NEAR(pressure_of(structure(root, "pressure")), 1.5e5, 1.5e4);
-    json_decref(root);
+    measure((lump){.structure = "pressure", .pressure_pa = 1.5e5, .area_factor = 0.9, .at_end = true});
+    FIND(SMALL " --points points.csv --at end --hold 1");
+    CHECK_STR(text_of("best"), "pressure");
+    CHECK_NEAR(pressure_of("pressure"), 1.5e5, 1.5e4);
 }
 
 TEST("an object of tetrahedra with gas is told from one without, and P0 is found within 10 %")
 {
-    const lump l = {.scene = KN_SOURCE_DIR "/core/scenes/bun.yaml",
-                    .structure = "mesh-pressure",
-                    .noise = 0.01,
-                    .hold = "1",
-                    .pressure_pa = 6e4,
-                    .area_factor = 1.1};
-    measure(&l);
-    CHECK(COMMAND("found.json", "err", l.scene, "--depth", "depth.png", "--force", "force.csv", "--hold", "1",
-                  "--json") == 0);
-    json_t *root = found();
-    CHECK_STR(text_of(root, "best"), "mesh-pressure");
+#define BUN KN_SOURCE_DIR "/core/scenes/bun.yaml"
+    measure((lump){.scene = BUN, .structure = "mesh-pressure", .pressure_pa = 6e4, .area_factor = 1.1});
+    FIND(BUN " --depth depth.png --hold 1");
+    CHECK_STR(text_of("best"), "mesh-pressure");
     CHECK(json_array_size(json_object_get(root, "structures")) == 2);
-    CHECK_NEAR(pressure_of(structure(root, "mesh-pressure")), 6e4, 6e3);
+    CHECK_NEAR(pressure_of("mesh-pressure"), 6e4, 6e3);
     json_decref(root);
+    root = NULL;
 }
 
 TEST("the written scene loads with the fitted parameters, and the written range image differs by the noise only")
 {
-    char error[300];
-    const lump l = {.scene = SMALL,
-                    .structure = "pressure",
-                    .noise = 0.01,
-                    .hold = "1",
-                    .pressure_pa = 2e5,
-                    .area_factor = 1.2,
-                    .at_end = true};
-    measure(&l);
-    CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--at", "end", "--force", "force.csv", "--hold",
-                  "1", "--only", "pressure,both", "--out", "found.yaml", "--out-depth", "model.png") == 0);
+    measure((lump){.structure = "pressure", .pressure_pa = 2e5, .area_factor = 1.2, .at_end = true});
+    CHECK(IDENTIFY(SMALL " --depth depth.png --at end --force force.csv --hold 1 --only pressure,both --out found.yaml "
+                         "--out-depth model.png") == 0);
     OWN(kn_scene) *scene = kn_scene_load("found.yaml", NULL, 0, error, sizeof error);
     CHECK(scene);
     if (!scene) return;
@@ -389,8 +308,7 @@ TEST("the written scene loads with the fitted parameters, and the written range 
 TEST("a stress area s times as large stretches the damper law: T'(s b) = s T(b)")
 {
     kn_candidate c[KN_CANDIDATES];
-    char error[300];
-    CHECK(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1);
+    open_candidate(c, SMALL, "diagonals", NULL);
     const double s = 1.7;
     kn_law as_is, stretched;
     kn_law_build(&as_is, &c[0].scene->model.material, 1e-3, true);
@@ -398,18 +316,17 @@ TEST("a stress area s times as large stretches the damper law: T'(s b) = s T(b)"
     kn_law_build(&stretched, &def.material, 1e-3, true);
     for (double b = 10; b < 1e6; b *= 1.3)
         CHECK_NEAR(kn_law_stress(&stretched, s * b), s * kn_law_stress(&as_is, b), 1e-9 * s * b);
-    kn_candidate_free(&c[0]);
+    kn_candidate_free(c);
 }
 
 TEST("the distance to a surface is exact outside, and negative inside")
 {
     const float x[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const int triangle[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
-    CHECK_NEAR(kn_surface_residual_distance((double[]){0.2, 0.2, -0.5}, x, 4, triangle), 0.5, 1e-12);
-    CHECK_NEAR(kn_surface_residual_distance((double[]){0.2, 0.2, 0.1}, x, 4, triangle), -0.1, 1e-12);
-    CHECK_NEAR(kn_surface_residual_distance((double[]){1, 1, 1}, x, 4, triangle), 2 / sqrt(3), 1e-7);
-    CHECK_NEAR(kn_surface_residual_distance((double[]){-3, -4, 0}, x, 4, triangle), 5, 1e-12);
-    CHECK_NEAR(kn_surface_residual_distance((double[]){2, 0, 0}, x, 4, triangle), 1, 1e-12);
+    const double known[5][4] = {
+        {0.2, 0.2, -0.5, 0.5}, {0.2, 0.2, 0.1, -0.1}, {1, 1, 1, 2 / sqrt(3)}, {-3, -4, 0, 5}, {2, 0, 0, 1}};
+    for (int i = 0; i < 5; i++) // positions are float
+        CHECK_NEAR(kn_surface_residual_distance(known[i], x, 4, triangle), known[i][3], i == 2 ? 1e-7 : 1e-12);
 }
 
 TEST("the verdict names the nearest structure if none explains the data, otherwise the one with the fewest parameters")
@@ -438,7 +355,6 @@ TEST("the verdict names the nearest structure if none explains the data, otherwi
 static kn_force_residual spoilt(const kn_press *press, double from_s, double spike_n, int spikes)
 {
     enum { READINGS = 1000 };
-    char error[300];
     kn_force_residual p = {.count = READINGS};
     double *time_s = p.time_s = calloc(READINGS, sizeof *time_s);
     double *force_n = p.force_n = calloc(READINGS, sizeof *force_n);
@@ -453,10 +369,9 @@ static kn_force_residual spoilt(const kn_press *press, double from_s, double spi
 
 TEST("stray force readings are left out and do not change the largest force")
 {
-    char error[300];
     kn_candidate c[KN_CANDIDATES];
     AT_END(kn_press_free) kn_press press = {0};
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    open_candidate(c, SMALL, "diagonals", NULL);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
     const double spikes[] = {5000, 1e300, -1e300, 30};
     for (int i = 0; i < 4; i++)
@@ -473,10 +388,9 @@ TEST("stray force readings are left out and do not change the largest force")
 
 TEST("points without a coordinate are left out, misplaced force rows are sorted, and messages say both")
 {
-    char error[300];
     kn_candidate c[KN_CANDIDATES];
     kn_measurement e;
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    open_candidate(c, SMALL, "diagonals", NULL);
     FILE *points = fopen("lacking.csv", "w"), *force = fopen("disorder.csv", "w");
     must(points && force, "no room for readings");
     fputs("x [mm],y [mm],z [mm]\n1,1,\n1,,1\n", points);
@@ -489,8 +403,8 @@ TEST("points without a coordinate are left out, misplaced force rows are sorted,
     kn_hear();
     const int code = kn_shape_measured(&e, &o, c);
     kn_hear_end();
-    CHECK(code == 0 && strstr(kn_heard, "left out: 2 points without all coordinates, the first in line 2"));
-    CHECK(strstr(kn_heard, "disorder.csv: the rows are not in the order of time: 1 moved"));
+    CHECK(code == 0 && kn_said("left out: 2 points without all coordinates, the first in line 2"));
+    CHECK(kn_said("disorder.csv: the rows are not in the order of time: 1 moved"));
     if (code == 0) kn_measurement_free(&e);
     force = fopen("disorder.csv", "w");
     must(force, "no room for readings");
@@ -500,19 +414,17 @@ TEST("points without a coordinate are left out, misplaced force rows are sorted,
     kn_hear();
     CHECK(kn_shape_measured(&e, &o, c) == KN_EXIT_USAGE);
     kn_hear_end();
-    CHECK(strstr(kn_heard, "disorder.csv:102:1: time restarts, expected one press per file"));
+    CHECK(kn_said("disorder.csv:102:1: time restarts, expected one press per file"));
     kn_candidate_free(c);
 }
 
 TEST("several force columns are refused, and rows of the pressing probe are selected and reported")
 {
-    char line[8000] = "";
-    const lump l = {
-        .scene = SMALL, .structure = "diagonals", .noise = 0.01, .hold = "1", .pressure_pa = 1e5, .area_factor = 1};
-    measure(&l);
+    char line[100] = "";
+    measure((lump){.structure = "diagonals", .pressure_pa = 1e5});
     write_text("three.csv", "time [s],fx [N],fy [N],fz [N]\n0,0,0,1\n1,0,0,2\n");
-    REFUSES("three.csv:1:10: 'fx', 'fy', 'fz': 3 columns of a force, expected one", SMALL, "--depth", "depth.png",
-            "--force", "three.csv");
+    refuses("three.csv:1:10: 'fx', 'fy', 'fz': 3 columns of a force, expected one",
+            SMALL " --depth depth.png --force three.csv");
     FILE *in = fopen("force.csv", "r"), *out = fopen("rows.csv", "w");
     must(in && out && fgets(line, sizeof line, in), "force.csv cannot be read");
     fputs("tick,time_s,probe,fz_n,contact_fz_n\n", out);
@@ -523,24 +435,19 @@ TEST("several force columns are refused, and rows of the pressing probe are sele
     }
     fclose(in);
     fclose(out);
-    CHECK(COMMAND("found.txt", "err", SMALL, "--depth", "depth.png", "--force", "rows.csv", "--hold", "1", "--only",
-                  "diagonals", "--set", "object.pressure=object") == 0);
-    in = fopen("found.txt", "r");
-    line[in ? fread(line, 1, sizeof line - 1, in) : 0] = '\0';
-    if (in) fclose(in);
-    CHECK(strstr(line, "rows.csv, 'contact_fz' over 'time' of plate: "));
-    CHECK(strstr(line, "diagonals explains the measurements"));
-    CHECK(strstr(line, "note       the scene's object.pressure=object is ignored"));
+    CHECK(IDENTIFY(SMALL
+                   " --depth depth.png --force rows.csv --hold 1 --only diagonals --set object.pressure=object") == 0);
+    CHECK(kn_said("rows.csv, 'contact_fz' over 'time' of plate: ") && kn_said("diagonals explains the measurements"));
+    CHECK(kn_said("note       the scene's object.pressure=object is ignored"));
     write_text("other.csv", "time_s,probe,force_n\n0,thumb,1\n1,thumb,2\n");
-    REFUSES("other.csv:1:8: none of the 2 rows has the probe 'plate', expected rows with it", SMALL, "--depth",
-            "depth.png", "--force", "other.csv");
+    refuses("other.csv:1:8: none of the 2 rows has the probe 'plate', expected rows with it",
+            SMALL " --depth depth.png --force other.csv");
 }
 
 // ---- bad input: one line each, exit 2
 
 static void gray(const char *path, int width, int height, int value, bool texts)
 {
-    char error[300];
     uint16_t *level = calloc((size_t)width * (size_t)height, sizeof *level);
     for (int i = 0; i < width * height; i++) level[i] = (uint16_t)value;
     const kn_image_text words[] = {{"step_mm", "0.001"}, {"pixel_mm", "0.2"}, {"left_mm", "-32"}, {"top_mm", "x"}};
@@ -551,7 +458,7 @@ static void gray(const char *path, int width, int height, int value, bool texts)
 TEST("each unusable image is refused in one line")
 {
     const uint8_t rgba[4 * 4 * 4] = {0};
-    char error[300], bytes[3000];
+    char bytes[3000];
     write_text("words.png", "this is text");
     kn_image_write_png("color.png", 4, 4, rgba, error, sizeof error);
     gray("bare.png", 64, 64, 7, false);
@@ -559,109 +466,93 @@ TEST("each unusable image is refused in one line")
     gray("wide.png", 9000, 2, 7, false);
     gray("nothing.png", 64, 64, 0, false);
     gray("full.png", 320, 320, 20001, false);
-    FILE *f = fopen("odd.png", "rb"), *half = fopen("half.png", "wb");
-    const size_t n = fread(bytes, 1, sizeof bytes, f);
-    fwrite(bytes, 1, n * 2 / 3, half);
-    fclose(f);
-    fclose(half);
-    REFUSES("nosuch.png: No such file", SMALL, "--depth", "nosuch.png");
-    REFUSES("words.png: is not a PNG, expected a range image", SMALL, "--depth", "words.png");
-    REFUSES("color.png: 8 bits of colour, expected 16 bits of grey", SMALL, "--depth", "color.png");
-    REFUSES("bare.png: does not say step_mm, expected a range image of knead view --depth, or --step", SMALL, "--depth",
-            "bare.png");
-    REFUSES("bare.png: does not say top_mm, expected a range image of knead view --depth, or --top", SMALL, "--depth",
-            "bare.png", "--step", "1 um", "--pixel", "0.2 mm", "--left", "0 mm");
-    REFUSES("odd.png: top_mm is x, expected a place in mm", SMALL, "--depth", "odd.png");
-    REFUSES("wide.png: 9000 x 2 pixels, expected at most 8192 on a side", SMALL, "--depth", "wide.png");
-    REFUSES("half.png: ", SMALL, "--depth", "half.png");
-    REFUSES("nothing.png: every pixel is 0, expected an object", SMALL, "--depth", "nothing.png", "--step", "1 um",
-            "--pixel", "0.2 mm", "--left", "-6 mm", "--top", "6 mm");
-    REFUSES("full.png: shows an extent of 12", SMALL, "--depth", "full.png", "--step", "1 um", "--pixel", "0.04 mm",
-            "--left", "-6 mm", "--top", "6 mm");
-    REFUSES("full.png: shows a height of 200 mm, expected about the object's 30 mm", SMALL, "--depth", "full.png",
-            "--step", "10 um", "--pixel", "0.2 mm", "--left", "-32 mm", "--top", "32 mm");
-    REFUSES("/: ", SMALL, "--depth", "/");
+    kn_write("half.png", bytes, kn_read("odd.png", bytes, sizeof bytes) * 2 / 3);
+#define IMAGE SMALL " --depth "
+    refuses("nosuch.png: No such file", IMAGE "nosuch.png");
+    refuses("words.png: is not a PNG, expected a range image", IMAGE "words.png");
+    refuses("color.png: 8 bits of colour, expected 16 bits of grey", IMAGE "color.png");
+    refuses("bare.png: does not say step_mm, expected a range image of knead view --depth, or --step",
+            IMAGE "bare.png");
+    refuses("bare.png: does not say top_mm, expected a range image of knead view --depth, or --top",
+            IMAGE "bare.png --step '1 um' --pixel '0.2 mm' --left '0 mm'");
+    refuses("odd.png: top_mm is x, expected a place in mm", IMAGE "odd.png");
+    refuses("wide.png: 9000 x 2 pixels, expected at most 8192 on a side", IMAGE "wide.png");
+    refuses("half.png: ", IMAGE "half.png");
+    refuses("nothing.png: every pixel is 0, expected an object",
+            IMAGE "nothing.png --step '1 um' --pixel '0.2 mm' --left '-6 mm' --top '6 mm'");
+    refuses("full.png: shows an extent of 12",
+            IMAGE "full.png --step '1 um' --pixel '0.04 mm' --left '-6 mm' --top '6 mm'");
+    refuses("full.png: shows a height of 200 mm, expected about the object's 30 mm",
+            IMAGE "full.png --step '10 um' --pixel '0.2 mm' --left '-32 mm' --top '32 mm'");
+    refuses("/: ", IMAGE "/");
 }
 
 TEST("each impossible request is refused in one line")
 {
-    const lump l = {
-        .scene = SMALL, .structure = "both", .noise = 0.01, .hold = "1", .pressure_pa = 1e5, .area_factor = 1};
-    measure(&l);
+    measure((lump){.structure = "both", .pressure_pa = 1e5});
+    record_press();
     write_text("nounit.csv", "time,force\n0,1\n");
     write_text("late.csv", "time_s,force_n\n100,1\n101,2\n");
     write_text("back.csv", "time_s,force_n\n0,1\n1,2\n0.5,1\n");
     write_text("far.csv", "x_m,y_m,z_m\n5,5,5\n6,6,6\n");
     write_text("few.csv", "x_mm,y_mm,z_mm\n20,20,30\n");
     write_text("flat.csv", "x_mm,y_mm\n20,20\n");
-    REFUSES("expected one scene", "--depth", "depth.png");
-    REFUSES("expected a shape: --depth IMAGE.png or --points FILE.csv", SMALL);
-    REFUSES("--nonsense: unknown option", SMALL, "--nonsense");
-    REFUSES("--at x: expected hold, end, or seconds", SMALL, "--depth", "depth.png", "--at", "x");
-    REFUSES("--at 99: the press ends at", SMALL, "--depth", "depth.png", "--at", "99");
-    REFUSES("--at: 2 times for 1 surfaces, expected one for each", SMALL, "--depth", "depth.png", "--at", "hold,end");
-    REFUSES("--pixel 0.2: expected a length above 0", SMALL, "--depth", "depth.png", "--pixel", "0.2");
-    REFUSES("--down 5 m: expected a depth", SMALL, "--depth", "depth.png", "--down", "5 m");
-    REFUSES("a press of 28 mm, expected at most 24 mm", SMALL, "--depth", "depth.png", "--down", "28 mm");
-    REFUSES("--only diagonal: unknown structure 'diagonal'", SMALL, "--depth", "depth.png", "--only", "diagonal");
-    REFUSES("--only mesh: dough-small.yaml has no such structure without --mesh", SMALL, "--depth", "depth.png",
-            "--only", "mesh");
-    REFUSES("--mesh: expected --mesh-unit", SMALL, "--depth", "depth.png", "--mesh", "x.msh");
-    REFUSES("--mesh nosuch.msh: no such file", SMALL, "--depth", "depth.png", "--mesh", "nosuch.msh", "--mesh-unit",
-            "mm");
-    REFUSES("--probe thumb: the scene has no probe of that name", SMALL, "--depth", "depth.png", "--probe", "thumb");
-    REFUSES("depth.png: is also the input --depth", SMALL, "--depth", "depth.png", "--out-depth", "depth.png");
-    REFUSES("--hold: expected no --log", SMALL, "--depth", "depth.png", "--hold", "3", "--log", "x.lcmlog");
-    REFUSES("x.lcmlog: No such file", SMALL, "--depth", "depth.png", "--log", "x.lcmlog");
-    REFUSES("nosuch.yaml:1:1: No such file", "nosuch.yaml", "--depth", "depth.png");
-    REFUSES("no column of", SMALL, "--depth", "depth.png", "--force", "nounit.csv");
-    REFUSES("late.csv: 0 readings between", SMALL, "--depth", "depth.png", "--force", "late.csv");
-    REFUSES("back.csv: 3 readings between", SMALL, "--depth", "depth.png", "--force", "back.csv");
-    REFUSES("far.csv: 2 of 2 points are farther", SMALL, "--points", "far.csv");
-    REFUSES("few.csv: 1 points on the surface", SMALL, "--points", "few.csv");
-    REFUSES("no column z", SMALL, "--points", "flat.csv");
-    record_press();
-    REFUSES("missed.lcmlog: the finger never touches the object in it", SMALL, "--depth", "depth.png", "--log",
-            "missed.lcmlog", "--probe", "finger", "--force", "force.csv");
-    REFUSES("bun.msh: the mesh is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm within 10 %; is --mesh-unit "
+#define DEPTH SMALL " --depth depth.png "
+    refuses("expected one scene", "--depth depth.png");
+    refuses("expected a shape: --depth IMAGE.png or --points FILE.csv", SMALL);
+    refuses("--nonsense: unknown option", SMALL " --nonsense");
+    refuses("--at x: expected hold, end, or seconds", DEPTH "--at x");
+    refuses("--at 99: the press ends at", DEPTH "--at 99");
+    refuses("--at: 2 times for 1 surfaces, expected one for each", DEPTH "--at hold,end");
+    refuses("--pixel 0.2: expected a length above 0", DEPTH "--pixel 0.2");
+    refuses("--down 5 m: expected a depth", DEPTH "--down '5 m'");
+    refuses("a press of 28 mm, expected at most 24 mm", DEPTH "--down '28 mm'");
+    refuses("--only diagonal: unknown structure 'diagonal'", DEPTH "--only diagonal");
+    refuses("--only mesh: dough-small.yaml has no such structure without --mesh", DEPTH "--only mesh");
+    refuses("--mesh: expected --mesh-unit", DEPTH "--mesh x.msh");
+    refuses("--mesh nosuch.msh: no such file", DEPTH "--mesh nosuch.msh --mesh-unit mm");
+    refuses("--probe thumb: the scene has no probe of that name", DEPTH "--probe thumb");
+    refuses("depth.png: is also the input --depth", DEPTH "--out-depth depth.png");
+    refuses("--hold: expected no --log", DEPTH "--hold 3 --log x.lcmlog");
+    refuses("x.lcmlog: No such file", DEPTH "--log x.lcmlog");
+    refuses("nosuch.yaml:1:1: No such file", "nosuch.yaml --depth depth.png");
+    refuses("no column of", DEPTH "--force nounit.csv");
+    refuses("late.csv: 0 readings between", DEPTH "--force late.csv");
+    refuses("back.csv: 3 readings between", DEPTH "--force back.csv");
+    refuses("far.csv: 2 of 2 points are farther", SMALL " --points far.csv");
+    refuses("few.csv: 1 points on the surface", SMALL " --points few.csv");
+    refuses("no column z", SMALL " --points flat.csv");
+    refuses("missed.lcmlog: the finger never touches the object in it",
+            DEPTH "--log missed.lcmlog --probe finger --force force.csv");
+    refuses("bun.msh: the mesh is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm within 10 %; is --mesh-unit "
             "mm right?",
-            SMALL, "--depth", "depth.png", "--mesh", KN_SOURCE_DIR "/core/scenes/meshes/bun.msh", "--mesh-unit", "mm");
-    REFUSES("--png p.png: expected --depth or a force, points are not drawn", SMALL, "--points", "points.csv", "--png",
-            "p.png", "--out", "early.yaml");
+            DEPTH "--mesh " KN_SOURCE_DIR "/core/scenes/meshes/bun.msh --mesh-unit mm");
+    refuses("--png p.png: expected --depth or a force, points are not drawn",
+            SMALL " --points points.csv --png p.png --out early.yaml");
     CHECK(access("early.yaml", F_OK) != 0);
-    REFUSES("--finer: mesh is a mesh, expected a block", KN_SOURCE_DIR "/core/scenes/bun.yaml", "--depth", "depth.png",
-            "--finer");
-}
-
-static size_t bytes_of(const char *path)
-{
-    FILE *f = fopen(path, "rb");
-    must(f && fseek(f, 0, SEEK_END) == 0, path);
-    const long bytes = ftell(f);
-    fclose(f);
-    return (size_t)bytes;
+    refuses("--finer: mesh is a mesh, expected a block", BUN " --depth depth.png --finer");
 }
 
 TEST("an output must not replace an input, a file that the scene names, or another output")
 {
     static const char material[] = "elements: {k1: 80 gf/cm^2}\n";
-    write_text("depth.png", "");
+    char text[100];
     write_text("blk.msh", "$MeshFormat\n");
     write_text("sub.yaml", material);
     write_text("named.yaml", "version: 1\nmaterial: sub.yaml\n");
-    REFUSES("--out blk.msh: is also the input --mesh ./blk.msh, expected another", SMALL, "--depth", "depth.png",
-            "--mesh", "./blk.msh", "--mesh-unit", "mm", "--out", "blk.msh");
-    REFUSES("--out ./sub.yaml: is also an input, which named.yaml names", "named.yaml", "--depth", "depth.png", "--out",
-            "./sub.yaml");
-    REFUSES("--png sub.yaml: is also an input, which --set material=sub.yaml names", SMALL, "--set",
-            "material=sub.yaml", "--depth", "depth.png", "--png", "sub.yaml");
-    REFUSES("--out same and --out-depth ./same are one file", SMALL, "--depth", "depth.png", "--out", "same",
-            "--out-depth", "./same");
-    REFUSES("--out same and --png same are one file", SMALL, "--depth", "depth.png", "--out", "same", "--png", "same");
-    REFUSES("--out force.csv: is also the input --force force.csv", SMALL, "--depth", "depth.png", "--force",
-            "force.csv", "--out", "force.csv");
-    CHECK(bytes_of("blk.msh") == strlen("$MeshFormat\n"));
-    CHECK(bytes_of("sub.yaml") == strlen(material));
+    refuses("--out blk.msh: is also the input --mesh ./blk.msh, expected another",
+            DEPTH "--mesh ./blk.msh --mesh-unit mm --out blk.msh");
+    refuses("--out ./sub.yaml: is also an input, which named.yaml names",
+            "named.yaml --depth depth.png --out ./sub.yaml");
+    refuses("--png sub.yaml: is also an input, which --set material=sub.yaml names",
+            DEPTH "--set material=sub.yaml --png sub.yaml");
+    refuses("--out same and --out-depth ./same are one file", DEPTH "--out same --out-depth ./same");
+    refuses("--out same and --png same are one file", DEPTH "--out same --png same");
+    refuses("--out force.csv: is also the input --force force.csv", DEPTH "--force force.csv --out force.csv");
+    kn_read("blk.msh", text, sizeof text);
+    CHECK_STR(text, "$MeshFormat\n");
+    kn_read("sub.yaml", text, sizeof text);
+    CHECK_STR(text, material);
     CHECK(access("same", F_OK) != 0);
 }
 

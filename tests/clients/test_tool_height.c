@@ -11,6 +11,9 @@ static uint8_t *top;
 
 static void make(double push_m)
 {
+    kn_model_destroy(model);
+    kn_mesh_free(&mesh);
+    free(top);
     kn_model_def def = kn_model_def_default();
     int vertices = 0;
     model = build(&def);
@@ -29,11 +32,20 @@ static void make(double push_m)
     }
 }
 
-static void forget(void)
+// Return the height of the object at a place, NAN if there is none.
+static double height_m(double x_m, double y_m)
 {
-    kn_model_destroy(model);
-    kn_mesh_free(&mesh);
-    free(top);
+    double z_m;
+    return kn_tool_height_object(&mesh, x_m, y_m, &z_m) ? z_m : NAN;
+}
+
+// Check the heights at which a tool touches its first and its last vertex.
+static void check_touch(kn_probe_def def, double x_m, double y_m, double first_m, double last_m)
+{
+    double first = NAN, last = NAN;
+    CHECK(kn_tool_height_touch(&mesh, top, 0.01, &def, x_m, y_m, &first, &last));
+    CHECK_NEAR(first, first_m, 1e-8);
+    CHECK_NEAR(last, last_m, 1e-8);
 }
 
 TEST("the top face of the default block is its 6 x 6 vertices at the block's height")
@@ -45,76 +57,45 @@ TEST("the top face of the default block is its 6 x 6 vertices at the block's hei
         CHECK(top[v] == (fabsf(mesh.positions_m[3 * v + 2] - 0.03f) < 1e-6f));
     }
     CHECK(count == 36);
-    forget();
 }
 
-TEST("the surface of a block at rest is at its height everywhere, and no surface is found beside it")
+TEST("the surface of a block at rest is at its height everywhere, and no surface is found beside it; the bottom of a "
+     "dent has the full depth, and a point halfway up its side has half the depth")
 {
-    double z;
     make(0);
-    CHECK(kn_tool_height_object(&mesh, 0, 0, &z));
-    CHECK_NEAR(z, 0.03, 1e-8);
-    CHECK(kn_tool_height_object(&mesh, -0.0249, 0.0173, &z));
-    CHECK_NEAR(z, 0.03, 1e-8);
-    CHECK(!kn_tool_height_object(&mesh, 0.03, 0, &z));
+    CHECK_NEAR(height_m(0, 0), 0.03, 1e-8);
+    CHECK_NEAR(height_m(-0.0249, 0.0173), 0.03, 1e-8);
+    CHECK(isnan(height_m(0.03, 0)));
     mesh.whole = false;
-    CHECK(!kn_tool_height_object(&mesh, 0, 0, &z));
-    forget();
-}
-
-TEST("the bottom of a dent has the full depth, and a point halfway up its side has half the depth")
-{
-    double z;
+    CHECK(isnan(height_m(0, 0)));
     make(0.008);
-    CHECK(kn_tool_height_object(&mesh, 0, 0, &z));
-    CHECK_NEAR(z, 0.022, 1e-8);
-    CHECK(kn_tool_height_object(&mesh, 0.01, 0, &z));
-    CHECK_NEAR(z, 0.026, 1e-8);
-    forget();
+    CHECK_NEAR(height_m(0, 0), 0.022, 1e-8);
+    CHECK_NEAR(height_m(0.01, 0), 0.026, 1e-8);
 }
 
-TEST("a plate over a dent touches the highest covered vertex first and the lowest last")
+TEST("a plate over a dent touches the highest covered vertex of the top first and the lowest last; vertices of a side "
+     "do not count")
 {
     double first, last;
-    kn_probe_def narrow = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.01}};
-    kn_probe_def wide = {.shape = KN_PROBE_PLATE, .size_m = {0.03, 0.01}};
-    kn_probe_def away = {.shape = KN_PROBE_PLATE, .size_m = {0.002, 0.002}};
+    const kn_probe_def away = {.shape = KN_PROBE_PLATE, .size_m = {0.002, 0.002}};
     make(0.008);
-    CHECK(kn_tool_height_touch(&mesh, top, 0.01, &narrow, 0, 0, &first, &last));
-    CHECK_NEAR(first, 0.022, 1e-8);
-    CHECK_NEAR(last, 0.022, 1e-8);
-    CHECK(kn_tool_height_touch(&mesh, top, 0.01, &wide, 0, 0, &first, &last));
-    CHECK_NEAR(first, 0.03, 1e-8);
-    CHECK_NEAR(last, 0.022, 1e-8);
+    check_touch((kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.01}}, 0, 0, 0.022, 0.022);
+    check_touch((kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.03, 0.01}}, 0, 0, 0.03, 0.022);
     CHECK(!kn_tool_height_touch(&mesh, top, 0.01, &away, 0, 0, &first, &last)); // between the nodes
-    forget();
-}
-
-TEST("a plate touches only vertices of the top face, even if vertices of a side stand higher")
-{
-    double first, last;
-    kn_probe_def plate = {.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}};
     make(0);
     for (int v = 0; v < mesh.vertex_count; v++)
         if (!top[v]) mesh.positions_m[3 * v + 2] = 0.04f;
-    CHECK(kn_tool_height_touch(&mesh, top, 0.01, &plate, 0, 0, &first, &last));
-    CHECK_NEAR(first, 0.03, 1e-8);
-    forget();
+    check_touch((kn_probe_def){.shape = KN_PROBE_PLATE, .size_m = {0.01, 0.06}}, 0, 0, 0.03, 0.03);
 }
 
 TEST("a sphere over a dent rests on the rim of the dent")
 {
-    double first, last, r = 0.02;
-    kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = r};
-    make(0);
-    CHECK(kn_tool_height_touch(&mesh, top, 0.01, &ball, 0.005, 0.005, &first, &last));
-    CHECK_NEAR(first, 0.03 + r, 1e-8);
-    forget();
+    const double r = 0.02;
+    double first, last;
+    const kn_probe_def ball = {.shape = KN_PROBE_SPHERE, .radius_m = r};
     make(0.015);
     CHECK(kn_tool_height_touch(&mesh, top, 0.01, &ball, 0, 0, &first, &last));
-    double rim = 0.03 + sqrt(r * r - 0.015 * 0.015 - 0.005 * 0.005);
-    CHECK_NEAR(first, rim, 1e-6);
-    forget();
+    CHECK_NEAR(first, 0.03 + sqrt(r * r - 0.015 * 0.015 - 0.005 * 0.005), 1e-6);
 }
 
 static const kn_probe_def tools[] = {
@@ -136,16 +117,11 @@ TEST("a tool of any shape touches at the height where the model's clearance ends
         def.probe[0] = tools[i];
         OWN(kn_model) *with = build(&def);
         OWN(kn_state) *state = kn_state_create(with);
-        double first, last, at[3] = {0.005, 0.005}; // above a node
-        CHECK(kn_tool_height_touch(&mesh, top, 0.01, &tools[i], at[0], at[1], &first, &last));
-        CHECK_NEAR(first, 0.03 + kn_tool_height_m(&tools[i]), 1e-8);
-        CHECK_NEAR(last, first, 1e-8);
-        at[2] = first + 1e-4;
-        CHECK_NEAR(kn_clearance(with, state, 0, at, level), 1e-4, 1e-6);
-        at[2] = first - 1e-4;
-        CHECK(kn_clearance(with, state, 0, at, level) <= 0);
+        const double first = 0.03 + kn_tool_height_m(&tools[i]); // above a node
+        check_touch(tools[i], 0.005, 0.005, first, first);
+        CHECK_NEAR(kn_clearance(with, state, 0, (double[]){0.005, 0.005, first + 1e-4}, level), 1e-4, 1e-6);
+        CHECK(kn_clearance(with, state, 0, (double[]){0.005, 0.005, first - 1e-4}, level) <= 0);
     }
-    forget();
 }
 
 TEST("a foot covers its shape: a cross has no corners, and a capsule rises towards its sides")

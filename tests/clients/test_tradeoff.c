@@ -4,16 +4,16 @@
 #include "server/log.h"
 #include "server/wire.h"
 #include "tests/check.h"
+#include "tests/clients/heard.h"
 #include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #define SCENE KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
 
 // Record only the poses of a hand: half a second above the block (for the gain), then depth_m into it, and out again.
-static void record(const char *path, double depth_m)
+static void record(double depth_m)
 {
-    lcm_eventlog_t *log = lcm_eventlog_create(path, "w");
+    lcm_eventlog_t *log = lcm_eventlog_create("tradeoff.lcmlog", "w");
     for (int i = 0; log && i < 1300; i++) {
         double t = 1e-3 * i - 0.7, x = t / 0.15;
         kn_pose pose = {.session = 1, .seq = i + 1, .utime = 1000 * i, .orientation_wxyz = {1}};
@@ -28,34 +28,17 @@ static void record(const char *path, double depth_m)
     lcm_eventlog_destroy(log);
 }
 
-// Run the command on a block of 3 x 3 x 4 nodes. The arguments end with NULL. The output goes into the file `said`.
-static int tradeoff(const char *const *arguments)
-{
-    char *argv[40] = {"knead tradeoff", SCENE, "tradeoff.lcmlog"};
-    int argc = 3;
-    for (; *arguments; arguments++) argv[argc++] = (char *)*arguments;
-    fflush(stdout), fflush(stderr);
-    int out = dup(1), err = dup(2), file = open("said", O_WRONLY | O_CREAT | O_TRUNC, 0666);
-    dup2(file, 1), dup2(file, 2);
-    int code = kn_tradeoff_main(argc, argv);
-    fflush(stdout), fflush(stderr);
-    dup2(out, 1), dup2(err, 2);
-    close(file), close(out), close(err);
-    return code;
-}
+// Run the command and check its exit code and words of its output. SMALL: on a block of 3 x 3 x 4 nodes.
+#define SMALL "--set 'object.size=[2 cm, 2 cm, 3 cm]' "
+#define RUN(code, words, ...)                                                                                          \
+    KN_CALLS(code, words, kn_tradeoff_main, "knead tradeoff", SCENE " tradeoff.lcmlog " __VA_ARGS__)
 
-#define SMALL "--set", "object.size=[2 cm, 2 cm, 3 cm]"
-#define RUN(...) tradeoff((const char *const[]){__VA_ARGS__, NULL})
-
-static bool said(const char *what)
-{
-    static char text[20000];
-    FILE *f = fopen("said", "r");
-    size_t n = f ? fread(text, 1, sizeof text - 1, f) : 0;
-    text[n] = '\0';
-    if (f) fclose(f);
-    return strstr(text, what);
-}
+// Check that the arguments are refused before any run.
+#define REFUSES(code, words, ...)                                                                                      \
+    do {                                                                                                               \
+        RUN(code, words, __VA_ARGS__);                                                                                 \
+        CHECK(!kn_said("runs "));                                                                                      \
+    } while (0)
 
 // Return an entry of the CSV, rows counted from 0, or NAN if the entry is empty.
 static double cell(const char *path, const char *column, int row)
@@ -74,26 +57,29 @@ static double cell(const char *path, const char *column, int row)
     return end == at ? NAN : value;
 }
 
-TEST("twelve iterations have less than half the solver error of one, and the step error is listed beside it")
+TEST("twelve iterations cost more than one and have less than half the solver error; the step error is listed beside")
 {
-    record("tradeoff.lcmlog", 0.003);
-    CHECK(RUN(SMALL, "--iterations", "1,12", "--csv", "t.csv") == KN_EXIT_OK);
-    CHECK(said("fast") && said("accurate") && said("of which 0 were kept"));
-    double one = -1, twelve = -1;
+    record(0.003);
+    RUN(KN_EXIT_OK, "of which 0 were kept", SMALL "--iterations 1,12 --csv t.csv");
+    CHECK(kn_said("fast") && kn_said("accurate"));
+    double error[13] = {0}, cost_us[13] = {0}; // by iterations
     for (int i = 0; i < 3; i++) {
-        if (cell("t.csv", "iterations,", i) == 1) one = cell("t.csv", "force_solver", i);
-        if (cell("t.csv", "iterations,", i) == 12) twelve = cell("t.csv", "force_solver", i);
+        const double median_us = cell("t.csv", "median_us", i), iterations = cell("t.csv", "iterations,", i);
+        if (iterations == 1 || iterations == 12) {
+            error[(int)iterations] = cell("t.csv", "force_solver", i);
+            cost_us[(int)iterations] = median_us;
+        }
         CHECK(cell("t.csv", "force_step", i) > 1e-4 && cell("t.csv", "force_step", i) < 0.2);
-        CHECK(cell("t.csv", "force_lattice", i) == 0);
-        CHECK(cell("t.csv", "median_us", i) > 0 && cell("t.csv", "p90_us", i) >= cell("t.csv", "median_us", i));
-        CHECK(isfinite(cell("t.csv", "lag_s", i)));
+        CHECK(cell("t.csv", "force_lattice", i) == 0 && isfinite(cell("t.csv", "lag_s", i)));
+        CHECK(median_us > 0 && cell("t.csv", "p90_us", i) >= median_us);
     }
-    CHECK(twelve > 0 && twelve < 0.2 && one > 2 * twelve);
+    CHECK(error[12] > 0 && error[12] < 0.2 && error[1] > 2 * error[12]);
+    CHECK(cost_us[12] > cost_us[1]);
 }
 
 TEST("half the time step has less step error and a reference of its own")
 {
-    CHECK(RUN(SMALL, "--iterations", "12", "--dt", "1 ms,0.5 ms", "--csv", "dt.csv") == KN_EXIT_OK);
+    RUN(KN_EXIT_OK, "", SMALL "--iterations 12 --dt '1 ms,0.5 ms' --csv dt.csv");
     double whole = cell("dt.csv", "force_step", 0), half = cell("dt.csv", "force_step", 2);
     CHECK(cell("dt.csv", "dt_s", 0) == 1e-3 && cell("dt.csv", "dt_s", 2) == 5e-4);
     CHECK(half > 0 && half < whole);
@@ -102,7 +88,7 @@ TEST("half the time step has less step error and a reference of its own")
 
 TEST("the finest lattice has no lattice error, and a coarser one has more than 1 %")
 {
-    CHECK(RUN(SMALL, "--iterations", "8", "--spacing", "10 mm,5 mm", "--csv", "h.csv") == KN_EXIT_OK);
+    RUN(KN_EXIT_OK, "", SMALL "--iterations 8 --spacing '10 mm,5 mm' --csv h.csv");
     CHECK(cell("h.csv", "nodes", 0) == 36 && cell("h.csv", "force_lattice", 0) > 0.01 &&
           cell("h.csv", "shape_lattice", 0) > 0.01);
     CHECK(cell("h.csv", "nodes", 2) == 175 && cell("h.csv", "force_lattice", 2) == 0);
@@ -110,140 +96,107 @@ TEST("the finest lattice has no lattice error, and a coarser one has more than 1
 
 TEST("if rk4 cannot run, the reason is printed and the other solvers run")
 {
-    CHECK(RUN(SMALL, "--iterations", "8", "--solver", "rk4,blend") == KN_EXIT_OK);
-    CHECK(said("rk4 cannot run here: ") && said("blend   f32  8 "));
+    RUN(KN_EXIT_OK, "rk4 cannot run here: ", SMALL "--iterations 8 --solver rk4,blend");
+    CHECK(kn_said("blend   f32  8 "));
 }
 
 TEST("kept runs are not repeated, and a kept folder of another scene or log is refused")
 {
-    CHECK(system("rm -rf kept") == 0);
-    CHECK(RUN(SMALL, "--iterations", "2,8", "--csv", "a.csv", "--resume", "kept") == KN_EXIT_OK);
-    CHECK(RUN(SMALL, "--iterations", "2,8", "--csv", "b.csv", "--resume", "kept") == KN_EXIT_OK);
-    CHECK(said("runs       5, of which 5 were kept"));
-    CHECK(system("cmp -s a.csv b.csv") == 0);
-    CHECK(RUN(SMALL, "--iterations", "2,4", "--resume", "kept") == KN_EXIT_OK);
-    CHECK(said("runs       5, of which 4 were kept"));
-    CHECK(RUN(SMALL, "--set", "density=1000 kg/m^3", "--resume", "kept") == KN_EXIT_USAGE);
-    CHECK(said("kept: its runs are of another scene, expected"));
-    record("tradeoff.lcmlog", 0.002);
-    CHECK(RUN(SMALL, "--resume", "kept") == KN_EXIT_USAGE && said("of another log, expected"));
-    CHECK(RUN(SMALL, "--resume", "/") == KN_EXIT_USAGE && said("/: is not a folder of knead tradeoff --resume"));
+    RUN(KN_EXIT_OK, "runs       5, of which 0 were kept", SMALL "--iterations 2,8 --resume kept");
+    RUN(KN_EXIT_OK, "runs       5, of which 4 were kept", SMALL "--iterations 2,4 --resume kept");
+    RUN(KN_EXIT_USAGE, "kept: its runs are of another scene, expected",
+        SMALL "--set 'density=1000 kg/m^3' --resume kept");
+    record(0.002);
+    RUN(KN_EXIT_USAGE, "of another log, expected", SMALL "--resume kept");
+    RUN(KN_EXIT_USAGE, "/: is not a folder of knead tradeoff --resume", SMALL "--resume /");
 }
 
 TEST("an unreachable budget gives exit code 1, and a budget that every point meets selects the most accurate")
 {
-    record("tradeoff.lcmlog", 0.003);
-    CHECK(RUN(SMALL, "--iterations", "8", "--budget-us", "0.001") == KN_EXIT_FAILED &&
-          said("--budget-us 0.001: no usable point"));
-    CHECK(RUN(SMALL, "--iterations", "1,12", "--budget-us", "1e6") == KN_EXIT_OK && said("1e+06 us"));
-    CHECK(!said("iterations=1'"));
-}
-
-TEST("a log without contact is refused")
-{
-    record("tradeoff.lcmlog", -0.001);
-    CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("its tools never touch the object"));
-}
-
-static void copy_part(const char *from, const char *to, long size)
-{
-    static char bytes[1 << 20];
-    FILE *in = fopen(from, "rb"), *out = fopen(to, "wb");
-    size_t n = fread(bytes, 1, size ? (size_t)size : sizeof bytes, in);
-    fwrite(bytes, 1, n, out);
-    fclose(in), fclose(out);
+    record(0.003);
+    RUN(KN_EXIT_FAILED, "--budget-us 0.001: no usable point", SMALL "--iterations 8 --budget-us 0.001");
+    RUN(KN_EXIT_OK, "1e+06 us", SMALL "--iterations 1,12 --budget-us 1e6");
+    CHECK(!kn_said("iterations=1'"));
 }
 
 // Append a scene to the log: the scene that the log claims to belong to.
-static void record_with(const char *path, const char *name, const char *text)
+static void record_with(const char *file, const char *const *sets, int count)
 {
-    lcm_eventlog_t *log = lcm_eventlog_create(path, "a");
-    knead_scene_t m = {.version = (char *)"0.1.0", .name = (char *)name, .text = (char *)text, .text_hash = 1};
+    OWN(kn_scene) *scene = load_scene(file, sets, count);
+    record(0.003);
+    lcm_eventlog_t *log = lcm_eventlog_create("tradeoff.lcmlog", "a");
+    knead_scene_t m = {.version = (char *)"0.1.0", .name = (char *)file, .text = (char *)scene->text, .text_hash = 1};
     uint8_t bytes[8192];
     int size = knead_scene_t_encode(bytes, 0, sizeof bytes, &m);
     CHECK(size > 0 && kn_log_write(log, 1700000002000000, "KNEAD_SCENE", bytes, (size_t)size));
     lcm_eventlog_destroy(log);
 }
 
-TEST("a log that is cut or of another scene is refused in one line before any run")
+TEST("a log that is cut, of another scene or without contact is refused in one line before any run")
 {
-    record("tradeoff.lcmlog", 0.003);
-    copy_part("tradeoff.lcmlog", "whole", 0);
-    copy_part("whole", "tradeoff.lcmlog", 90001);
-    CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && said("tradeoff.lcmlog: cut within a record at byte"));
-    CHECK(said("complete records, expected a whole log of one run") && !said("runs "));
-
-    OWN(kn_scene) *jelly = load_scene("jelly.yaml", NULL, 0);
-    record("tradeoff.lcmlog", 0.003);
-    record_with("tradeoff.lcmlog", "jelly.yaml", jelly->text);
-    CHECK(RUN(SMALL, "--iterations", "8") == KN_EXIT_USAGE && !said("runs "));
-    CHECK(said("tradeoff.lcmlog: was recorded with another scene, 'jelly.yaml', expected one of dough-small.yaml"));
-
+    CHECK(truncate("tradeoff.lcmlog", 90001) == 0);
+    REFUSES(KN_EXIT_USAGE, "tradeoff.lcmlog: cut within a record at byte", SMALL "--iterations 8");
+    CHECK(kn_said("complete records, expected a whole log of one run"));
+    record_with("jelly.yaml", NULL, 0);
+    REFUSES(KN_EXIT_USAGE,
+            "tradeoff.lcmlog: was recorded with another scene, 'jelly.yaml', expected one of dough-small.yaml",
+            SMALL "--iterations 8");
+    record(-0.001);
+    RUN(KN_EXIT_USAGE, "its tools never touch the object", SMALL "--iterations 8");
     // The same scene with another solver, a quality point and mesh measures for screens. Only the hand matters.
-    const char *const sets[] = {"solver.iterations=9", "quality.fast.iterations=3", "mesh.measures=both"};
-    OWN(kn_scene) *dough = load_scene("dough-small.yaml", sets, 3);
-    record("tradeoff.lcmlog", 0.003);
-    record_with("tradeoff.lcmlog", "dough-small.yaml", dough->text);
-    CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
+    record_with("dough-small.yaml",
+                (const char *const[]){"solver.iterations=9", "quality.fast.iterations=3", "mesh.measures=both"}, 3);
+    RUN(KN_EXIT_OK, "", SMALL "--quick --iterations 8");
 }
 
 TEST("an output that cannot be written is refused before any run, and existing files keep their contents")
 {
-    record("tradeoff.lcmlog", 0.003);
-    CHECK(RUN(SMALL, "--csv", "/nosuch/t.csv") == KN_EXIT_DEVICE && said("/nosuch/t.csv: No such file") &&
-          !said("runs"));
-    CHECK(RUN(SMALL, "--plot", "/nosuch/t.png") == KN_EXIT_DEVICE && said("/nosuch/t.png: ") && !said("runs"));
-    CHECK(RUN(SMALL, "--csv", "tradeoff.lcmlog") == KN_EXIT_USAGE && said("tradeoff.lcmlog: is being read"));
-    CHECK(system("rm -f new.csv && echo mine >old.csv && cp tradeoff.lcmlog whole && head -c 90001 whole "
-                 ">tradeoff.lcmlog") == 0);
-    CHECK(RUN(SMALL, "--csv", "new.csv") == KN_EXIT_USAGE && access("new.csv", F_OK) != 0);
-    CHECK(RUN(SMALL, "--csv", "old.csv") == KN_EXIT_USAGE && system("grep -qx mine old.csv") == 0);
-    CHECK(RUN("--write") == KN_EXIT_USAGE && said("cut within a record"));
-    record("tradeoff.lcmlog", 0.003);
+    char text[100];
+    record(0.003);
+    REFUSES(KN_EXIT_DEVICE, "/nosuch/t.csv: No such file", SMALL "--csv /nosuch/t.csv");
+    REFUSES(KN_EXIT_DEVICE, "/nosuch/t.png: ", SMALL "--plot /nosuch/t.png");
+    RUN(KN_EXIT_USAGE, "tradeoff.lcmlog: is being read", SMALL "--csv tradeoff.lcmlog");
+    kn_write("old.csv", "mine\n", 5);
+    CHECK(truncate("tradeoff.lcmlog", 90001) == 0);
+    RUN(KN_EXIT_USAGE, "", SMALL "--csv new.csv");
+    RUN(KN_EXIT_USAGE, "", SMALL "--csv old.csv");
+    RUN(KN_EXIT_USAGE, "cut within a record", "--write");
+    kn_read("old.csv", text, sizeof text);
+    CHECK_STR(text, "mine\n");
+    CHECK(access("new.csv", F_OK) != 0);
 }
 
 TEST("a sweep removes the temporary folders of killed sweeps, and keeps folders in use and folders of --resume")
 {
-    CHECK(system("rm -rf tmp && mkdir -p tmp/knead-sweep-killed tmp/knead-sweep-atwork tmp/knead-sweep-kept") == 0);
-    static const char *const sweep = "knead sweep 1\nprogram 1\nscene 2\nlog 3\n";
-    char text[200];
-    static const char *const folders[] = {"killed", "atwork", "kept"};
-    for (int i = 0; i < 3; i++) {
-        snprintf(text, sizeof text, "tmp/knead-sweep-%s/sweep", folders[i]);
-        FILE *f = fopen(text, "w");
-        fprintf(f, "%s%s", sweep, i < 2 ? "temporary\n" : "");
-        fclose(f);
-    }
-    CHECK(system("touch tmp/knead-sweep-killed/0.trace") == 0);
+    record(0.003);
+    CHECK(system("for i in killed atwork kept; do mkdir -p tmp/knead-sweep-$i && "
+                 "printf 'knead sweep 1\nprogram 1\nscene 2\nlog 3\n' >tmp/knead-sweep-$i/sweep; done; "
+                 "echo temporary | tee -a tmp/knead-sweep-killed/sweep >>tmp/knead-sweep-atwork/sweep; "
+                 "touch tmp/knead-sweep-killed/0.trace") == 0);
     int busy = open("tmp/knead-sweep-atwork/sweep", O_RDONLY | O_CLOEXEC);
     CHECK(flock(busy, LOCK_EX) == 0);
     setenv("TMPDIR", "tmp", 1);
-    CHECK(RUN(SMALL, "--quick", "--iterations", "8") == KN_EXIT_OK);
+    RUN(KN_EXIT_OK, "", SMALL "--quick --iterations 8");
     unsetenv("TMPDIR");
     close(busy);
-    CHECK(access("tmp/knead-sweep-killed", F_OK) != 0);
-    CHECK(access("tmp/knead-sweep-atwork/sweep", F_OK) == 0 && access("tmp/knead-sweep-kept/sweep", F_OK) == 0);
-    CHECK(system("[ $(ls tmp | wc -l) = 2 ]") == 0);
+    CHECK(system("[ \"$(echo tmp/*/sweep)\" = 'tmp/knead-sweep-atwork/sweep tmp/knead-sweep-kept/sweep' ]") == 0);
 }
 
 TEST("each bad option is refused")
 {
-    static const char *const bad[][3] = {{"--iterations", "0", "expected at most 32 whole numbers"},
-                                         {"--iterations", "4,", "expected at most 32 whole numbers"},
-                                         {"--solver", "euler", "expected any of blend"},
-                                         {"--precision", "f16", "expected f32, f64"},
-                                         {"--dt", "0.3 ms", "expected at most 32 times"},
-                                         {"--dt", "1", "expected at most 32 times"},
-                                         {"--spacing", "7 mm", "is 2.8571429 spacings"},
-                                         {"--tolerance", "1e-3,-1", "expected at most 32 numbers"},
-                                         {"--jobs", "-1", "expected a whole number"},
-                                         {"--budget-us", "fast", "expected a number of microseconds"},
-                                         {"--set", "solver.colour=red", "solver.colour"}};
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        CHECK(RUN(SMALL, bad[i][0], bad[i][1]) == KN_EXIT_USAGE);
-        if (!said(bad[i][2])) KN_TEST_FAIL("%s %s", bad[i][0], bad[i][1]);
-    }
-    CHECK(RUN("--write", SMALL) == KN_EXIT_USAGE && said("--write: the points would be of the scene with --set"));
+    static const char *const bad[][2] = {{"--iterations 0", "expected at most 32 whole numbers"},
+                                         {"--iterations 4,", "expected at most 32 whole numbers"},
+                                         {"--solver euler", "expected any of blend"},
+                                         {"--precision f16", "expected f32, f64"},
+                                         {"--dt '0.3 ms'", "expected at most 32 times"},
+                                         {"--dt 1", "expected at most 32 times"},
+                                         {"--spacing '7 mm'", "is 2.8571429 spacings"},
+                                         {"--tolerance 1e-3,-1", "expected at most 32 numbers"},
+                                         {"--jobs -1", "expected a whole number"},
+                                         {"--budget-us fast", "expected a number of microseconds"},
+                                         {"--set solver.colour=red", "solver.colour"},
+                                         {"--write", "--write: the points would be of the scene with --set"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) RUN(KN_EXIT_USAGE, bad[i][1], SMALL "%s", bad[i][0]);
 }
 
 // ---- the file
@@ -299,179 +252,142 @@ TEST("the smaller of two times counts for each tick, which removes disturbances"
 
 // ---- the rules
 
-static kn_pareto_row point(const kn_sweep_run *run, double us, double solver, double all)
+// Points of the scene's own lattice, step and precision. Each has a number of iterations per step and a maximum.
+static kn_scene scene;
+static kn_sweep_plan plan = {.scene = &scene};
+static kn_sweep_run run[8];
+static kn_pareto_front front;
+static const kn_pareto_row *named[KN_QUALITY_OWN];
+
+static void begin(double budget_s)
 {
-    return (kn_pareto_row){.run = run,
-                           .median_us = us,
-                           .p90_us = 1.2 * us,
-                           .force = {.solver = solver, .all = all},
-                           .shape = {.solver = solver, .all = all}};
+    scene.model = kn_model_def_default();
+    scene.budget_s = budget_s;
+    front.count = 0;
 }
+
+static kn_pareto_row *add(int iterations, int most, double us, double solver)
+{
+    const int i = front.count++;
+    run[i] = (kn_sweep_run){.spacing_m = scene.model.spacing_m,
+                            .dt_s = scene.model.solver.dt_s,
+                            .passes = 1,
+                            .precision = scene.model.solver.precision,
+                            .iterations = iterations,
+                            .iterations_max = most};
+    front.row[i] = (kn_pareto_row){.run = &run[i],
+                                   .median_us = us,
+                                   .p90_us = 1.2 * us,
+                                   .jump_n = 1,
+                                   .same_jump_n = 1,
+                                   .force = {.solver = solver, .all = solver},
+                                   .shape = {.solver = solver, .all = solver}};
+    return &front.row[i];
+}
+
+static void name(void) { kn_pareto_front_name(&front, &plan, named); }
 
 TEST("the budget limits the p90 time, and points that chatter or latch are never picked")
 {
-    static kn_pareto_front front;
-    kn_sweep_run run = {.spacing_m = 0.01};
-    front.count = 4;
-    front.row[0] = point(&run, 100, 0.03, 0.03);
-    front.row[1] = point(&run, 200, 0.01, 0.01);
-    front.row[2] = point(&run, 50, 0.001, 0.001);
-    front.row[3] = point(&run, 50, 0.001, 0.001);
-    front.row[2].chatters = front.row[3].latched = true;
+    begin(8e-4);
+    add(1, 1, 100, 0.03);
+    add(1, 1, 200, 0.01);
+    add(1, 1, 50, 0.001)->chatters = true;
+    add(1, 1, 50, 0.001)->latched = true;
     CHECK(kn_pareto_front_pick(&front, 240) == &front.row[1]);
     CHECK(kn_pareto_front_pick(&front, 239) == &front.row[0]);
     CHECK(!kn_pareto_front_pick(&front, 60));
 }
 
-// Points of the scene's own lattice, step and precision. Each has a number of iterations per step and a maximum.
-typedef struct naming {
-    kn_scene scene;
-    kn_sweep_plan *plan;
-    kn_sweep_run run[8];
-    kn_pareto_front front;
-    const kn_pareto_row *named[KN_QUALITY_OWN];
-} naming;
-
-static void begin(naming *n)
-{
-    memset(n, 0, sizeof *n);
-    n->scene.model = kn_model_def_default();
-    n->scene.budget_s = 8e-4;
-    n->plan = calloc(1, sizeof *n->plan);
-    n->plan->scene = &n->scene;
-}
-
-static kn_pareto_row *add(naming *n, int iterations, int most, double us, double solver)
-{
-    kn_sweep_run *run = &n->run[n->front.count];
-    kn_pareto_row *row = &n->front.row[n->front.count++];
-    *run = (kn_sweep_run){.spacing_m = n->scene.model.spacing_m,
-                          .dt_s = n->scene.model.solver.dt_s,
-                          .passes = 1,
-                          .precision = n->scene.model.solver.precision,
-                          .iterations = iterations,
-                          .iterations_max = most};
-    *row = point(run, us, solver, solver);
-    row->jump_n = row->same_jump_n = 1;
-    return row;
-}
-
-static void name(naming *n) { kn_pareto_front_name(&n->front, n->plan, n->named); }
-
 TEST("the named points are the cheapest with enough accuracy, at the scene's own spacing, time step and precision")
 {
-    static naming n;
-    begin(&n);
-    add(&n, 2, 2, 10, 0.0001);
-    n.run[0].spacing_m *= 2;
-    const kn_pareto_row *one = add(&n, 4, 12, 60, 0.02), *two = add(&n, 8, 24, 90, 0.004);
-    add(&n, 12, 36, 80, 0.02);
-    const kn_pareto_row *four = add(&n, 16, 48, 300, 0.0005);
-    name(&n);
-    CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == four);
-    CHECK(kn_pareto_front_excess(four, KN_QUALITY_ACCURATE) <= 1);
-    n.scene.budget_s = 2e-4; // no point is accurate enough: take the nearest, and for the other names less work
-    name(&n);
-    CHECK(n.named[0] == one && n.named[1] == two && n.named[2] == two);
-    CHECK(kn_pareto_front_excess(two, KN_QUALITY_ACCURATE) == 4);
-    n.front.row[2].force.solver = 0.5; // more work and less accurate: no use for a name
-    name(&n);
-    CHECK(n.named[1] == one && n.named[2] == one);
-    n.scene.budget_s = 1e-5;
-    name(&n);
-    CHECK(!n.named[0] && !n.named[2]);
-    free(n.plan);
+#define FIVE "2 2 10 1e-4 1 2; 4 12 60 .02 1 1; 8 24 90 .004 1 1; 12 36 80 .02 1 1; 16 48 300 5e-4 1 1;"
+    static const struct {
+        const char *sentence;
+        double budget_s;
+        const char *points;           // iterations, maximum, us, error, jump (converged: 1), spacing (of the scene: 1)
+        int fast, balanced, accurate; // index of the point, -1: none
+        double excess;                // of the accurate point
+    } all[] = {{"a budget that every point meets", 8e-4, FIVE, 1, 2, 4, 1 / KN_PARETO_JUMP},
+               {"no point is accurate enough: the nearest, and less work for the others", 2e-4, FIVE, 1, 2, 2, 4},
+               {"more work and less accurate: no use for a name", 2e-4,
+                "4 12 60 .02 1 1; 8 24 90 .5 1 1; 12 36 80 .02 1 1;", 0, 0, 0, 20},
+               {"no point meets the budget", 1e-5, "4 12 60 .02 1 1;", -1, -1, -1, 0},
+               {"each point needs at least as many iterations, usual and maximum, as the point below it", 8e-4,
+                "2 24 20 .02 1 1; 4 4 30 .003 1 1; 4 24 90 .002 1 1;", 0, 2, 2, 2},
+               {"the accurate point meets its bound even if a cheaper point fits the lower names better", 8e-4,
+                "4 4 30 .004 1 1; 4 48 90 9e-4 1 1; 16 16 50 .002 1 1;", 0, 0, 1, 0.9},
+               {"a point is not named if its force jumps by more than 1.5 times the converged jump", 8e-4,
+                "2 2 20 .01 1.6 1; 3 3 40 .009 1 1;", 1, 1, 1, 9},
+               {"a point is named if its force jumps by less", 8e-4, "2 2 20 .01 1.4 1; 3 3 40 .009 1 1;", 0, 1, 1, 9}};
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
+        const int expected[] = {all[k].fast, all[k].balanced, all[k].accurate};
+        int iterations, most, end = 0;
+        double us, solver, jump_n, spacing;
+        begin(all[k].budget_s);
+        for (const char *at = all[k].points; *at; at += end) {
+            CHECK(sscanf(at, "%d %d %lf %lf %lf %lf;%n", &iterations, &most, &us, &solver, &jump_n, &spacing, &end) ==
+                  6);
+            add(iterations, most, us, solver)->jump_n = jump_n;
+            run[front.count - 1].spacing_m *= spacing;
+        }
+        name();
+        for (int q = 0; q < 3; q++)
+            if (named[q] != (expected[q] < 0 ? NULL : &front.row[expected[q]]))
+                KN_TEST_FAIL("%s: quality point %d", all[k].sentence, q);
+        if (named[2]) CHECK_NEAR(kn_pareto_front_excess(named[2], KN_QUALITY_ACCURATE), all[k].excess, 1e-9);
+    }
 }
 
 TEST("timing noise of up to 24 % does not change the named points")
 {
-    static naming n;
-    begin(&n);
-    const kn_pareto_row *two = add(&n, 2, 2, 20, 0.02), *four = add(&n, 4, 4, 30, 0.004),
-                        *many = add(&n, 8, 8, 50, 0.0005);
-    add(&n, 2, 24, 20, 0.02);
-    add(&n, 4, 24, 30, 0.004);
+    static const double us[] = {20, 30, 50, 20, 30}, solver[] = {0.02, 0.004, 0.0005, 0.02, 0.004};
     unsigned seed = 1;
+    begin(8e-4);
+    for (int i = 0; i < 5; i++) add(2 << i % 3, i < 3 ? 2 << i : 24, us[i], solver[i]);
     for (int round = 0; round < 200; round++) {
-        for (int i = 0; i < n.front.count; i++) {
+        for (int i = 0; i < front.count; i++) {
             seed = 1664525 * seed + 1013904223;
-            double us = (n.run[i].iterations == 2 ? 20 : n.run[i].iterations == 4 ? 30 : 50);
-            n.front.row[i].p90_us = us * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_PARETO_NOISE
+            front.row[i].p90_us = us[i] * (1 + 0.24 * (seed >> 8) / (1 << 24)); // up to KN_PARETO_NOISE
         }
-        name(&n);
-        CHECK(n.named[0] == two && n.named[1] == four && n.named[2] == many);
+        name();
+        for (int q = 0; q < 3; q++) CHECK(named[q] == &front.row[q]);
     }
-    free(n.plan);
 }
 
-TEST("each named point needs at least as many iterations, usual and maximum, as the point below it")
-{
-    static naming n;
-    begin(&n);
-    const kn_pareto_row *loose = add(&n, 2, 24, 20, 0.02);
-    add(&n, 4, 4, 30, 0.003); // more accurate than loose, but its maximum of iterations is lower
-    const kn_pareto_row *tight = add(&n, 4, 24, 90, 0.002);
-    name(&n);
-    CHECK(n.named[0] == loose && n.named[1] == tight && n.named[2] == tight);
-    free(n.plan);
-}
-
-TEST("the accurate point meets its error bound even if a cheaper point fits the lower names better")
-{
-    static naming n;
-    begin(&n);
-    const kn_pareto_row *one = add(&n, 4, 4, 30, 0.004), *two = add(&n, 4, 48, 90, 0.0009);
-    add(&n, 16, 16, 50, 0.002); // more work than one, and more accurate; but two is not more work than this point
-    name(&n);
-    CHECK(n.named[0] == one && n.named[2] == two && kn_pareto_front_excess(n.named[1], KN_QUALITY_BALANCED) <= 1);
-    free(n.plan);
-}
-
-TEST("a point is not named if its force jumps by more than 1.5 times the converged jump")
-{
-    static naming n;
-    begin(&n);
-    kn_pareto_row *rough = add(&n, 2, 2, 20, 0.01);
-    const kn_pareto_row *smooth = add(&n, 3, 3, 40, 0.009);
-    rough->jump_n = 1.6;
-    name(&n);
-    CHECK(n.named[0] == smooth);
-    rough->jump_n = 1.4;
-    name(&n);
-    CHECK(n.named[0] == rough);
-    free(n.plan);
-}
-
-TEST("the chart is drawn when a point chatters")
+TEST("the chart shows a point that chatters differently")
 {
     if (system("command -v gnuplot >/dev/null") != 0) {
         puts("no gnuplot here: no picture");
         return;
     }
-    static naming n;
-    begin(&n);
-    strcpy(n.scene.name, "picture");
-    add(&n, 2, 2, 20, 0.02);
-    add(&n, 4, 4, 30, 0.004)->chatters = true;
-    name(&n);
-    CHECK(kn_pareto_chart_draw(&n.front, n.plan, n.named, "chatters.png") == KN_EXIT_OK);
-    free(n.plan);
+    static char picture[2][1 << 20];
+    size_t size[2];
+    begin(8e-4);
+    strcpy(scene.name, "picture");
+    add(2, 2, 20, 0.02);
+    kn_pareto_row *second = add(4, 4, 30, 0.004);
+    name();
+    for (int i = 0; i < 2; i++) {
+        second->chatters = i;
+        CHECK(kn_pareto_chart_draw(&front, &plan, named, "chart.png") == KN_EXIT_OK);
+        size[i] = kn_read("chart.png", picture[i], sizeof picture[i]);
+    }
+    CHECK(size[0] > 0 && (size[0] != size[1] || memcmp(picture[0], picture[1], size[0]) != 0));
 }
 
 TEST("a better point of another lattice is reported if it meets the budget and the accuracy")
 {
-    static naming n;
-    begin(&n);
-    add(&n, 4, 4, 30, 0.004);
-    kn_pareto_row *fine = add(&n, 4, 4, 200, 0.002);
-    n.run[1].spacing_m /= 2;
-    name(&n);
-    CHECK(n.named[0] == &n.front.row[0] && kn_pareto_front_elsewhere(&n.front, n.plan, n.named) == fine);
+    begin(8e-4);
+    add(4, 4, 30, 0.004);
+    kn_pareto_row *fine = add(4, 4, 200, 0.002);
+    run[1].spacing_m /= 2;
+    name();
+    CHECK(named[0] == &front.row[0] && kn_pareto_front_elsewhere(&front, &plan, named) == fine);
     fine->p90_us = 900; // over the budget
-    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
+    CHECK(!kn_pareto_front_elsewhere(&front, &plan, named));
     fine->p90_us = 200, fine->force.all = 0.005;
-    CHECK(!kn_pareto_front_elsewhere(&n.front, n.plan, n.named));
-    free(n.plan);
+    CHECK(!kn_pareto_front_elsewhere(&front, &plan, named));
 }
 
 TESTS_MAIN
