@@ -6,10 +6,9 @@
 //     {
 //         CHECK(kn_material_flow(&m, 2.0) > kn_material_flow(&m, 1.0));
 //     }
-//     TESTS_MAIN
 //
-// A failed CHECK prints file:line and its values, and the program goes on. The exit code is 1 if any CHECK failed,
-// and 77 after SKIP.
+// This header has the program's main(), so one source file of a program includes it. A failed CHECK prints file:line
+// and its values, and the program goes on. The exit code is 1 if any CHECK failed, and 77 after SKIP.
 #include "tests/built.h"
 #include "tests/owned.h"
 #include <math.h>
@@ -71,6 +70,7 @@ static inline void kn_test_add(kn_test_case *t)
         if (!kn_v || strcmp(kn_v, kn_e) != 0)                                                                          \
             KN_TEST_FAIL("%s is \"%s\", expected \"%s\"", #value, kn_v ? kn_v : "(null)", kn_e);                       \
     } while (0)
+#define COUNT(table) ((int)(sizeof(table) / sizeof *(table))) // number of elements of an array
 // Choose how often a test repeats something, or how many variants it tries. The three values are for the gate's
 // sanitized build, the gate's release build, and the night (tests/run --all).
 #if defined(KN_SANITIZED)
@@ -88,21 +88,21 @@ static inline void kn_test_add(kn_test_case *t)
 #ifndef KN_TEST_MAIN // a folder's common program defines this as kn_test_law etc.
 #define KN_TEST_MAIN main
 #endif
-#define TESTS_MAIN                                                                                                     \
-    int KN_TEST_MAIN(void)                                                                                             \
-    {                                                                                                                  \
-        int failed = 0, count = 0;                                                                                     \
-        for (kn_test_case *t = kn_test_first; t; t = t->next) {                                                        \
-            int before = kn_test_failures;                                                                             \
-            if (t->at_night && !getenv("KN_NIGHT")) continue;                                                          \
-            count++;                                                                                                   \
-            t->run();                                                                                                  \
-            printf("%s %s\n", kn_test_failures == before ? "ok  " : "FAIL", t->sentence);                              \
-            fflush(stdout);                                                                                            \
-            failed += kn_test_failures != before;                                                                      \
-        }                                                                                                              \
-        printf("%d passed, %d failed\n", count - failed, failed);                                                      \
-        return failed != 0;                                                                                            \
+int KN_TEST_MAIN(void)
+{
+    int failed = 0, count = 0;
+    for (kn_test_case *t = kn_test_first; t; t = t->next) {
+        int before = kn_test_failures;
+        if (t->at_night && !getenv("KN_NIGHT")) continue;
+        count++;
+        t->run();
+        printf("%s %s\n", kn_test_failures == before ? "ok  " : "FAIL", t->sentence);
+        fflush(stdout);
+        failed += kn_test_failures != before;
     }
+    printf("%d passed, %d failed\n", count - failed, failed);
+    return failed != 0;
+}
+#define TESTS_MAIN // older tests end with it
 
 #endif

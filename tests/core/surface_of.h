@@ -2,9 +2,17 @@
 #define KN_TESTS_CORE_SURFACE_OF_H
 // Closed surfaces of known shape, as they are read from the files of tools.
 #include "core/field.h"
+#include "core/shape.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+static inline kn_shape shape_of_part(kn_solid part)
+{
+    kn_shape shape = {0};
+    if (!kn_shape_add(&shape, &part)) exit(70);
+    return shape;
+}
 
 typedef struct surface_of {
     int vertices, triangles;

@@ -53,5 +53,3 @@ TEST("Colgate's bound ignores the delay and falls with b_vc; the delayed bound f
     CHECK_NEAR(kn_coupling_delayed(0.05, period, 0.0, 2.0), 4100.0, 1e-9);
     CHECK_NEAR(kn_coupling_delayed(0.05, period, 5e-3, 2.0), 2.05 / 5.5e-3, 1e-9);
 }
-
-TESTS_MAIN

@@ -3,19 +3,12 @@
 #include "core/shape.h"
 #include "core/algebra/algebra.h"
 #include "tests/check.h"
-
-#include <time.h>
 #include "tests/core/surface_of.h"
 #include "tests/dice.h"
 
-OWNS(kn_field, kn_field_drop)
+#include <time.h>
 
-static kn_shape of(kn_solid part)
-{
-    kn_shape shape = {0};
-    if (!kn_shape_add(&shape, &part)) exit(70);
-    return shape;
-}
+OWNS(kn_field, kn_field_drop)
 
 typedef struct error {     // distances in cells
     double anywhere, near; // within the grid; within one cell of the surface
@@ -62,9 +55,8 @@ TEST("a ball of triangles matches the ball within s^3/4r^2 plus the chord error 
 {
     const double r = 0.01, cell = 0.000625;
     for (int fine = 1; fine <= 2; fine++) {
-        const int n = 40;
-        OWN(kn_field) *f = surface_field(surface_ball(r, n), cell / fine);
-        const kn_shape exact = of(kn_solid_sphere(r));
+        OWN(kn_field) *f = surface_field(surface_ball(r, 40), cell / fine);
+        const kn_shape exact = shape_of_part(kn_solid_sphere(r));
         error e = compare(f, &exact);
         double s = f->cell_m, chord = chord_of(f, r), bound = s * s * s / (4 * r * r) + chord;
         printf("     cells of %.3f mm: %.2g near it, of %.2g; %.2g anywhere, %.2g rad, %.2g beyond\n", 1e3 * s,
@@ -79,7 +71,7 @@ TEST("a sharp box of triangles matches the box within one cell")
 {
     const double size[3] = {0.02, 0.03, 0.01};
     OWN(kn_field) *f = surface_field(surface_box(size, 0, 3), 0.0005);
-    const kn_shape exact = of(kn_solid_box(size, 0));
+    const kn_shape exact = shape_of_part(kn_solid_box(size, 0));
     error e = compare(f, &exact);
     printf("     in cells: %.2f near it, %.2f anywhere; %.2f beyond\n", e.near, e.anywhere, e.beyond);
     CHECK(e.anywhere < 1 && e.beyond < 0.15);
@@ -88,11 +80,8 @@ TEST("a sharp box of triangles matches the box within one cell")
     // a face is flat, so the distance is exact
     CHECK_NEAR(kn_field_distance(f, (double[]){0.003, 0.004, -0.0002}, way), 0.0002, 1e-8);
     CHECK_NEAR(way[2], -1, 1e-6);
-    for (int k = 0; k < 3; k++) {
-        double axis[3] = {0}, back[3] = {0};
-        axis[k] = 1, back[k] = -1;
-        CHECK_NEAR(kn_field_support(f, axis) + kn_field_support(f, back), size[k], 1e-15);
-    }
+    const kn_shape own = shape_of_part(kn_solid_field(f));
+    for (int k = 0; k < 3; k++) CHECK_NEAR(kn_shape_span(&own, k), size[k], 1e-15);
 }
 
 TEST("distance and gradient are continuous across cells, and the distance across the border of the grid")
@@ -136,7 +125,7 @@ TEST("a point in one or both of two crossing bodies is inside, even if the surfa
 TEST("a field with two owners lives until the second drops it, and its points are counted in advance")
 {
     kn_field *f = surface_field(surface_ball(0.01, 8), 0.001);
-    AT_END(kn_shape_drop) kn_shape shape = of(kn_solid_field(f));
+    AT_END(kn_shape_drop) kn_shape shape = shape_of_part(kn_solid_field(f));
     kn_shape_keep(&shape);
     kn_field_drop(f);
     double way[3];
@@ -182,5 +171,3 @@ TEST("long thin triangles take at most 12 times as long as regular ones, plus 0.
     printf("     %.3f s and %.3f s\n", ball, strips);
     CHECK(strips < 12 * ball + 0.2);
 }
-
-TESTS_MAIN

@@ -104,13 +104,13 @@ TEST("a value that does not fit saturates and sets its own flag")
         {KN_FIXED_SAT_DIRECTION, 0, (int64_t)1 << 33, 12, 13},
         {KN_FIXED_SAT_POSITION, most, ((int64_t)1 << 35) - 2, 18, 13},
     };
-    for (size_t i = 0; i < sizeof way / sizeof *way; i++) {
+    for (int i = 0; i < COUNT(way); i++) {
         r->image.config.d_shift = way[i].d_shift, r->image.config.kv_shift = way[i].kv_shift;
         r->image.node[1].x[0] = way[i].x;
         kn_fixed_rest(&r->fixed);
         r->bound[0] = (kn_fixed_bound){.node = 1, .holds = true, .value = {way[i].u, 0, 0}};
         tick(r, 1);
-        if (!(r->result.flags & way[i].flag)) KN_TEST_FAIL("case %zu: flags %x", i, r->result.flags);
+        if (!(r->result.flags & way[i].flag)) KN_TEST_FAIL("case %d: flags %x", i, r->result.flags);
         CHECK(llabs(r->fixed.x[3]) <= (int64_t)1 << 35);
     }
     // Pull both ends apart at full speed.
@@ -153,8 +153,5 @@ TEST("an image that no circuit can run is refused with the reason")
     REFUSED(r->image.config.kv_shift = 41, "kv_shift outside 0..40");
     REFUSED(r->image.config.omega[1] = 131073, "omega outside 0..2");
     REFUSED(r->image.table[512] = 131073, "the table's R outside 0..1");
-    r->image.edge[2].j = r->image.edge[2].i;
-    CHECK_STR(kn_fixed_check(&r->image), "an edge without two nodes");
+    REFUSED(r->image.edge[2].j = r->image.edge[2].i, "an edge without two nodes");
 }
-
-TESTS_MAIN

@@ -3,15 +3,7 @@
 #pragma GCC diagnostic ignored "-Wpsabi"           // these vectors never cross into another file
 #pragma GCC diagnostic ignored "-Wunused-function" // this test calls only the law among the kernels' parts
 #include "core/solve/kernel_law.h"
-#include "tests/check.h"
-#include "tests/physics/press.h"
-
-static law_tables tables_of(const kn_model *model)
-{
-    _Alignas(64) law_tables t;
-    law_tables_build(&t, model);
-    return t;
-}
+#include "tests/lattice.h"
 
 typedef struct errors {
     double stress, slope;
@@ -21,7 +13,8 @@ typedef struct errors {
 static errors worst_of(const kn_model *model, kn_linearization how)
 {
     enum { POINTS = 20000 };
-    _Alignas(64) law_tables t = tables_of(model);
+    _Alignas(64) law_tables t;
+    law_tables_build(&t, model);
     const kn_law *law = &model->law;
     errors worst = {0, 0};
     for (int i = 0; i < POINTS; i += KN_LANES) {
@@ -75,5 +68,3 @@ TEST("the reciprocal square root is exact to 2.3e-16 from 1e-300 to 1e300")
     printf("     worst %.2g\n", worst);
     CHECK_NEAR(worst, 0, 2.3e-16);
 }
-
-TESTS_MAIN

@@ -30,6 +30,7 @@ static void rig_free(rig *r)
 }
 
 static int at(const rig *r, int x, int y) { return r->model->top[y * 11 + x]; }
+static int patch(const rig *r, int p, int x, int y) { return kn_patches_at(r->patches, p, at(r, x, y)); }
 
 // Press the nodes given by rows of characters: '#' with 1 N, '2' with 2 N.
 static unsigned draw(rig *r, int p, const char *const row[], int rows)
@@ -52,22 +53,22 @@ TEST("neighbouring nodes, also across a corner, form one patch; a free node betw
 {
     AT_END(rig_free) rig r = rig_make();
     CHECK(draw(&r, 0, (const char *const[]){"...........", "..##.......", "....#......", "...#......."}, 4) == 1);
-    CHECK(kn_patches_at(r.patches, 0, at(&r, 4, 2)) == 0 && kn_patches_at(r.patches, 0, at(&r, 0, 0)) == -1);
+    CHECK(patch(&r, 0, 4, 2) == 0 && patch(&r, 0, 0, 0) == -1);
     CHECK(bits(draw(&r, 1, (const char *const[]){".......", "..#.#..", "..#.##."}, 3)) == 2);
-    CHECK(kn_patches_at(r.patches, 1, at(&r, 2, 1)) != kn_patches_at(r.patches, 1, at(&r, 4, 1)));
-    CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == 0); // patches of the other tool are unchanged
+    CHECK(patch(&r, 1, 2, 1) != patch(&r, 1, 4, 1));
+    CHECK(patch(&r, 0, 2, 1) == 0); // patches of the other tool are unchanged
     CHECK(draw(&r, 0, (const char *const[]){"."}, 1) == 0);
-    CHECK(kn_patches_at(r.patches, 0, at(&r, 2, 1)) == -1);
+    CHECK(patch(&r, 0, 2, 1) == -1);
 }
 
 TEST("a patch keeps its number while it moves; when two meet, the stronger one continues with the content of both")
 {
     AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"##..22....."}, 1);
-    int left = kn_patches_at(r.patches, 0, at(&r, 0, 0)), right = kn_patches_at(r.patches, 0, at(&r, 4, 0));
+    int left = patch(&r, 0, 0, 0), right = patch(&r, 0, 4, 0);
     CHECK(left >= 0 && right >= 0 && left != right);
     draw(&r, 0, (const char *const[]){".#...22...."}, 1);
-    CHECK(kn_patches_at(r.patches, 0, at(&r, 1, 0)) == left && kn_patches_at(r.patches, 0, at(&r, 6, 0)) == right);
+    CHECK(patch(&r, 0, 1, 0) == left && patch(&r, 0, 6, 0) == right);
     CHECK_NEAR(r.share[right][right], 1, 0);
     unsigned used = draw(&r, 0, (const char *const[]){".#####2...."}, 1);
     CHECK(used == 1u << right); // the right part had more of the load
@@ -80,7 +81,7 @@ TEST("when a patch splits, the stronger part keeps the number, and each part tak
     AT_END(rig_free) rig r = rig_make();
     draw(&r, 0, (const char *const[]){"#######"}, 1);
     unsigned used = draw(&r, 0, (const char *const[]){"#...###"}, 1);
-    int left = kn_patches_at(r.patches, 0, at(&r, 0, 0)), right = kn_patches_at(r.patches, 0, at(&r, 5, 0));
+    int left = patch(&r, 0, 0, 0), right = patch(&r, 0, 5, 0);
     CHECK(used == (1u << left | 1u << right) && right == 0);
     CHECK_NEAR(r.share[left][0], 0.25, 1e-12);
     CHECK_NEAR(r.share[right][0], 0.75, 1e-12);
@@ -93,9 +94,8 @@ TEST("with more than eight patches the strongest keep their own number, and the 
     for (int y = 0; y < 9; y++) rows[y] = y == 0 ? "2.2.2.2.2.2" : y % 2 ? "..........." : "#.#.#.#.#.#";
     CHECK(bits(draw(&r, 0, rows, 9)) == KN_PATCHES_MAX);
     for (int y = 0; y < 9; y += 2)
-        for (int x = 0; x < 11; x += 2) CHECK(kn_patches_at(r.patches, 0, at(&r, x, y)) >= 0);
-    for (int x = 2; x < 11; x += 2)
-        CHECK(kn_patches_at(r.patches, 0, at(&r, x, 0)) != kn_patches_at(r.patches, 0, at(&r, x - 2, 0)));
+        for (int x = 0; x < 11; x += 2) CHECK(patch(&r, 0, x, y) >= 0);
+    for (int x = 2; x < 11; x += 2) CHECK(patch(&r, 0, x, 0) != patch(&r, 0, x - 2, 0));
 }
 
 TEST("a patch continues over the edge of the block")
@@ -113,4 +113,3 @@ TEST("a patch continues over the edge of the block")
     kn_patches_press(r.patches, below, 1);
     CHECK(bits(kn_patches_end(r.patches, r.share)) == 1);
 }
-TESTS_MAIN

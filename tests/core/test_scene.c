@@ -1,32 +1,21 @@
 #include "core/solve/contact.h"
-#include "core/scene/scene.h"
 #include "core/shape.h"
-#include "tests/check.h"
+#include "tests/core/scene_text.h"
 
 #define SCENES KN_SOURCE_DIR "/core/scenes/"
-static const char *const scenes[] = {SCENES "dough.yaml", SCENES "dough-small.yaml",    SCENES "jelly.yaml",
-                                     SCENES "clay.yaml",  SCENES "dough-pressure.yaml", SCENES "pinch.yaml"};
-static const char pin[] = SCENES "rolling-pin.yaml";
-static char error[512];
+static const char *const scenes[] = {"dough.yaml", "dough-small.yaml",    "jelly.yaml",
+                                     "clay.yaml",  "dough-pressure.yaml", "pinch.yaml"};
 
-static kn_scene *load(const char *path, const char *set)
-{
-    kn_scene *scene = kn_scene_load(path, &set, set != NULL, error, sizeof error);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    return scene;
-}
+static kn_scene *dough_with(const char *set) { return load_scene(scenes[0], &set, set != NULL); }
 
-static kn_scene *parse(const char *text, const char *const *sets, int count)
-{
-    snprintf(error, sizeof error, "%s", "");
-    return kn_scene_parse("test.yaml", text, strlen(text), sets, count, error, sizeof error);
-}
+static kn_scene *parse(const char *text, const char *const *sets) { return scene_of("test.yaml", text, sets); }
 
 // Return the error message for dough.yaml with that --set.
 static const char *complaint(const char *set)
 {
-    snprintf(error, sizeof error, "%s", "");
-    kn_scene_destroy(kn_scene_load(scenes[0], &set, 1, error, sizeof error));
+    static char error[512];
+    error[0] = '\0';
+    kn_scene_destroy(kn_scene_load(SCENES "dough.yaml", &set, 1, error, sizeof error));
     return error;
 }
 
@@ -38,28 +27,19 @@ static int same(const kn_scene *a, const kn_scene *b)
            memcmp(&a->device, &b->device, sizeof a->device) == 0 && a->version == b->version;
 }
 
-TEST("reading the canonical text of a scene gives the same scene and the same text")
+TEST("every block scene can be built, and its canonical text gives the same scene and the same text")
 {
-    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
-        OWN(kn_scene) *scene = load(scenes[i], NULL), *again = parse(scene->text, NULL, 0);
-        CHECK(again && same(scene, again));
-    }
-}
-
-TEST("every block scene can be loaded and built")
-{
-    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
-        OWN(kn_scene) *scene = load(scenes[i], NULL);
-        OWN(kn_model) *model = kn_model_build(&scene->model, error, sizeof error);
-        CHECK_STR(scene->name, strrchr(scenes[i], '/') + 1);
-        CHECK(model != NULL);
-        CHECK(scene->model.probe_count == 2);
+    for (int i = 0; i < COUNT(scenes); i++) {
+        OWN(kn_scene) *scene = load_scene(scenes[i], NULL, 0), *again = parse(scene->text, NULL);
+        OWN(kn_model) *model = build(&scene->model);
+        CHECK_STR(scene->name, scenes[i]);
+        CHECK(same(scene, again) && model->def.probe_count == 2);
     }
 }
 
 TEST("dough is the identified material of the first paper per centimetre of specimen")
 {
-    OWN(kn_scene) *scene = load(scenes[0], NULL), *small = load(scenes[1], NULL);
+    OWN(kn_scene) *scene = dough_with(NULL), *small = load_scene(scenes[1], NULL, 0);
     const kn_model_def *def = &scene->model;
     const kn_model_def paper = kn_model_def_default();
     CHECK_NEAR(def->material.k1_pa / paper.material.k1_pa, 1, 1e-15);
@@ -87,69 +67,37 @@ static const char in_si[] = "version: 1\n"
                             "device: {profile: touch, guard: 3000 N/s}\n"
                             "probes: [{name: ball, shape: sphere, radius: 0.012 m, foundation: 2e7 N/m^3}]\n";
 
-TEST("a scene in centimetres and the same scene in metres give the same bits")
+TEST(
+    "a scene in centimetres and the same scene in metres give the same bits; missing settings have the core's defaults")
 {
-    OWN(kn_scene) *a = parse(in_cm, NULL, 0), *b = parse(in_si, NULL, 0);
-    CHECK(a && b && same(a, b));
-    CHECK(a->limits.guard_n_per_ms == 3);
-}
-
-TEST("settings missing in a scene have the core's defaults")
-{
-    const char *without = "probes.ball.foundation=2.5e7 N/m^3";
-    OWN(kn_scene) *scene = parse(in_cm, NULL, 0), *default_too = parse(in_cm, &without, 1);
+    OWN(kn_scene) *a = parse(in_cm, NULL), *b = parse(in_si, NULL);
+    OWN(kn_scene) *told = parse(in_cm, SETS("probes.ball.foundation=2.5e7 N/m^3"));
     const kn_solver_def core = kn_model_def_default().solver;
-    CHECK(scene && memcmp(&scene->model.solver, &core, sizeof core) == 0);
     kn_safety safety;
     kn_safety_init(&safety, &(kn_safety_limits){.guard_n_per_ms = 3});
-    CHECK(memcmp(&scene->limits, &safety.limits, sizeof safety.limits) == 0);
-    CHECK(default_too->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
+    CHECK(same(a, b) && a->limits.guard_n_per_ms == 3);
+    CHECK(memcmp(&a->model.solver, &core, sizeof core) == 0);
+    CHECK(memcmp(&a->limits, &safety.limits, sizeof safety.limits) == 0);
+    CHECK(told->model.probe[0].foundation_n_m3 == KN_FOUNDATION_N_M3);
 }
 
-TEST("--set changes every listed key, and the text shows the new values")
+TEST("--set changes keys of every group, and the text shows the new values")
 {
-    static const char *const set[] = {"version=1",
-                                      "object.size=[6 cm, 4 cm, 2 cm]",
-                                      "object.spacing=1 cm",
-                                      "object.structure=axis",
-                                      "material.k1=1 Pa",
-                                      "material.c1=2 Pa s",
-                                      "material.damper=exponential",
-                                      "material.alpha=3 Pa s",
-                                      "material.beta=0.5 1/MPa",
-                                      "material.p0=5 Pa",
-                                      "material.p1=6 Pa",
-                                      "material.specimen_height=2 cm",
-                                      "density=7 kg/m^3",
-                                      "gravity=8 m/s^2",
-                                      "support=frictionless",
-                                      "device.profile=bench",
-                                      "device.clamp=9 N",
-                                      "device.torque_clamp=0.1 N*m",
-                                      "device.guard=1.5 N/ms",
-                                      "device.brake_speed=1 m/s",
-                                      "device.brake_damping=2 N*s/m",
-                                      "device.hold=2 ms",
-                                      "device.zero=15 ms",
-                                      "device.ramp=0.3 s",
-                                      "device.flow=250 ms",
-                                      "solver.kind=rk4",
-                                      "solver.precision=f64",
-                                      "solver.linearization=secant",
-                                      "solver.isa=base",
-                                      "solver.dt=2 ms",
-                                      "solver.iterations=5",
-                                      "solver.iterations_max=50",
-                                      "solver.tolerance=0",
-                                      "solver.passes=3",
-                                      "solver.mass_scale=1e3",
-                                      "mesh.rate=60 Hz",
-                                      "probes.ball.shape=plate",
-                                      "probes.ball.size=[1 cm, 2 cm]",
-                                      "probes.ball.name=slab"};
-    OWN(kn_scene) *scene = parse(in_cm, set, sizeof set / sizeof *set);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    if (!scene) return;
+    char lines[] =
+        "version=1\nobject.size=[6 cm, 4 cm, 2 cm]\nobject.spacing=1 cm\nobject.structure=axis\n"
+        "material.k1=1 Pa\nmaterial.c1=2 Pa s\nmaterial.damper=exponential\nmaterial.alpha=3 Pa s\n"
+        "material.beta=0.5 1/MPa\nmaterial.p0=5 Pa\nmaterial.p1=6 Pa\nmaterial.specimen_height=2 cm\n"
+        "density=7 kg/m^3\ngravity=8 m/s^2\nsupport=frictionless\n"
+        "device.profile=bench\ndevice.clamp=9 N\ndevice.torque_clamp=0.1 N*m\ndevice.guard=1.5 N/ms\n"
+        "device.brake_speed=1 m/s\ndevice.brake_damping=2 N*s/m\ndevice.hold=2 ms\ndevice.zero=15 ms\n"
+        "device.ramp=0.3 s\ndevice.flow=250 ms\nsolver.kind=rk4\nsolver.precision=f64\n"
+        "solver.linearization=secant\nsolver.isa=base\nsolver.dt=2 ms\nsolver.iterations=5\n"
+        "solver.iterations_max=50\nsolver.tolerance=0\nsolver.passes=3\nsolver.mass_scale=1e3\nmesh.rate=60 Hz\n"
+        "probes.ball.shape=plate\nprobes.ball.size=[1 cm, 2 cm]\nprobes.ball.name=slab\n";
+    const char *set[64] = {NULL};
+    int count = 0;
+    for (char *line = strtok(lines, "\n"); line; line = strtok(NULL, "\n")) set[count++] = line;
+    OWN(kn_scene) *scene = parse(in_cm, set);
     CHECK_STR(scene->text,
               "version: 1\n"
               "object:\n  size: [0.06 m, 0.04 m, 0.02 m]\n  spacing: 0.01 m\n  structure: axis\n"
@@ -172,26 +120,29 @@ static const char points[] =
     "quality={fast: {iterations: 5, iterations_max: 9}, balanced: {spacing: 1 cm, precision: f64}, "
     "accurate: {passes: 2, tolerance: 1e-4, linearization: secant}}";
 
-TEST("a chosen quality point overrides the solver's keys and is part of the text and its hash")
+TEST("a chosen quality point overrides the solver's keys, but no --set, in either order, and is part of the text and "
+     "its "
+     "hash")
 {
-    const char *sets[] = {points, kn_quality_set("fast"), "solver.tolerance=0.01"};
-    OWN(kn_scene) *none = parse(in_cm, sets, 0), *own = parse(in_cm, sets, 1), *fast = parse(in_cm, sets, 3);
-    CHECK(none && own && fast);
+    OWN(kn_scene) *none = parse(in_cm, NULL), *own = parse(in_cm, SETS(points));
+    OWN(kn_scene) *fast = parse(in_cm, SETS(points, kn_quality_set("fast"), "solver.tolerance=0.01"));
     CHECK(memcmp(&none->model, &own->model, sizeof own->model) == 0 && own->quality == KN_QUALITY_OWN);
     CHECK(fast->model.solver.iterations == 5 && fast->model.solver.iterations_max == 9);
     CHECK(fast->model.solver.tolerance == 0.01 && fast->model.solver.passes == 1);
-    CHECK(strstr(fast->text, "  iterations: 4\n"));
-    CHECK(strstr(fast->text, "\nquality:\n  chosen: fast\n  fast:\n    iterations: 5\n"));
-    OWN(kn_scene) *again = parse(fast->text, NULL, 0), *back = parse(fast->text, (const char *[]){"quality=own"}, 1);
-    CHECK(again && same(again, fast));
-    CHECK(back && back->model.solver.iterations == 4 && !strstr(back->text, "chosen"));
+    CHECK(has(fast, "  iterations: 4\n") && has(fast, "\nquality:\n  chosen: fast\n  fast:\n    iterations: 5\n"));
+    OWN(kn_scene) *again = parse(fast->text, NULL), *back = parse(fast->text, SETS("quality=own"));
+    OWN(kn_scene) *set =
+        parse(in_cm, SETS(points, "solver.iterations=7", "quality=fast", "quality.fast.iterations_max=8"));
+    OWN(kn_scene) *set_again = parse(set->text, NULL);
+    CHECK(set->model.solver.iterations == 7 && set->model.solver.iterations_max == 8);
+    CHECK(same(again, fast) && same(set, set_again));
+    CHECK(back->model.solver.iterations == 4 && !has(back, "chosen"));
 }
 
 TEST("only quality points with the lattice and precision of the chosen one can be switched to later")
 {
-    const char *sets[] = {points, "quality=balanced"};
-    OWN(kn_scene) *own = parse(in_cm, sets, 1), *balanced = parse(in_cm, sets, 2);
-    CHECK(own && balanced && balanced->model.nodes[0] == 6 && balanced->model.solver.precision == KN_PRECISION_F64);
+    OWN(kn_scene) *own = parse(in_cm, SETS(points)), *balanced = parse(in_cm, SETS(points, "quality=balanced"));
+    CHECK(balanced->model.nodes[0] == 6 && balanced->model.solver.precision == KN_PRECISION_F64);
     for (int q = 0; q < KN_QUALITIES; q++) {
         CHECK(own->point[q].defined && own->point[q].live == (q != KN_QUALITY_BALANCED));
         CHECK(balanced->point[q].defined && balanced->point[q].live == (q == KN_QUALITY_BALANCED));
@@ -200,85 +151,60 @@ TEST("only quality points with the lattice and precision of the chosen one can b
     CHECK(e->passes == 2 && e->tolerance == 1e-4 && e->linearization == KN_LINEARIZATION_SECANT && e->iterations == 4);
 }
 
-TEST("a --set of a solver key overrides the chosen quality point in either order")
-{
-    const char *sets[] = {points, "solver.iterations=7", "quality=fast", "quality.fast.iterations_max=8"};
-    OWN(kn_scene) *scene = parse(in_cm, sets, 4), *again = scene ? parse(scene->text, NULL, 0) : NULL;
-    CHECK(scene && scene->model.solver.iterations == 7 && scene->model.solver.iterations_max == 8);
-    CHECK(again && same(scene, again));
-}
-
-// Parse in_cm with this damper instead of its own.
-static kn_scene *damped(const char *a, const char *b, const char *c)
-{
-    const char *const set[] = {a, b, c};
-    kn_scene *scene = parse(in_cm, set, c ? 3 : b ? 2 : 1);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    return scene;
-}
-
 TEST(
     "an exponential damper given by its ends equals the one by alpha and beta, also in the text; a ramp keeps its ends")
 {
-    OWN(kn_scene) *dough = load(scenes[0], NULL);
-    static const char *const ends =
-        "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
-        "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
-    static const char *const height = "material.specimen_height=1 cm";
-    OWN(kn_scene) *same = damped(ends, height, NULL);
+    static const char ends[] = "material={k1: 470 gf/cm^3, c1: 2500 gf s/cm^3, damper: exponential, c_max: 39187 gf "
+                               "s/cm^3, c_min: 120.25 gf s/cm^3, p0: 9 gf/cm^2, p1: 80 gf/cm^2}";
+    static const char height[] = "material.specimen_height=1 cm";
+    OWN(kn_scene) *dough = dough_with(NULL), *same = parse(in_cm, SETS(ends, height));
+    OWN(kn_scene) *ramp = parse(in_cm, SETS(ends, height, "material.damper=ramp")), *again = parse(ramp->text, NULL);
     const kn_material *a = &dough->model.material, *b = &same->model.material;
     for (double s = 100; s < 1e4; s += 100) CHECK_NEAR(kn_material_c2(b, s) / kn_material_c2(a, s), 1, 1e-3);
-    CHECK(strstr(same->text, "alpha: ") && !strstr(same->text, "c_max"));
-    OWN(kn_scene) *ramp = damped(ends, height, "material.damper=ramp");
+    CHECK(has(same, "alpha: ") && !has(same, "c_max"));
     CHECK_NEAR(ramp->model.material.c_max_pa_s, 39187 * 98.0665, 1e-6);
-    CHECK(ramp->model.material.alpha_pa_s == 0 && strstr(ramp->text, "damper: ramp\n  c_max: ") &&
-          !strstr(ramp->text, "beta"));
-    OWN(kn_scene) *again = parse(ramp->text, NULL, 0);
+    CHECK(ramp->model.material.alpha_pa_s == 0 && has(ramp, "damper: ramp\n  c_max: ") && !has(ramp, "beta"));
     CHECK_STR(again->text, ramp->text);
 }
 
 TEST("the ratio of a stroke is 0.2, the stroke itself if it leaves no way, or c2/(c1 + c2) without a spring")
 {
-    OWN(kn_scene) *scene = damped("material.stroke=[0.02, 0.98]", NULL, NULL);
-    CHECK(scene->model.material.ratio == 0.2 && strstr(scene->text, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
-    OWN(kn_scene) *again = parse(scene->text, NULL, 0);
+    OWN(kn_scene) *scene = parse(in_cm, SETS("material.stroke=[0.02, 0.98]")), *again = parse(scene->text, NULL);
+    CHECK(scene->model.material.ratio == 0.2 && has(scene, "stroke: [0.02, 0.98]\n  ratio: 0.2\n"));
     CHECK_STR(again->text, scene->text);
-    OWN(kn_scene) *stuck = damped("material.stroke=[1, 1]", NULL, NULL);
+    OWN(kn_scene) *stuck = parse(in_cm, SETS("material.stroke=[1, 1]"));
     CHECK(stuck->model.material.ratio == 1);
     OWN(kn_scene) *plastic =
-        damped("material={k1: 0 Pa, c1: 30 kPa s, damper: constant, c2: 10 kPa s, stroke: [0, 1]}", NULL, NULL);
+        parse(in_cm, SETS("material={k1: 0 Pa, c1: 30 kPa s, damper: constant, c2: 10 kPa s, stroke: [0, 1]}"));
     CHECK_NEAR(plastic->model.material.ratio, 0.25, 1e-15);
-    OWN(kn_scene) *told = damped("material.stroke=[0.3, 0.7]", "material.ratio=0.5", NULL);
+    OWN(kn_scene) *told = parse(in_cm, SETS("material.stroke=[0.3, 0.7]", "material.ratio=0.5"));
     CHECK(told->model.material.ratio == 0.5 && told->model.material.stroke[1] == 0.7);
-    OWN(kn_scene) *without = parse(in_cm, NULL, 0);
-    CHECK(!strstr(without->text, "stroke") && !strstr(without->text, " ratio"));
+    OWN(kn_scene) *without = parse(in_cm, NULL);
+    CHECK(!has(without, "stroke") && !has(without, " ratio"));
 }
 
 TEST("a named material sets the density and is written out in the canonical text; the scene's own values override")
 {
-    static const char named[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\nmaterial: dough\n"
-                                "support: bonded\ndevice: touch\n";
-    static const char heavy[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\ndensity: 2 g/cm^3\n"
-                                "material: dough\nsupport: bonded\ndevice: touch\n";
-    static const char *const softer[] = {"material.k1=300 gf/cm^3"}, *const other[] = {"material.k1=1 Pa",
-                                                                                       "material=clay"};
-    OWN(kn_scene) *a = parse(named, NULL, 0), *again = parse(a->text, NULL, 0), *dough = load(scenes[0], NULL);
+#define DOUGH_CUBE(density)                                                                                            \
+    "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\n" density                                          \
+    "material: dough\nsupport: bonded\ndevice: touch\n"
+    OWN(kn_scene) *a = parse(DOUGH_CUBE(""), NULL), *again = parse(a->text, NULL), *dough = dough_with(NULL);
     CHECK(memcmp(&a->model.material, &dough->model.material, sizeof a->model.material) == 0);
-    CHECK(a->model.density_kg_m3 == 1200 && strstr(a->text, "material:\n  k1: 46091."));
+    CHECK(a->model.density_kg_m3 == 1200 && has(a, "material:\n  k1: 46091."));
     CHECK_STR(again->text, a->text);
-    OWN(kn_scene) *b = parse(heavy, NULL, 0), *c = parse(named, softer, 1), *d = parse(named, other, 2);
-    CHECK(b->model.density_kg_m3 == 2000 && b->model.material.k1_pa == a->model.material.k1_pa);
-    CHECK_NEAR(c->model.material.k1_pa, 300 * 98.0665, 1e-9);
-    CHECK(d->model.material.k1_pa == 0 && d->model.density_kg_m3 == 1800 && !strstr(d->text, "alpha"));
+    OWN(kn_scene) *heavy = parse(DOUGH_CUBE("density: 2 g/cm^3\n"), NULL);
+    OWN(kn_scene) *softer = parse(DOUGH_CUBE(""), SETS("material.k1=300 gf/cm^3"));
+    OWN(kn_scene) *clay = parse(DOUGH_CUBE(""), SETS("material.k1=1 Pa", "material=clay"));
+    CHECK(heavy->model.density_kg_m3 == 2000 && heavy->model.material.k1_pa == a->model.material.k1_pa);
+    CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-9);
+    CHECK(clay->model.material.k1_pa == 0 && clay->model.density_kg_m3 == 1800 && !has(clay, "alpha"));
 }
 
-static kn_material variant(const char *name)
+static kn_material variant(const char *name, const char *which)
 {
     char set[80];
-    const char *sets[] = {set};
-    snprintf(set, sizeof set, "material=%s", name);
-    OWN(kn_scene) *scene = parse(in_cm, sets, 1);
-    if (!scene) KN_TEST_FAIL("%s: %s", name, error);
+    snprintf(set, sizeof set, "material=%s%s", name, which);
+    OWN(kn_scene) *scene = parse(in_cm, SETS(set));
     kn_material mat = scene->model.material;
     return mat;
 }
@@ -287,14 +213,9 @@ TEST("every named material has its three variants by the rules of the second pap
 {
     int count = 0;
     for (const kn_library_entry *e = kn_library; e->name; e++, count++) {
-        char name[80];
         double in, out;
-        snprintf(name, sizeof name, "%s-rheological", e->name);
-        kn_material r = variant(name);
-        snprintf(name, sizeof name, "%s-viscoelastic", e->name);
-        kn_material v = variant(name);
-        snprintf(name, sizeof name, "%s-plastic", e->name);
-        kn_material p = variant(name);
+        kn_material r = variant(e->name, "-rheological"), v = variant(e->name, "-viscoelastic");
+        kn_material p = variant(e->name, "-plastic"), own = variant(e->name, "");
         CHECK(!kn_material_check(&r) && !kn_material_check(&v) && !kn_material_check(&p));
         CHECK(r.k1_pa > 0 && r.c1_pa_s > 0 && !kn_material_stroke(&r, &in, &out));
         CHECK(v.k1_pa == r.k1_pa && v.ratio == 1 && kn_material_stroke(&v, &in, &out));
@@ -303,7 +224,7 @@ TEST("every named material has its three variants by the rules of the second pap
             double c2 = kn_material_c2(&p, s), c = p.c1_pa_s * c2 / (p.c1_pa_s + c2);
             CHECK_NEAR(c / kn_material_c2(&r, s), 1, p.damper == KN_DAMPER_CONSTANT ? 1e-12 : 0.05);
         }
-        kn_material own = variant(e->name); // the material's own name stands for one of the three variants
+        // the material's own name stands for one of the three variants
         CHECK(own.k1_pa == 0 || own.ratio == 1 || own.stroke[1] == 0);
     }
     CHECK(count == 6);
@@ -311,77 +232,65 @@ TEST("every named material has its three variants by the rules of the second pap
 
 TEST("the structure and pressure keys can be set; a size of two values with a thickness makes a flat object")
 {
-    static const char *const set[] = {"object.size=[6 cm, 3 cm]", "object.thickness=2 cm",
-                                      "object.diagonal_stiffness=0.02", "object.pressure=object",
-                                      "object.inside_pressure=0.5 atm"};
-    OWN(kn_scene) *dough = load(scenes[0], NULL), *scene = parse(dough->text, set, 5);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    if (!scene) return;
-    CHECK(strstr(scene->text, "object:\n  size: [0.06 m, 0.03 m]\n  spacing: 0.005 m\n  thickness: 0.02 m\n"
-                              "  structure: diagonals\n  diagonal_stiffness: 0.02\n  pressure: object\n"
-                              "  inside_pressure: 50662.5 Pa\n") != NULL);
+    OWN(kn_scene) *dough = dough_with(NULL);
+    OWN(kn_scene) *scene =
+        parse(dough->text, SETS("object.size=[6 cm, 3 cm]", "object.thickness=2 cm", "object.diagonal_stiffness=0.02",
+                                "object.pressure=object", "object.inside_pressure=0.5 atm"));
+    CHECK(has(scene, "object:\n  size: [0.06 m, 0.03 m]\n  spacing: 0.005 m\n  thickness: 0.02 m\n"
+                     "  structure: diagonals\n  diagonal_stiffness: 0.02\n  pressure: object\n"
+                     "  inside_pressure: 50662.5 Pa\n"));
     CHECK(scene->model.nodes[0] == 13 && scene->model.nodes[1] == 1 && scene->model.nodes[2] == 7);
     CHECK(scene->model.thickness_m == 0.02 && scene->model.pressure == KN_PRESSURE_OBJECT);
     // Parse the text again: the scene is the same. With --set to a block the thickness disappears, and with sides
     // only the diagonals disappear.
-    static const char *const back[] = {"object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis",
-                                       "object.pressure=none"};
-    OWN(kn_scene) *again = parse(scene->text, NULL, 0), *block = parse(scene->text, back, 3);
-    CHECK(again && again->text_hash == scene->text_hash);
-    CHECK(block && block->model.nodes[1] == 9 && block->model.thickness_m == 0);
-    CHECK(block && block->model.diagonal_stiffness == 0 && block->model.inside_pressure_pa == 0);
+    OWN(kn_scene) *again = parse(scene->text, NULL);
+    OWN(kn_scene) *block =
+        parse(scene->text, SETS("object.size=[6 cm, 4 cm, 3 cm]", "object.structure=axis", "object.pressure=none"));
+    CHECK(again->text_hash == scene->text_hash);
+    CHECK(block->model.nodes[1] == 9 && block->model.thickness_m == 0);
+    CHECK(block->model.diagonal_stiffness == 0 && block->model.inside_pressure_pa == 0);
 }
 
 TEST("moduli per height are multiplied by the specimen's height, also if set later")
 {
-    static const char *const set[] = {"material.k1=470 gf/cm^3", "material.specimen_height=2 cm"};
-    OWN(kn_scene) *scene = parse(in_cm, set, 2);
+    OWN(kn_scene) *scene = parse(in_cm, SETS("material.k1=470 gf/cm^3", "material.specimen_height=2 cm"));
     CHECK_NEAR(scene->model.material.k1_pa, 470 * 9806.65 * 0.02, 1e-10);
-    CHECK(scene->model.material.c1_pa_s == 50);    // a plain modulus is unchanged
-    const char *later = "material.k1=300 gf/cm^3"; // the canonical text still contains the height
-    OWN(kn_scene) *dough = load(scenes[0], NULL), *softer = parse(dough->text, &later, 1);
+    CHECK(scene->model.material.c1_pa_s == 50); // a plain modulus is unchanged
+    // the canonical text still contains the height
+    OWN(kn_scene) *dough = dough_with(NULL), *softer = parse(dough->text, SETS("material.k1=300 gf/cm^3"));
     CHECK_NEAR(softer->model.material.k1_pa, 300 * 98.0665, 1e-10);
     CHECK(softer->text_hash != dough->text_hash);
 }
 
 TEST("--set accepts mappings and the short form of device, and the last of two values counts")
 {
-    static const char *const set[] = {"device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa",
-                                      "material.k1=2 Pa"};
-    OWN(kn_scene) *scene = parse(in_cm, set, 4);
-    CHECK(scene && scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 &&
-          strcmp(scene->device.name, "bench") == 0);
-    CHECK(scene && scene->model.material.k1_pa == 2);
+    OWN(kn_scene) *scene =
+        parse(in_cm, SETS("device=bench", "device={clamp: 7 N, hold: 1 ms}", "material.k1=1 Pa", "material.k1=2 Pa"));
+    CHECK(scene->limits.clamp_n == 7 && scene->limits.hold_ms == 1 && strcmp(scene->device.name, "bench") == 0);
+    CHECK(scene->model.material.k1_pa == 2);
 }
 
 TEST("a size is a whole number of spacings to within a millionth, and only the grid counts")
 {
-    OWN(kn_scene) *third = load(scenes[0], "object.spacing=3.3333333333333333 mm");
+    OWN(kn_scene) *third = dough_with("object.spacing=3.3333333333333333 mm"), *again = parse(third->text, NULL);
     CHECK(third->model.nodes[0] == 16 && third->model.nodes[1] == 16 && third->model.nodes[2] == 10);
-    OWN(kn_scene) *again = parse(third->text, NULL, 0);
-    CHECK(again && same(third, again));
-    OWN(kn_scene) *dough = load(scenes[0], NULL), *nearly = load(scenes[0], "object.size=[50.000001 mm, 5 cm, 3 cm]");
+    CHECK(same(third, again));
+    OWN(kn_scene) *dough = dough_with(NULL), *nearly = dough_with("object.size=[50.000001 mm, 5 cm, 3 cm]");
     CHECK(dough->text_hash == nearly->text_hash);
     CHECK_STR(complaint("object.spacing=3.333 mm"),
               "--set object.spacing: object.size along x, 0.05 m, is 15.0015 spacings of 0.003333 m, "
               "expected a whole number (0.003333333333 m would be)");
 }
 
-TEST("an error in a --set names its key")
+TEST("an error in a --set names its key") // errors that a file can have, too: clients.bad_scenes
 {
     static const char *const bad[][2] = {
         {"material.k1=300", "'300' has no unit, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
-        {"material.k1=-1 Pa",
-         "material.k1 is -1 Pa, out of range, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
         {"material.k1=", "no value, expected key=value"},
-        {"material.k1=[1 Pa]", "a list, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)"},
         {"material.k9=1 Pa", "unknown key, did you mean material.k1?"},
-        {"spacing=1 cm", "unknown key, did you mean object.spacing?"},
         {"material.damper=constant",
          "material.c2 is missing, expected a number from 1e-06 to 1e+12 Pa*s (or Pa*s/m with a specimen_height)"},
-        {"material.c2=1 Pa s", "material.c2 means nothing with 'damper: exponential', expected it left out"},
         {"material.c_max=1 Pa s", "material.c_min is missing, expected it beside material.c_max"},
-        {"material={c_max: 1 Pa s, c_min: 2 Pa s}", "material.c_min is 2 Pa s, expected at most c_max, 1 Pa s"},
         {"material={c_max: 3 Pa s, c_min: 2 Pa s, beta: 1 1/MPa}",
          "material.beta is given beside c_max and c_min, expected only one of the pairs"},
         {"material={damper: ramp, c_max: 1 Pa s, c_min: 2 Pa s}",
@@ -390,32 +299,19 @@ TEST("an error in a --set names its key")
          "material.c_max means nothing with 'damper: constant', expected it left out"},
         {"material={k1: 1 Pa, c1: 1 Pa s, damper: none, variant: plastic}",
          "material.variant is plastic, expected a damper that can move"},
-        {"material=mud", "'mud' is unknown, expected a mapping, a file.yaml, or clay, dough, fibrotic-liver, jelly, "
-                         "liver, putty (with -rheological, -viscoelastic, -plastic)"},
         {"material.ratio=0.5", "material.ratio means nothing without a stroke, expected it left out"},
-        {"material.stroke=[0.3, 0.7]", "material: ratio must be within the stroke, a_min <= a0 <= a_max, and above 0"},
-        {"material.stroke=[0.7, 0.3]", "material: stroke needs 0 <= a_min <= a_max <= 1, a_max > 0"},
         {"material.stroke=[0, 0]", "material.stroke ends at 0, expected [a_min, a_max] with a_max above 0"},
         {"material.stroke=[0.5, 1.5]", "1.5 is out of range, expected a list of 2, each from 0 to 1"},
-        {"probes.plate.size=1 cm", "1 value given, expected a list of 2, each from 0.0001 to 10 m"},
         {"probes.plum.size=1 cm", "no probe 'plum', expected one that the scene has"},
         {"probes.plate.name=finger", "probe 'finger' exists already, expected another name"},
         {"object={size: [6 cm, 6 cm, 4 cm], spacing: 2 cm}",
          "probes.finger.radius is 0.015 m, expected at least object.spacing, 0.02 m"},
         {"probes=[]", "expected one key of one probe, e.g. probes.plate.size"},
-        {"solver.iterations=25", "solver.iterations_max is 24, expected at least solver.iterations, 25"},
-        {"quality.fast.iterations=11",
-         "quality.fast: solver.iterations_max is 3, expected at least solver.iterations, 11"},
-        {"quality.fast.spacing=7 mm", "quality.fast: object.size along x, 0.05 m, is 7.1428571 spacings of 0.007 m, "
-                                      "expected a whole number (0.007142857143 m would be)"},
         {"quality.slow.passes=1", "unknown key, did you mean quality.fast.passes?"},
-        {"object.spacing=1e-5 m", "object: size and spacing make 7.506e+10 nodes, expected at most 4194304"},
-        {"material={k1: 1 Pa, k1: 2 Pa}", "'k1' is given already in line 1, expected it once"},
-        {"density=*a", "anchors, aliases and tags are not supported, expected a plain value"},
         {"K1=3", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
         {"density", "expected key=value, e.g. material.k1='300 gf/cm^3'"},
     };
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+    for (int i = 0; i < COUNT(bad); i++) {
         char expected[512];
         snprintf(expected, sizeof expected, "--set %.*s: %s", (int)strcspn(bad[i][0], "="), bad[i][0], bad[i][1]);
         CHECK_STR(complaint(bad[i][0]), expected);
@@ -426,20 +322,19 @@ TEST("--quality with an unknown quality point is refused, with the points of the
 {
     CHECK_STR(complaint("quality=quick"),
               "--quality quick: quality.chosen: 'quick' is unknown, expected fast|balanced|accurate|own");
-    kn_scene *scene = parse(in_cm, (const char *[]){"quality.balanced.passes=2", "quality=fast"}, 2);
-    CHECK_STR(error, "--quality fast: the scene has no quality.fast, expected balanced, or own");
-    CHECK(!scene && !parse(in_cm, (const char *[]){"quality=fast"}, 1));
-    CHECK_STR(error, "--quality fast: the scene has no quality points, expected this left out");
+    CHECK_STR(refusal("test.yaml", in_cm, SETS("quality.balanced.passes=2", "quality=fast")),
+              "--quality fast: the scene has no quality.fast, expected balanced, or own");
+    CHECK_STR(refusal("test.yaml", in_cm, SETS("quality=fast")),
+              "--quality fast: the scene has no quality points, expected this left out");
     CHECK(!kn_quality_set("quick"));
 }
 
 TEST("the default skin is the spline and not in the text; a chosen skin is in the text and is read back")
 {
-    const char *set = "object.skin=bilinear";
-    OWN(kn_scene) *none = parse(in_cm, NULL, 0), *chosen = parse(in_cm, &set, 1), *again = parse(chosen->text, NULL, 0);
-    CHECK(none->model.skin == KN_SKIN_SPLINE && !strstr(none->text, "skin"));
-    CHECK(chosen->model.skin == KN_SKIN_BILINEAR && strstr(chosen->text, "  skin: bilinear\n"));
-    CHECK(again && same(chosen, again));
+    OWN(kn_scene) *none = parse(in_cm, NULL), *chosen = parse(in_cm, SETS("object.skin=bilinear"));
+    OWN(kn_scene) *again = parse(chosen->text, NULL);
+    CHECK(none->model.skin == KN_SKIN_SPLINE && !has(none, "skin"));
+    CHECK(chosen->model.skin == KN_SKIN_BILINEAR && has(chosen, "  skin: bilinear\n") && same(chosen, again));
 }
 
 static const char hammer[] =
@@ -450,9 +345,7 @@ static const char hammer[] =
 
 TEST("a union has the shape of its parts, each turned about x, then y, then z, and moved to its place")
 {
-    OWN(kn_scene) *scene = parse(hammer, NULL, 0);
-    if (!scene) KN_TEST_FAIL("%s", error);
-    if (!scene) return;
+    OWN(kn_scene) *scene = parse(hammer, NULL);
     const kn_shape *tool = scene->model.probe[0].parts;
     CHECK(tool && tool == scene->tool[0] && tool->part_count == 3);
     CHECK_NEAR(tool->fine_m, 0.005, 1e-15);
@@ -469,31 +362,30 @@ TEST("a union has the shape of its parts, each turned about x, then y, then z, a
 TEST("the text of a scene with a union gives the same scene; --set changes a key of one part, and another shape drops "
      "the parts")
 {
-    const char *sets[] = {"probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"};
-    OWN(kn_scene) *scene = parse(hammer, sets, 2), *again = scene ? parse(scene->text, NULL, 0) : NULL;
-    if (!scene) KN_TEST_FAIL("%s", error);
-    CHECK(scene && strstr(scene->text, "        radius: 0.006 m\n") &&
-          strstr(scene->text, "turn: [1.5 rad, 0 rad, 0 rad]"));
-    CHECK(again && strcmp(scene->text, again->text) == 0 && scene->text_hash == again->text_hash);
-    CHECK(again && again->tool[0]->part_count == scene->tool[0]->part_count &&
-          again->tool[0]->bound_m == scene->tool[0]->bound_m && again->tool[0]->fine_m == scene->tool[0]->fine_m);
-    for (int i = 0; again && i < scene->tool[0]->part_count; i++) { // compare field by field, since padding may differ
-        const kn_solid *a = &scene->tool[0]->part[i], *b = &again->tool[0]->part[i];
+    OWN(kn_scene) *scene =
+        parse(hammer, SETS("probes.hammer.parts.1.radius=6 mm", "probes.hammer.parts.2.turn=[1.5 rad, 0 rad, 0 rad]"));
+    OWN(kn_scene) *again = parse(scene->text, NULL);
+    const kn_shape *one = scene->tool[0], *other = again->tool[0];
+    CHECK(has(scene, "        radius: 0.006 m\n") && has(scene, "turn: [1.5 rad, 0 rad, 0 rad]"));
+    CHECK_STR(again->text, scene->text);
+    CHECK(scene->text_hash == again->text_hash && other->part_count == one->part_count &&
+          other->bound_m == one->bound_m && other->fine_m == one->fine_m);
+    for (int i = 0; i < one->part_count; i++) { // compare field by field, since padding may differ
+        const kn_solid *a = &one->part[i], *b = &other->part[i];
         CHECK(a->kind == b->kind && a->radius_m == b->radius_m && a->length_m == b->length_m && a->turned == b->turned);
         CHECK(memcmp(a->half_m, b->half_m, sizeof a->half_m) == 0 && memcmp(a->at_m, b->at_m, sizeof a->at_m) == 0 &&
               memcmp(a->turn, b->turn, sizeof a->turn) == 0);
     }
-    const char *ball[] = {"probes.hammer.shape=sphere", "probes.hammer.radius=1 cm"};
-    OWN(kn_scene) *whole = parse(hammer, ball, 2);
-    CHECK(whole && !whole->model.probe[0].parts && !strstr(whole->text, "parts"));
-    CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts.3.radius=6 mm"}, 1));
-    CHECK_STR(error, "--set probes.hammer.parts.3.radius: no part '3', expected 1 to 2");
-    CHECK(!parse(hammer, (const char *[]){"probes.hammer.parts=[]"}, 1));
-    CHECK_STR(error, "--set probes.hammer.parts: expected one key of one part, e.g. probes.pin.parts.1.radius");
-    CHECK(!parse(hammer, (const char *[]){"object.spacing=1 cm"}, 1));
-    CHECK_STR(error, "--set object.spacing: probes.hammer.parts.1: a tool's radius must be at least the lattice "
-                     "spacing, or it falls between the nodes (spacing 0.01 m)");
-    OWN(kn_scene) *rolling = load(pin, NULL);
+    OWN(kn_scene) *whole = parse(hammer, SETS("probes.hammer.shape=sphere", "probes.hammer.radius=1 cm"));
+    CHECK(!whole->model.probe[0].parts && !has(whole, "parts"));
+    CHECK_STR(refusal("x", hammer, SETS("probes.hammer.parts.3.radius=6 mm")),
+              "--set probes.hammer.parts.3.radius: no part '3', expected 1 to 2");
+    CHECK_STR(refusal("x", hammer, SETS("probes.hammer.parts=[]")),
+              "--set probes.hammer.parts: expected one key of one part, e.g. probes.pin.parts.1.radius");
+    CHECK_STR(refusal("x", hammer, SETS("object.spacing=1 cm")),
+              "--set object.spacing: probes.hammer.parts.1: a tool's radius must be at least the lattice "
+              "spacing, or it falls between the nodes (spacing 0.01 m)");
+    OWN(kn_scene) *rolling = load_scene("rolling-pin.yaml", NULL, 0);
     CHECK(rolling->tool[0] && rolling->tool[0]->part_count == 3);
 }
 
@@ -501,7 +393,7 @@ TEST("the README lists every key exactly as knead check --keys")
 {
     static char readme[1 << 16];
     FILE *file = fopen(SCENES "README.md", "r");
-    CHECK(file != NULL);
+    if (!file) KN_TEST_FAIL("no README.md");
     if (!file) return;
     readme[fread(readme, 1, sizeof readme - 1, file)] = '\0';
     fclose(file);
@@ -510,5 +402,3 @@ TEST("the README lists every key exactly as knead check --keys")
         if (!strstr(readme, *line)) KN_TEST_FAIL("not in the README: %s", *line);
     CHECK(lines > 40);
 }
-
-TESTS_MAIN

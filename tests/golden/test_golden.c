@@ -7,73 +7,57 @@
 #include "tests/check.h"
 #include "tests/physics/press.h"
 
-static uint64_t golden(kn_model_def def)
-{
-    press p = {.depth_m = 0.002, .hold_s = 0.05}; // 300 ticks: down, held, on the way up
-    AT_END(run_free) run r = press_run(&def, &p, 0.3, 1e-3);
-    CHECK(r.status == KN_OK && peak_n(&r) > 0.01);
-    uint64_t hash = kn_hash_bytes(r.hash, r.force_n, (size_t)r.samples * sizeof *r.force_n);
-    return hash;
-}
+static const press paced = {.depth_m = 0.002, .hold_s = 0.05}; // 300 ticks: down, held, on the way up
 
-static void check_golden(const char *name, kn_model_def def, uint64_t expected)
+static void check_golden(const char *name, uint64_t hash, uint64_t expected)
 {
-    uint64_t hash = golden(def);
     printf("     golden %s %016llx\n", name, (unsigned long long)hash);
     if (hash != expected)
         KN_TEST_FAIL("%s gives %016llx, expected %016llx", name, (unsigned long long)hash,
                      (unsigned long long)expected);
 }
 
-TEST("dough-small (144 nodes) under a plate gives the golden hash")
+static uint64_t hash_of(const run *r)
 {
-    check_golden("dough-small-plate", press_def(1), 0x2e7e723783abf25d);
+    return kn_hash_bytes(r->hash, r->force_n, (size_t)r->samples * sizeof *r->force_n);
 }
 
-TEST("dough-small under a ball gives the golden hash")
+TEST("presses on blocks of 144 and 847 nodes give the golden hashes: plate, ball, f64, integers, gas, flat, two "
+     "resolutions")
 {
-    check_golden("dough-small-ball", ball_def(1), 0x477e0228c20d9533);
-}
-
-TEST("dough (847 nodes) under a plate gives the golden hash")
-{
-    check_golden("dough-plate", press_def(2), 0x82b99cdcf4f9705c);
-}
-
-TEST("dough under a ball gives the golden hash") { check_golden("dough-ball", ball_def(2), 0xbcc1a338e632927a); }
-
-TEST("dough-small under a plate in f64 gives the golden hash")
-{
-    kn_model_def def = press_def(1);
-    def.solver.precision = KN_PRECISION_F64;
-    check_golden("dough-small-plate-f64", def, 0x774fbacda3ca5e0c);
-}
-
-TEST("dough-small under a plate in the circuit's integers gives the golden hash")
-{
-    kn_model_def def = press_def(1);
-    def.solver.kind = KN_SOLVER_FIXED;
-    def.solver.precision = KN_PRECISION_F64;
-    def.solver.iterations = 8;
-    def.solver.passes = 2;
-    check_golden("dough-small-plate-fixed", def, 0xde30178d424381bd);
-}
-
-TEST("dough-pressure under a plate gives the golden hash")
-{
-    kn_model_def def = press_def(2);
-    def.pressure = KN_PRESSURE_CELLS;
-    check_golden("dough-pressure-plate", def, 0x06cbfcffbe84e22d);
-}
-
-TEST("a flat block of dough with weak diagonals and one pressure under a plate gives the golden hash")
-{
-    kn_model_def def = press_def(2);
-    def.nodes[1] = 1;
-    def.thickness_m = 0.05;
-    def.diagonal_stiffness = 0.1;
-    def.pressure = KN_PRESSURE_OBJECT;
-    check_golden("flat-pressure-plate", def, 0xde20870edbf890f4);
+    kn_model_def f64 = press_def(1), integers, gas = press_def(2), flat, fine = press_def(2);
+    f64.solver.precision = KN_PRECISION_F64;
+    integers = f64;
+    integers.solver.kind = KN_SOLVER_FIXED;
+    integers.solver.iterations = 8;
+    integers.solver.passes = 2;
+    gas.pressure = KN_PRESSURE_CELLS;
+    flat = gas;
+    flat.nodes[1] = 1;
+    flat.thickness_m = 0.05;
+    flat.diagonal_stiffness = 0.1;
+    flat.pressure = KN_PRESSURE_OBJECT;
+    memcpy(fine.fine, (int[2][3]){{2, 0, 2}, {8, 10, 6}}, sizeof fine.fine);
+    const struct {
+        const char *name;
+        kn_model_def def;
+        uint64_t hash;
+    } table[] = {
+        {"dough-small-plate", press_def(1), 0x2e7e723783abf25d},
+        {"dough-small-ball", ball_def(1), 0x477e0228c20d9533},
+        {"dough-plate", press_def(2), 0x82b99cdcf4f9705c},
+        {"dough-ball", ball_def(2), 0xbcc1a338e632927a},
+        {"dough-small-plate-f64", f64, 0x774fbacda3ca5e0c},
+        {"dough-small-plate-fixed", integers, 0xde30178d424381bd},
+        {"dough-pressure-plate", gas, 0x06cbfcffbe84e22d},
+        {"flat-pressure-plate", flat, 0xde20870edbf890f4},
+        {"composite-plate", fine, 0xf3b9db13461c04ad},
+    };
+    for (int i = 0; i < COUNT(table); i++) {
+        AT_END(run_free) run r = press_run(&table[i].def, &paced, 0.3, 1e-3);
+        CHECK(r.status == KN_OK && peak_n(&r) > 0.01);
+        check_golden(table[i].name, hash_of(&r), table[i].hash);
+    }
 }
 
 // Every tick counts on every instruction set: a difference in a last digit has ten seconds to show. All instruction
@@ -88,18 +72,9 @@ TEST("ten seconds of a press on dough-small give the golden hash")
         def.solver.isa = isa;
         if (!kn_isa_supported(isa)) continue;
         AT_END(run_free) run r = press_run(&def, &p, 10, 1e-3);
-        uint64_t hash = kn_hash_bytes(r.hash, r.force_n, (size_t)r.samples * sizeof *r.force_n);
-        printf("     golden ten-seconds %016llx\n", (unsigned long long)hash);
-        CHECK(r.status == KN_OK && r.samples == 10000 && hash == 0xba6e31bc7568c78e);
+        CHECK(r.status == KN_OK && r.samples == 10000);
+        check_golden("ten-seconds", hash_of(&r), 0xba6e31bc7568c78e);
     }
-}
-
-TEST("a block of two resolutions under a plate gives the golden hash")
-{
-    kn_model_def def = press_def(2);
-    def.nodes[2] = 7;
-    memcpy(def.fine, (int[2][3]){{2, 0, 2}, {8, 10, 6}}, sizeof def.fine);
-    check_golden("composite-plate", def, 0xf3b9db13461c04ad);
 }
 
 TEST("a coupled finger with friction, pressed askew into a block on a table, gives the golden hash")
@@ -121,21 +96,17 @@ TEST("a coupled finger with friction, pressed askew into a block on a table, giv
     uint64_t hash = KN_HASH_SEED;
     double least = 0;
     for (int i = 0; i < 300; i++) {
-        kn_input in = {0};
+        kn_input in = {.probe[0] = {.attached = true,
+                                    .position_m = {0, 1e-5 * i, 0.038 - 2e-5 * i},
+                                    .velocity_m_s = {0, 0.01, -0.02},
+                                    .orientation_wxyz = {0.96, 0.28, 0, 0}}};
         kn_output out;
-        in.probe[0] = (kn_probe_input){.attached = true, .orientation_wxyz = {0.96, 0.28, 0, 0}};
-        in.probe[0].position_m[1] = 1e-5 * i;
-        in.probe[0].position_m[2] = 0.038 - 2e-5 * i;
-        in.probe[0].velocity_m_s[1] = 0.01;
-        in.probe[0].velocity_m_s[2] = -0.02;
         CHECK(kn_step(model, state, &in, &out) == KN_OK);
         hash = kn_hash_bytes(hash, &out.probe[0], sizeof out.probe[0].force_n + sizeof out.probe[0].torque_n_m);
         least = fmin(least, out.probe[0].force_n[1]);
     }
-    hash = kn_hash_bytes(kn_state_hash(model, state), &hash, sizeof hash);
-    printf("     golden finger-askew %016llx\n", (unsigned long long)hash);
     CHECK(least < -0.01 && state->anchor_count > 10);
-    CHECK(hash == 0xa9d453b9e7aecbb3);
+    check_golden("finger-askew", kn_hash_bytes(kn_state_hash(model, state), &hash, sizeof hash), 0xa9d453b9e7aecbb3);
 }
 
 TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100, gives the golden hash")
@@ -145,18 +116,8 @@ TEST("dough-small by Runge-Kutta, 300 steps of 10 us with the mass times 100, gi
     def.solver.precision = KN_PRECISION_F64;
     def.solver.dt_s = 1e-5;
     def.solver.mass_scale = 100;
-    OWN(kn_model) *model = build(&def);
-    OWN(kn_state) *state = kn_state_create(model);
-    press p = {.depth_m = 0.002, .hold_s = 0.05};
-    kn_output out;
-    for (int i = 1; i <= 300; i++) {
-        kn_input in = press_input(model, &p, i * 1e-5);
-        kn_step(model, state, &in, &out);
-    }
-    uint64_t hash = kn_hash_bytes(kn_state_hash(model, state), out.probe[0].force_n, sizeof out.probe[0].force_n);
-    printf("     golden dough-small-rk4 %016llx\n", (unsigned long long)hash);
-    CHECK(out.probe[0].force_n[2] > 0);
-    CHECK(hash == 0x9935c08eee9a133b);
+    AT_END(run_free) run r = press_run(&def, &paced, 3e-3, 1e-5);
+    const double *last = r.force_n[r.samples - 1];
+    CHECK(r.samples == 300 && last[2] > 0);
+    check_golden("dough-small-rk4", kn_hash_bytes(r.hash, last, 3 * sizeof *last), 0x9935c08eee9a133b);
 }
-
-TESTS_MAIN

@@ -1,9 +1,9 @@
 // Two resolutions in one block: the loads that their border transmits exactly, the loads that it does not, and the
 // force of a press.
+#include "core/algebra/algebra.h"
 #include "core/lattice/lattice.h"
 #include "core/solve/solver.h"
-#include "tests/check.h"
-#include "tests/physics/press.h"
+#include "tests/lattice.h"
 
 // Make a block of dough, 2 `pairs` cells of `h` across and 12 deep, with a fine box of half its width and half its
 // depth.
@@ -20,19 +20,6 @@ static kn_model_def local(int pairs, double h, bool fine)
     return def;
 }
 
-static kn_model_def tight(kn_model_def def)
-{
-    def.solver.precision = KN_PRECISION_F64;
-    def.solver.tolerance = 1e-9;
-    def.solver.iterations_max = 400;
-    return def;
-}
-
-static void move(const kn_model *m, kn_state *state, int node, const double u[3])
-{
-    for (size_t k = 0; k < 3; k++) kn_real_set(m, state->displacement, m->offset[node] + k * m->stride, u[k]);
-}
-
 typedef struct balance {
     double boundary, inside, corners, sum[3]; // largest force on a node of the outside, inside, at a corner of the box
 } balance;
@@ -40,19 +27,16 @@ typedef struct balance {
 // Return the net forces on the nodes of an elastic block that follows the strain u = e x.
 static balance strain(const double e[3][3])
 {
-    kn_model_def def = tight(local(8, 0.005, true));
+    kn_model_def def = tight(local(8, 0.005, true), 1e-9);
     def.material = jelly();
     def.support = KN_SUPPORT_NONE;
-    OWN(kn_model) *m = build(&def);
-    OWN(kn_state) *state = kn_state_create(m);
-    const kn_work *w = kn_state_work(state);
+    LATTICE l = lattice_of(def);
+    const kn_model *m = l.model;
     balance b = {0};
-    for (int i = 0; i < m->node_count; i++) {
-        double u[3] = {0};
-        for (int k = 0; k < 9; k++) u[k / 3] += e[k / 3][k % 3] * m->rest_m[i][k % 3];
-        move(m, state, i, u);
-    }
-    m->kernels->edge(m, state, KN_LINEARIZATION_SECANT, false);
+    for (int i = 0; i < m->node_count; i++)
+        for (size_t k = 0; k < 3; k++)
+            kn_real_set(m, l.state->displacement, m->offset[i] + k * m->stride, kn_dot(e[k], m->rest_m[i]));
+    m->kernels->edge(m, l.state, KN_LINEARIZATION_SECANT, false);
     for (int i = 0; i < m->node_count; i++) {
         const double *x = m->rest_m[i], h = def.spacing_m, half = 8 * h;
         double size = 0, f;
@@ -61,7 +45,7 @@ static balance strain(const double e[3][3])
         bool corner =
             fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 && fabs(x[2] - 6 * h) < h / 2;
         for (size_t k = 0; k < 3; k++) {
-            f = kn_real_get(m, w->r, m->offset[i] + k * m->stride);
+            f = kn_real_get(m, kn_state_work(l.state)->r, m->offset[i] + k * m->stride);
             b.sum[k] += f;
             size = fmax(size, fabs(f));
         }
@@ -101,18 +85,13 @@ TEST("the mass and the spread load equal the uniform block's, and the number of 
 // Return how far the middle of the top has gone down after 2 s under a load, with a sliding base.
 static double creep(kn_model_def def)
 {
-    def = tight(def);
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 0;
-    OWN(kn_model) *m = build(&def);
-    OWN(kn_state) *state = kn_state_create(m);
-    kn_output out;
+    LATTICE l = lattice_of(tight(def, 1e-9));
     double u[3];
-    for (int i = 0; i < 400; i++) {
-        kn_input in = {.top_load_n = 20 * GF_CM2 * pow(16 * 0.005, 2)};
-        kn_step(m, state, &in, &out);
-    }
-    kn_composite_displacement(m, state, (int[3]){8, 8, 12}, u);
+    l.in.top_load_n = 20 * GF_CM2 * pow(16 * 0.005, 2);
+    steps(&l, 400);
+    kn_composite_displacement(l.model, l.state, (int[3]){8, 8, 12}, u);
     return u[2];
 }
 
@@ -123,42 +102,31 @@ TEST("under a spread load a block with a fine box creeps like the uniform block"
     CHECK(uniform < -1e-4 && fabs(own / uniform - 1) < 1e-4);
 }
 
-typedef struct played {
-    double (*force_n)[3], (*shape_m)[3];
-    uint64_t hash;
-} played;
-
 enum { TICKS = 900 };
 
 // Press down at 1 cm/s to 6 mm, hold for 100 ms, and lift.
-static played play(const kn_model_def *def, double x_m, double y_m, double slide_m_s, int ticks)
+static run play(const kn_model_def *def, double x_m, double y_m, double slide_m_s)
 {
-    OWN(kn_model) *m = build(def);
-    OWN(kn_state) *state = kn_state_create(m);
-    played r = {calloc(TICKS, sizeof *r.force_n), calloc((size_t)m->grid.nodes, sizeof *r.shape_m), 0};
+    LATTICE l = lattice_of(*def);
+    const kn_grid *g = &l.model->grid;
+    run r = {.samples = TICKS, .nodes = g->nodes};
+    r.force_n = calloc(TICKS, sizeof *r.force_n);
+    r.shape_m = calloc((size_t)r.nodes, sizeof *r.shape_m);
     const press p = {.depth_m = 0.006, .hold_s = 0.1};
-    for (int i = 0; i < ticks; i++) {
-        kn_input in = press_input(m, &p, (i + 1) * 1e-3);
-        kn_output out;
-        in.probe[0].position_m[0] = x_m + i * 1e-3 * slide_m_s;
-        in.probe[0].position_m[1] = y_m;
-        in.probe[0].velocity_m_s[0] = slide_m_s;
-        CHECK(kn_step(m, state, &in, &out) == KN_OK);
-        memcpy(r.force_n[i], out.probe[0].force_n, sizeof *r.force_n);
+    for (int i = 0; i < TICKS; i++) {
+        l.in = press_input(l.model, &p, (i + 1) * 1e-3);
+        l.in.probe[0].position_m[0] = x_m + i * 1e-3 * slide_m_s;
+        l.in.probe[0].position_m[1] = y_m;
+        l.in.probe[0].velocity_m_s[0] = slide_m_s;
+        step(&l);
+        memcpy(r.force_n[i], l.out.probe[0].force_n, sizeof *r.force_n);
     }
-    for (int i = 0; i < m->grid.nodes; i++) {
+    for (int i = 0; i < g->nodes; i++) {
         int at[3];
-        kn_grid_coords(&m->grid, i, at);
-        kn_composite_displacement(m, state, at, r.shape_m[i]);
+        kn_grid_coords(g, i, at);
+        kn_composite_displacement(l.model, l.state, at, r.shape_m[i]);
     }
-    r.hash = kn_state_hash(m, state);
     return r;
-}
-
-static void played_free(played *r)
-{
-    free(r->force_n);
-    free(r->shape_m);
 }
 
 TEST("a press at two places over the fine box is within 1 % of the uniform block's force and 2 % of its shape")
@@ -169,12 +137,9 @@ TEST("a press at two places over the fine box is within 1 % of the uniform block
             kn_model_def def[2] = {local(12, 0.0025, true), local(12, 0.0025, false)};
             for (int i = 0; i < 2 && ball; i++)
                 def[i].probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.005};
-            AT_END(played_free)
-            played own = play(&def[0], at[t][0], at[t][1], 0, TICKS),
-                   uniform = play(&def[1], at[t][0], at[t][1], 0, TICKS);
-            double force = relative_error((const double(*)[3])own.force_n, (const double(*)[3])uniform.force_n, TICKS);
-            double shape =
-                relative_error((const double(*)[3])own.shape_m, (const double(*)[3])uniform.shape_m, 25 * 25 * 13);
+            AT_END(run_free) run own = play(&def[0], at[t][0], at[t][1], 0);
+            AT_END(run_free) run even = play(&def[1], at[t][0], at[t][1], 0);
+            double force = force_error(&own, &even), shape = shape_error(&own, &even);
             printf("     %s at %g, %g mm: force %.2f %%, shape %.2f %%\n", ball ? "ball" : "plate", 1e3 * at[t][0],
                    1e3 * at[t][1], 100 * force, 100 * shape);
             CHECK(force < 0.01 && shape < 0.02);
@@ -189,7 +154,7 @@ NIGHT_TEST("a ball that slides over the border of the fine box gets at most twic
     for (int i = 0; i < 2; i++) {
         kn_model_def def = local(12, 0.0025, i == 0);
         def.probe[0] = (kn_probe_def){.name = "ball", .shape = KN_PROBE_SPHERE, .radius_m = 0.01};
-        AT_END(played_free) played r = play(&def, -0.025, 0, 0.06, TICKS);
+        AT_END(run_free) run r = play(&def, -0.025, 0, 0.06);
         for (int t = 400; t < 750; t++)
             for (int k = 0; k < 3; k++) jump[i] = fmax(jump[i], fabs(r.force_n[t][k] - r.force_n[t - 1][k]));
     }
@@ -197,45 +162,18 @@ NIGHT_TEST("a ball that slides over the border of the fine box gets at most twic
     CHECK(jump[0] < 2 * jump[1]);
 }
 
-TEST("a block with a fine box gives the same bits on every instruction set, in both precisions")
-{
-    for (int p = 0; p < 2; p++) {
-        uint64_t hash = 0;
-        for (kn_isa isa = KN_ISA_BASE; isa <= KN_ISA_AVX512; isa++) {
-            kn_model_def def = local(4, 0.005, true);
-            def.solver.precision = p ? KN_PRECISION_F64 : KN_PRECISION_F32;
-            def.solver.isa = isa;
-            if (!kn_isa_supported(isa)) continue;
-            AT_END(played_free) played r = play(&def, 0, 0, 0, 200);
-            CHECK(hash == 0 || r.hash == hash);
-            hash = r.hash;
-        }
-    }
-}
-
 TEST("an invalid fine box is refused with the reason")
 {
-    static const struct {
-        int low, high;
-        const char *why;
-    } bad[] = {
-        {1, 8, "a fine box needs corners at even cells of the block, the first below the second"},
-        {8, 8, "a fine box needs corners at even cells of the block, the first below the second"},
-        {2, 18, "a fine box needs corners at even cells of the block, the first below the second"},
-    };
-    char error[256];
-    for (size_t t = 0; t < sizeof bad / sizeof *bad; t++) {
-        kn_model_def def = local(8, 0.005, true);
-        def.fine[0][0] = bad[t].low;
-        def.fine[1][0] = bad[t].high;
-        CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, bad[t].why) == 0);
-    }
+    static const int bad[][2] = {{1, 8}, {8, 8}, {2, 18}};
     kn_model_def def = local(8, 0.005, true);
+    for (int t = 0; t < COUNT(bad); t++) {
+        def.fine[0][0] = bad[t][0], def.fine[1][0] = bad[t][1];
+        refused(def, "a fine box needs corners at even cells of the block, the first below the second");
+    }
+    def = local(8, 0.005, true);
     def.pressure = KN_PRESSURE_CELLS;
-    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box needs pressure: none") == 0);
+    refused(def, "a fine box needs pressure: none");
     def = local(8, 0.005, true);
     memcpy(def.fine, (int[2][3]){{0, 0, 0}, {16, 16, 12}}, sizeof def.fine);
-    CHECK(!kn_model_build(&def, error, sizeof error) && strcmp(error, "a fine box needs coarse cells around it") == 0);
+    refused(def, "a fine box needs coarse cells around it");
 }
-
-TESTS_MAIN

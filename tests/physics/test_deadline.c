@@ -1,7 +1,6 @@
 // Steps that end by their deadline: their cost, and the effect on the force.
 #include "core/solve/step_effort.h"
-#include "tests/check.h"
-#include "tests/physics/press.h"
+#include "tests/lattice.h"
 
 enum { TICKS = 160, TURN = 40 };
 
@@ -13,28 +12,26 @@ typedef struct stroke { // a tool at 10 cm/s, 4 mm in and out
     uint64_t hash;
 } stroke;
 
-static stroke struck(const kn_model_def *def, int64_t deadline)
+static stroke struck(kn_model_def def, int64_t deadline)
 {
-    OWN(kn_model) *model = build(def);
-    OWN(kn_state) *state = kn_state_create(model);
-    OWN(kn_state) *beside = kn_state_create(model);
+    LATTICE l = lattice_of(def);
+    OWN(kn_state) *beside = kn_state_create(l.model);
     stroke s = {0};
-    double z_m = model->rest_m[model->top[0]][2] + def->probe[0].radius_m;
+    put(&l, 0, 0, 0, l.model->rest_m[l.model->top[0]][2] + def.probe[0].radius_m);
     for (int i = 0; i < TICKS; i++) {
-        kn_input in = {.deadline = deadline, .probe[0] = {.attached = true, .position_m = {0, 0, z_m}}};
-        kn_output out, shortest = {0};
-        in.probe[0].velocity_m_s[2] = i < TURN ? -0.1 : i < 2 * TURN ? 0.1 : 0;
-        z_m += 1e-3 * in.probe[0].velocity_m_s[2];
-        kn_input least = in;
-        least.deadline = 1;
-        if (deadline > 0) kn_state_copy(model, beside, state), kn_step(model, beside, &least, &shortest);
-        CHECK(kn_step(model, state, &in, &out) == KN_OK);
-        s.over += deadline > 0 && out.units > (deadline > shortest.units ? deadline : shortest.units);
-        if (out.units > s.units) s.units = out.units;
-        s.capped += s.cap[i] = out.capped;
-        memcpy(s.force_n[i], out.probe[0].force_n, sizeof s.force_n[i]);
+        double speed_m_s = i < TURN ? -0.1 : i < 2 * TURN ? 0.1 : 0;
+        kn_input least = l.in;
+        kn_output shortest = {0};
+        least.deadline = 1, l.in.deadline = deadline;
+        least.probe[0].velocity_m_s[2] = speed_m_s;
+        if (deadline > 0) kn_state_copy(l.model, beside, l.state), kn_step(l.model, beside, &least, &shortest);
+        move(&l, 0, 0, 0, speed_m_s, 1);
+        s.over += deadline > 0 && l.out.units > (deadline > shortest.units ? deadline : shortest.units);
+        if (l.out.units > s.units) s.units = l.out.units;
+        s.capped += s.cap[i] = l.out.capped;
+        memcpy(s.force_n[i], l.out.probe[0].force_n, sizeof s.force_n[i]);
     }
-    s.hash = kn_state_hash(model, state);
+    s.hash = hash_of(&l);
     return s;
 }
 
@@ -44,9 +41,9 @@ TEST("no step exceeds its deadline in units of work, unless the shortest step al
 {
     const kn_model_def def[2] = {press_def(1), ball_def(1)};
     for (int d = 0; d < 2; d++) {
-        int64_t whole = struck(&def[d], 0).units;
+        int64_t whole = struck(def[d], 0).units;
         for (int share = 1; share <= 8; share++) {
-            stroke s = struck(&def[d], share * whole / 8);
+            stroke s = struck(def[d], share * whole / 8);
             CHECK(s.over == 0);
             CHECK(share > 1 || s.capped > 0);
         }
@@ -63,16 +60,16 @@ TEST("a generous deadline changes no bit, and a tight one gives the same bits on
     kn_model_def defs[2] = {press_def(1), ball_def(1)};
     for (int d = 0; d < 2; d++) {
         kn_model_def def = defs[d];
-        stroke free = struck(&def, 0), wide = struck(&def, 1000000000);
+        stroke free = struck(def, 0), wide = struck(def, 1000000000);
         CHECK(wide.hash == free.hash && memcmp(wide.force_n, free.force_n, sizeof wide.force_n) == 0);
         def.solver.isa = KN_ISA_BASE;
         const int64_t deadline = d == 0 ? GUESS : free.units / 3;
-        stroke base = struck(&def, deadline);
+        stroke base = struck(def, deadline);
         CHECK(base.capped > 10 && base.hash != free.hash);
         for (int isa = KN_ISA_AVX2; isa <= KN_ISA_AVX512; isa++) {
             def.solver.isa = (kn_isa)isa;
             if (!kn_isa_supported(def.solver.isa)) continue;
-            stroke s = struck(&def, deadline);
+            stroke s = struck(def, deadline);
             CHECK(s.hash == base.hash && s.units == base.units && s.capped == base.capped);
         }
     }
@@ -80,9 +77,9 @@ TEST("a generous deadline changes no bit, and a tight one gives the same bits on
 
 TEST("a ball with a third of the full time per step is felt within 3 % of the converged force, without an extra jump")
 {
-    kn_model_def def = ball_def(1), exact = converged(def);
-    exact.solver.passes = 20;
-    stroke s = struck(&def, struck(&def, 0).units / 3), x = struck(&exact, 0);
+    kn_model_def def = ball_def(1), best = converged(def);
+    best.solver.passes = 20;
+    stroke s = struck(def, struck(def, 0).units / 3), x = struck(best, 0);
     double peak_n = 0, off_n = 0, jump_n = 0;
     static const double none[3] = {0};
     for (int i = 0; i < TICKS; i++) peak_n = fmax(peak_n, size(x.force_n[i], none));
@@ -98,9 +95,9 @@ TEST("a ball with a third of the full time per step is felt within 3 % of the co
 TEST("one linearisation from rest doubles a plate's impact force; from a guess the force is within 10 %, and later "
      "within 3 %")
 {
-    kn_model_def def = press_def(1), exact = converged(def);
-    exact.solver.passes = 20;
-    stroke rest = struck(&def, REST), s = struck(&def, GUESS), x = struck(&exact, 0);
+    kn_model_def def = press_def(1), best = converged(def);
+    best.solver.passes = 20;
+    stroke rest = struck(def, REST), s = struck(def, GUESS), x = struck(best, 0);
     printf("     %.1f N from rest, %.1f N from a guess, %.1f N converged\n", rest.force_n[0][2], s.force_n[0][2],
            x.force_n[0][2]);
     CHECK(rest.force_n[0][2] > 2 * x.force_n[0][2]);
@@ -108,5 +105,3 @@ TEST("one linearisation from rest doubles a plate's impact force; from a guess t
     CHECK(size(s.force_n[0], x.force_n[0]) < 0.1 * x.force_n[0][2]);
     CHECK_NEAR(s.force_n[TURN - 1][2] / x.force_n[TURN - 1][2], 1, 0.03);
 }
-
-TESTS_MAIN

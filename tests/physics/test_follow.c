@@ -1,39 +1,34 @@
 // Late, lost and repeated poses. The probe follows with its velocity, so one bad pose costs a few per cent of the
 // force. A plate pinned to the latest pose loses the whole force (12.4 -> 0.14 -> 17.2 N). The server also
 // extrapolates an old pose by its velocity; here old poses are used unchanged.
-#include "tests/check.h"
-#include "tests/physics/press.h"
+#include "tests/lattice.h"
+
+enum { TICKS = 1000 };
 
 // Run a press whose input arrives as device data do: every 50th pose is late by `late` ms, and the one before
 // repeats.
-static run press_late(kn_model_def def, const press *p, double seconds, int late)
+static void press_late(kn_model_def def, int late, double force_n[TICKS])
 {
-    OWN(kn_model) *model = build(&def);
-    OWN(kn_state) *state = kn_state_create(model);
-    int steps = (int)lround(seconds * 1000);
-    run r = {.samples = steps, .force_n = calloc((size_t)steps, sizeof *r.force_n)};
-    kn_input in = {0};
-    for (int i = 1; i <= steps; i++) {
-        kn_output out;
-        if (i < 50 || i % 50 >= late) in = press_input(model, p, i * 1e-3);
-        CHECK(kn_step(model, state, &in, &out) == KN_OK);
-        memcpy(r.force_n[i - 1], out.probe[0].force_n, sizeof *r.force_n);
+    const press p = {.depth_m = 0.01, .hold_s = 0.5};
+    LATTICE l = lattice_of(def);
+    for (int i = 1; i <= TICKS; i++) {
+        if (i < 50 || i % 50 >= late) l.in = press_input(l.model, &p, i * 1e-3);
+        step(&l);
+        force_n[i - 1] = l.out.probe[0].force_n[2];
     }
-    return r;
 }
 
 TEST("every 50th pose late by 1, 2 or 3 ms changes the force by at most 4, 7 or 10 %")
 {
-    press p = {.depth_m = 0.01, .hold_s = 0.5};
-    for (int t = 0; t < 4; t++) {
-        kn_model_def def = t % 2 ? ball_def(1) : press_def(t / 2 + 1);
-        AT_END(run_free) run clean = press_late(def, &p, 1, 0);
+    const kn_model_def defs[3] = {press_def(1), ball_def(1), press_def(2)};
+    static double clean[TICKS], force[TICKS];
+    for (int t = 0; t < 3; t++) {
+        press_late(defs[t], 0, clean);
         for (int late = 1; late <= 3; late++) {
-            AT_END(run_free) run r = press_late(def, &p, 1, late);
             double worst = 0;
-            for (int i = 100; i < r.samples; i++)
-                worst = fmax(worst, fabs(r.force_n[i][2] - clean.force_n[i][2]) / clean.force_n[i][2]);
-            printf("     %s, %d ms: at most %.2f %%\n", def.probe[0].name, late, 100 * worst);
+            press_late(defs[t], late, force);
+            for (int i = 100; i < TICKS; i++) worst = fmax(worst, fabs(force[i] - clean[i]) / clean[i]);
+            printf("     %s, %d ms: at most %.2f %%\n", defs[t].probe[0].name, late, 100 * worst);
             CHECK(worst <= 0.01 + 0.03 * late);
         }
     }
@@ -41,24 +36,15 @@ TEST("every 50th pose late by 1, 2 or 3 ms changes the force by at most 4, 7 or 
 
 TEST("a steady hand is followed exactly, and a jump of the pose is closed with a time constant of 20 ms")
 {
-    kn_model_def def = ball_def(1);
-    OWN(kn_model) *model = build(&def);
-    OWN(kn_state) *state = kn_state_create(model);
-    kn_input in = {0};
-    kn_output out;
-    in.probe[0] = (kn_probe_input){.attached = true, .position_m = {0, 0, 0.1}, .velocity_m_s = {0.02, 0, 0}};
+    LATTICE l = lattice_of(ball_def(1));
+    put(&l, 0, 0, 0, 0.1);
     for (int i = 0; i < 200; i++) {
-        in.probe[0].position_m[0] = 0.02 * i * 1e-3;
-        kn_step(model, state, &in, &out);
-        CHECK_NEAR(out.probe[0].position_m[0], 0.02 * (i + 1) * 1e-3, 1e-12);
+        move(&l, 0, 0.02, 0, 0, 1);
+        CHECK_NEAR(l.out.probe[0].position_m[0], 0.02 * (i + 1) * 1e-3, 1e-12);
     }
-    double from = out.probe[0].position_m[0], to = from + 1e-3;
-    in.probe[0].velocity_m_s[0] = 0;
-    in.probe[0].position_m[0] = to;
+    double to = l.in.probe[0].position_m[0] += 1e-3;
     for (int i = 1; i <= 100; i++) {
-        kn_step(model, state, &in, &out);
-        CHECK_NEAR(out.probe[0].position_m[0], to - 1e-3 * pow(1 - 1.0 / 20, i), 1e-9);
+        step(&l);
+        CHECK_NEAR(l.out.probe[0].position_m[0], to - 1e-3 * pow(1 - 1.0 / 20, i), 1e-9);
     }
 }
-
-TESTS_MAIN
